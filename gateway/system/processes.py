@@ -100,9 +100,9 @@ def serves(argv: list[str]) -> bool:
 def listeners(ports: Collection[int], proc: Path = PROC) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
     """Yield each of these TCP ports on which a process listens, with its id and name if this user may see them."""
     sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
-    owners = dict(_owners(sockets, proc)) if sockets else {}
+    owners = dict(openers([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
     for inode, port in sockets.items():
-        yield port, owners.get(inode, ())
+        yield port, owners.get(f"socket:[{inode}]", ())
 
 
 def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
@@ -115,12 +115,11 @@ def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
                     yield words[9], int(words[1].rpartition(":")[2], 16)
 
 
-def _owners(inodes: Collection[str], proc: Path) -> Iterator[tuple[str, tuple[int, str]]]:
-    """Yield the process id and name for each socket inode, as far as this user may see them."""
-    wanted = {f"socket:[{inode}]": inode for inode in inodes}
+def openers(targets: Collection[str], proc: Path = PROC) -> Iterator[tuple[str, tuple[int, str]]]:
+    """Yield each of these files or sockets with the id and name of a process that has it open, if it may be seen."""
     for process in proc.glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for file in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):
-                    if inode := wanted.get(os.readlink(file)):
-                        yield inode, (int(process.name), (process / "comm").read_text().strip())
+                    if (target := os.readlink(file)) in targets:
+                        yield target, (int(process.name), (process / "comm").read_text().strip())

@@ -53,7 +53,7 @@ class Announcement:
         #: Functions that end the protocols' own discovery answers.
         self._discovery_ends: list[Callable[[], None]] = []
         self._publishing: asyncio.Task[None] | None = None
-        self._publisher: Publisher | None = None
+        self._zeroconf: AsyncZeroconf | None = None
 
     async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = PORT) -> None:
         """Answer SkySafari's SkyFi discovery from now on, if there is a surface that it can use."""
@@ -61,7 +61,9 @@ class Announcement:
         if not any(offer.reached_by_ipv4 for offer in offers):
             return
         try:
-            self._skyfi = await answer_skyfi(offers, host, port)
+            self._skyfi, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                lambda: _SkyFiProtocol(offers), local_addr=(host, port)
+            )
         except OSError as error:
             why = f": {os.strerror(error.errno).lower() if error.errno else error}"  # asyncio's text is for programmers
             if error.errno == errno.EADDRINUSE:
@@ -101,10 +103,9 @@ class Announcement:
         if before is not None:
             await before
         try:
-            if self._publisher is not None:
-                await self._publisher.close()
-            self._publisher = publish(interfaces)
-            await self._publisher.add(offers)
+            await self._withdraw()
+            self._zeroconf = open_zeroconf(interfaces)
+            await register(self._zeroconf, offers)
         except ImportError:
             self._note(f"not announced by mDNS, for which zeroconf is needed; to install it, {how_to_add('mdns')}")
         except Exception as error:  # zeroconf's own errors, and the system's: no network, no multicast …
@@ -120,8 +121,12 @@ class Announcement:
             self._publishing.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._publishing
-        if self._publisher is not None:
-            await self._publisher.close()
+        await self._withdraw()
+
+    async def _withdraw(self) -> None:
+        if self._zeroconf is not None:
+            await self._zeroconf.async_unregister_all_services()
+            await self._zeroconf.async_close()
 
 
 class _SkyFiProtocol(asyncio.DatagramProtocol):
@@ -139,13 +144,6 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
             self._transport.sendto(reply, addr)
 
 
-async def answer_skyfi(offers: Sequence[Offer], host: str, port: int) -> asyncio.DatagramTransport:
-    """Answer for the offers until the transport is closed. Raises OSError."""
-    loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(lambda: _SkyFiProtocol(offers), local_addr=(host, port))
-    return transport
-
-
 def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
     match = _QUESTION.fullmatch(question)
@@ -157,29 +155,18 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
     return match[1] + b"@" + address.encode() if address else b""
 
 
-class Publisher:
-    """Publishes mDNS services until it is closed."""
-
-    def __init__(self, zeroconf: AsyncZeroconf) -> None:
-        self._zeroconf = zeroconf
-
-    async def add(self, offers: Sequence[Offer]) -> None:
-        """Announce the offers; a name that another computer already has gets a number appended."""
-        for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
-            await (await self._zeroconf.async_register_service(service(one), allow_name_change=True))
-
-    async def close(self) -> None:
-        """Withdraw the services and end."""
-        await self._zeroconf.async_unregister_all_services()
-        await self._zeroconf.async_close()
+async def register(zeroconf: AsyncZeroconf, offers: Sequence[Offer]) -> None:
+    """Announce the offers; a name that another computer already has gets a number appended."""
+    for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
+        await (await zeroconf.async_register_service(service(one), allow_name_change=True))
 
 
-def publish(interfaces: Sequence[str] | None = None) -> Publisher:
-    """Make a publisher on the interfaces with these addresses, or all. Raises ImportError without zeroconf, OSError."""
+def open_zeroconf(interfaces: Sequence[str] | None) -> AsyncZeroconf:
+    """Begin on the interfaces with these addresses, or all. Raises ImportError without zeroconf, OSError."""
     from zeroconf import InterfaceChoice
     from zeroconf.asyncio import AsyncZeroconf
 
-    return Publisher(AsyncZeroconf(interfaces=InterfaceChoice.All if interfaces is None else list(interfaces)))
+    return AsyncZeroconf(interfaces=InterfaceChoice.All if interfaces is None else list(interfaces))
 
 
 def service(offer: Offer) -> ServiceInfo:

@@ -27,8 +27,8 @@ MAGIC = b"mount-gateway almanac 1\n"
 LONGEST = 8_000_000
 #: The days of the rehearsals; tests make and check it.
 SHIPPED = Path(__file__).with_name("rehearsal.almanac")
-_WIDTHS = {part: 10 if part == "frame" else 3 for part in PARTS}
-_DAY = struct.Struct(f"<{ROWS * sum(_WIDTHS.values())}d")
+_ROWS = {part: struct.Struct("<10d" if part == "frame" else "<3d") for part in PARTS}
+_DAY = ROWS * sum(row.size for row in _ROWS.values())
 
 
 class Almanac(msgspec.Struct, frozen=True):
@@ -43,11 +43,9 @@ class Almanac(msgspec.Struct, frozen=True):
         rows = self.days.get(day)
         if rows is None:
             return None
-        before, width = 0, _WIDTHS[part]
-        for other in PARTS[: PARTS.index(part)]:
-            before += _WIDTHS[other] * ROWS
-        numbers = struct.unpack_from(f"<{width * ROWS}d", rows, 8 * before)
-        return DayTable([numbers[first : first + width] for first in range(0, len(numbers), width)])
+        row = _ROWS[part]
+        before = ROWS * sum(_ROWS[other].size for other in PARTS[: PARTS.index(part)])
+        return DayTable([*row.iter_unpack(rows[before : before + ROWS * row.size])])
 
     def days_from(self, first: int) -> int:
         """Return how many days it has from this one on, until the first that it has not."""
@@ -72,7 +70,7 @@ class Almanac(msgspec.Struct, frozen=True):
 
 def rows_of(tables: Iterable[Iterable[Iterable[float]]]) -> bytes:
     """Return the rows of a day from those of its parts, in the order of ``PARTS``."""
-    return _DAY.pack(*(number for rows in tables for row in rows for number in row))
+    return b"".join(_ROWS[part].pack(*row) for part, rows in zip(PARTS, tables, strict=True) for row in rows)
 
 
 def decoded(data: bytes) -> Almanac:
@@ -86,7 +84,7 @@ def decoded(data: bytes) -> Almanac:
         almanac = msgspec.msgpack.decode(data[start:], type=Almanac)
     except msgspec.MsgspecError as error:
         raise ValueError(f"it is no almanac: {error}") from None
-    if any(len(rows) != _DAY.size for rows in almanac.days.values()):
+    if any(len(rows) != _DAY for rows in almanac.days.values()):
         raise ValueError("its days are not whole")
     return almanac
 

@@ -15,7 +15,7 @@ from gateway.app.state.mount_claim import address
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, mounts
 from gateway.system.files import directory
-from gateway.system.processes import is_gateway
+from gateway.system.processes import is_gateway, openers
 
 #: The folder in which Linux keeps names of USB ports that do not depend on the socket.
 LASTING = Path("/dev/serial/by-id")
@@ -109,10 +109,4 @@ def holder(url: str) -> str:
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):
         return ""
-    for process in sorted(Path("/proc").glob("[0-9]*")):
-        try:
-            if any(os.readlink(file) == real for file in (process / "fd").iterdir()):
-                return f"{(process / 'comm').read_text().strip()} (process {process.name})"
-        except OSError:
-            continue  # it ended, or is another user's
-    return ""
+    return next((f"{name} (process {number})" for _, (number, name) in openers([real])), "")

@@ -153,31 +153,23 @@ class Folding:
         if self._kept == "refusals" or (line.heard.asks and self._kept == "changes"):
             party.held = [row for row in party.held if row.arrow in COMING]
             return []
+        asked: Row | None = line.row
         if line.heard.pushed:
-            return self._unasked(party, line)
-        run = party.runs.get(line.asked) if line.heard.asks else None
-        if run is None:
-            return self._shown(party, line)
-        asked = next((row for row in party.held if row.arrow == ">"), None)
+            key, run = UNASKED, party.runs.setdefault(UNASKED, _Run(line.row.time))
+        else:
+            key, found = line.asked, party.runs.get(line.asked) if line.heard.asks else None
+            if found is None:
+                return self._shown(party, line)
+            run, asked = found, next((row for row in party.held if row.arrow == ">"), None)
         new, run.values = run.values != line.heard.values, line.heard.values
         if asked is None or new:
-            counted = self._count(line.asked, run, asked) if asked is not None else []
+            counted = self._count(key, run, asked) if asked is not None else []
             run.since = line.row.time
             return [*counted, *self._held(party), line.row]
-        party.held.remove(asked)
+        if not line.heard.pushed:
+            party.held.remove(asked)
         run.count, run.last = run.count + 1, line.row.words
-        return self._count(line.asked, run, line.row) if line.row.time - run.since >= EVERY else []
-
-    def _unasked(self, party: _Party, line: LogLine) -> list[Row]:
-        """Show a pushed message once, then count it."""
-        run = party.runs.get(UNASKED)
-        if run is None or run.values != line.heard.values:
-            counted = [] if run is None else self._count(UNASKED, run, line.row)
-            run = party.runs[UNASKED] = _Run(line.row.time)
-            run.values = line.heard.values
-            return [*counted, *self._held(party), line.row]
-        run.count, run.last = run.count + 1, line.row.words
-        return self._count(UNASKED, run, line.row) if line.row.time - run.since >= EVERY else []
+        return self._count(key, run, line.row) if line.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """Show a request that was held back and is still unanswered when the next one arrives."""

@@ -142,11 +142,6 @@ def before(face: Endpoint, row: SurfaceRow) -> Before:
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
-def greeted(face: Endpoint) -> Before:
-    """Return what a program must send before it gets any reply."""
-    return Before(tuple(map(unescape, PROTOCOLS[face.protocol].required_requests)))
-
-
 def play_one(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
 ) -> tuple[Play, str, str]:

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
+from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import Kind, versions
-from gateway.diagnostics.rehearsal.explain import before, counted, greeted, sky, traits
-from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
+from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
+from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
@@ -120,7 +121,8 @@ async def _one(pair: Pair, player: Player, command: Command, state: State, watch
     """Play and judge one row."""
     protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model), player.stage
     row, frame = protocol.surface.get(command.name), example(command)
-    said = before(pair.face, row) if row is not None and _alone(row) else greeted(pair.face)
+    greeted = Before(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
+    said = before(pair.face, row) if row is not None and _alone(row) else greeted
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface

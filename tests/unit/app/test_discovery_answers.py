@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery.announcing import Announcement, Publisher, answer
+from gateway.app.discovery.announcing import Announcement, answer, register
 from gateway.app.discovery.offer import Offer, network_offers, phone_line, reachable_addresses
 from gateway.cli.serve import serving
 from gateway.protocols.registry import streams
@@ -267,5 +267,5 @@ def test_a_port_for_every_protocol_is_found_as_each_of_them() -> None:
 
     there: Any = Registering()
     offers = [Offer("any", "", "tcp", "192.168.1.5", 4040), Offer("http", "mount-gateway", "tcp", "192.168.1.5", 80)]
-    asyncio.run(Publisher(there).add(offers))
+    asyncio.run(register(there, offers))
     assert found == [*((f"_{name}._tcp.local.", 4040) for name in streams()), ("_http._tcp.local.", 80)]
