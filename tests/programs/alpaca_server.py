@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 import urllib.request
 
+from .processes import PATIENCE
 from .sky import Spot
 
 
 class AlpacaServer:
-    """Telescope 0 of a server; every answer has two seconds."""
+    """Telescope 0 of a server; every answer comes in bounded time."""
 
     def __init__(self, port: int) -> None:
         self._url = f"http://127.0.0.1:{port}/api/v1/telescope/0/"
 
     def ask(self, member: str) -> float:
         """The value of a property."""
-        with urllib.request.urlopen(f"{self._url}{member}?ClientID=7&ClientTransactionID=1", timeout=2.0) as answer:
+        with urllib.request.urlopen(
+            f"{self._url}{member}?ClientID=7&ClientTransactionID=1", timeout=PATIENCE
+        ) as answer:
             told = json.load(answer)
         assert told["ErrorNumber"] == 0, told
         return float(told["Value"])

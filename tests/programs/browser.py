@@ -13,7 +13,7 @@ import threading
 from typing import Any
 from urllib.parse import quote
 
-from .processes import Workshop, requires, wait_until
+from .processes import PATIENCE, Workshop, requires, wait_until
 
 QUIET = (
     "--no-first-run",
@@ -46,11 +46,11 @@ class Browser:
             argv.append("--no-sandbox")  # it refuses to run as root otherwise
         workshop.start([*argv, "about:blank"], {"HOME": str(workshop.folder)})
         told = folder / "DevToolsActivePort"
-        wait_until("the browser listens", lambda: told.exists() and "\n" in told.read_text(), 60.0)
+        wait_until("the browser listens", lambda: told.exists() and "\n" in told.read_text())
         self._port = int(told.read_text().splitlines()[0])
 
     def _ask(self, method: str, path: str) -> Any:
-        link = http.client.HTTPConnection("127.0.0.1", self._port, timeout=20.0)
+        link = http.client.HTTPConnection("127.0.0.1", self._port, timeout=PATIENCE)
         try:
             link.request(method, path)
             return json.loads(link.getresponse().read())

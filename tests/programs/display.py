@@ -13,7 +13,7 @@ def start_display(workshop: Workshop, home: Path, size: tuple[int, int]) -> dict
     screen = f"{size[0]}x{size[1]}x24"
     # it chooses a free display itself, and writes its number
     workshop.start(["sh", "-c", f"exec Xvfb -displayfd 3 -screen 0 {screen} -noreset 3>{shown}"])
-    wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal(), 20.0)
+    wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal())
     return {
         "DISPLAY": f":{shown.read_text().strip()}",
         "HOME": str(home),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import socket
 
-from .processes import Workshop, accepts, free_port, requires, wait_until
+from .processes import PATIENCE, Workshop, accepts, free_port, requires, wait_until
 
 MEADE = 1801
 CELESTRON = 1401
@@ -31,9 +31,9 @@ class Rotator:
         port = free_port()
         argv = ["rotctld", "-m", str(model), "-r", terminal, "-T", "127.0.0.1", "-t", str(port), "-vvvv"]
         daemon = workshop.start(argv)
-        wait_until(f"{daemon} listens", lambda: accepts(port), 20.0)
+        wait_until(f"{daemon} listens", lambda: accepts(port))
         self._model = model
-        self._wire = socket.create_connection(("127.0.0.1", port), timeout=15.0)
+        self._wire = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
         workshop.keep(self._wire.close)
         self._reader = self._wire.makefile("r", encoding="ascii", newline="\n")
         workshop.keep(self._reader.close)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 import socket
 
+from .processes import PATIENCE
 from .sky import Site, Spot
 
 REVOLUTION = 2**32
@@ -28,11 +29,11 @@ def _signed_byte(value: int) -> int:
 
 
 class HandControl:
-    """One TCP connection to a hand control, maybe a StarSense 1.20. Every answer has two seconds."""
+    """One TCP connection to a hand control, maybe a StarSense 1.20. Every answer comes in bounded time."""
 
     def __init__(self, port: int, starsense: bool = False) -> None:
         self.starsense = starsense
-        self._wire = socket.create_connection(("127.0.0.1", port), timeout=2.0)
+        self._wire = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
 
     def close(self) -> None:
         self._wire.close()

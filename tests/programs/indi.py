@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from .processes import Process, Workshop, accepts, free_port, requires, wait_until
+from .processes import PATIENCE, Process, Workshop, accepts, free_port, requires, wait_until
 
 
 class Vector(NamedTuple):
@@ -70,7 +70,7 @@ class IndiClient:
         self._parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(["start", "end"])
         self._parser.feed("<indi>")
         self._depth = 0
-        self._wire = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+        self._wire = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
         self.ask_for_everything()
 
     def ask_for_everything(self) -> None:
@@ -118,12 +118,12 @@ class IndiClient:
         states = ", ".join(f"{vector.name}={vector.state}" for vector in self.vectors.values())
         return f"{self.device} has {states or 'no property'}; it said:\n{said}"
 
-    def wait_for(self, what: str, happened: Callable[[], bool], seconds: float = 10.0) -> None:
-        """Listen until `happened()`; after `seconds` fail with what the driver told meanwhile."""
-        deadline = time.monotonic() + seconds
+    def wait_for(self, what: str, happened: Callable[[], bool]) -> None:
+        """Listen until `happened()`; in the end fail with what the driver told meanwhile."""
+        deadline = time.monotonic() + PATIENCE
         while not happened():
             if time.monotonic() > deadline:
-                pytest.fail(f"{what}: not within {seconds:g} s; {self._story()}")
+                pytest.fail(f"{what}: not within {PATIENCE:g} s; {self._story()}")
             self.pump()
 
     def listen(self, seconds: float) -> None:
@@ -132,9 +132,9 @@ class IndiClient:
         while time.monotonic() < deadline:
             self.pump()
 
-    def wait_for_vector(self, name: str, seconds: float = 10.0) -> Vector:
+    def wait_for_vector(self, name: str) -> Vector:
         """The vector of this name, once the driver has defined it."""
-        self.wait_for(f"property {name}", lambda: name in self.vectors, seconds)
+        self.wait_for(f"property {name}", lambda: name in self.vectors)
         return self.vectors[name]
 
     def since(self, mark: int, name: str) -> list[Vector]:
@@ -148,19 +148,16 @@ class IndiClient:
         head = f"<new{kind}Vector device={quoteattr(self.device)} name={quoteattr(name)}>"
         self._wire.sendall(f"{head}{members}</new{kind}Vector>\n".encode())
 
-    def set(
-        self, name: str, values: dict[str, str], states: Collection[str] = ("Ok",), seconds: float = 10.0
-    ) -> Vector:
+    def set(self, name: str, values: dict[str, str], states: Collection[str] = ("Ok",)) -> Vector:
         """Write, and wait until the driver answers with one of these states. What it answered."""
         mark = len(self.history)
         self.send(name, values)
         self.wait_for(
             f"{name} {'/'.join(states)} after {values}",
             lambda: any(vector.state in states for vector in self.since(mark, name)),
-            seconds,
         )
         return next(vector for vector in self.since(mark, name) if vector.state in states)
 
-    def switch(self, name: str, element: str, states: Collection[str] = ("Ok",), seconds: float = 10.0) -> Vector:
+    def switch(self, name: str, element: str, states: Collection[str] = ("Ok",)) -> Vector:
         """Turn one switch on."""
-        return self.set(name, {element: "On"}, states, seconds)
+        return self.set(name, {element: "On"}, states)

@@ -10,6 +10,7 @@ import datetime
 import re
 import socket
 
+from .processes import PATIENCE
 from .sky import Site, Spot
 
 
@@ -21,10 +22,10 @@ def _sexagesimal(text: str) -> float:
 
 
 class Meade:
-    """One TCP connection to a Meade. Every answer has two seconds."""
+    """One TCP connection to a Meade. Every answer comes in bounded time."""
 
     def __init__(self, port: int) -> None:
-        self._wire = socket.create_connection(("127.0.0.1", port), timeout=2.0)
+        self._wire = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
 
     def close(self) -> None:
         self._wire.close()

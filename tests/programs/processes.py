@@ -8,6 +8,7 @@ there it must be present, and its absence is a failure.
 from __future__ import annotations
 
 import os
+import random
 import shutil
 import signal
 import socket
@@ -21,6 +22,8 @@ import pytest
 
 PAUSE = 0.02
 """Seconds between two looks at something that is waited for."""
+PATIENCE = 120.0
+"""Seconds for what must happen sooner or later, however loaded the computer is: only a failing test waits so long."""
 
 
 def requires(*programs: str) -> None:
@@ -34,7 +37,7 @@ def requires(*programs: str) -> None:
     pytest.skip(reason)
 
 
-def wait_until(what: str, happened: Callable[[], bool], seconds: float = 10.0) -> None:
+def wait_until(what: str, happened: Callable[[], bool], seconds: float = PATIENCE) -> None:
     """Look again and again until `happened()` is true; fail after `seconds`."""
     deadline = time.monotonic() + seconds
     while not happened():
@@ -44,17 +47,18 @@ def wait_until(what: str, happened: Callable[[], bool], seconds: float = 10.0) -
 
 
 def free_port() -> int:
-    """A TCP port of this machine that nobody holds at this moment."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A TCP port of this machine that nobody holds, and that the system, which gives out higher ones, gives nobody."""
+    while True:
+        port = random.SystemRandom().randrange(20_000, 32_000)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def accepts(port: int) -> bool:
     """Whether something listens on this TCP port of this machine."""
     try:
-        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+        socket.create_connection(("127.0.0.1", port), timeout=PATIENCE).close()
     except OSError:
         return False
     return True
@@ -87,7 +91,7 @@ class Process:
         finished, _, _ = self.output().rpartition("\n")
         return [line for line in finished.splitlines() if line.startswith(start)]
 
-    def wait_for_lines(self, start: str, count: int, seconds: float = 20.0) -> list[str]:
+    def wait_for_lines(self, start: str, count: int) -> list[str]:
         """The first `count` lines beginning with `start`; fails at once when the program ends."""
 
         def happened() -> bool:
@@ -95,22 +99,22 @@ class Process:
                 pytest.fail(f"{self} ended early:\n{self.output()}")
             return len(self.whole_lines(start)) >= count
 
-        wait_until(f"{count} lines '{start}…' from {self}", happened, seconds)
+        wait_until(f"{count} lines '{start}…' from {self}", happened)
         return self.whole_lines(start)[:count]
 
     def signal(self, number: int) -> None:
         """Send it a signal."""
         self._process.send_signal(number)
 
-    def end(self, seconds: float = 10.0) -> int:
+    def end(self) -> int:
         """Ask the program to end (SIGTERM); kill it when it does not. The exit status."""
         if self.running():
             self._process.terminate()
         try:
-            return self._process.wait(seconds)
+            return self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            return self._process.wait(seconds)
+            return self._process.wait(PATIENCE)
         finally:
             # What it has started is in its session: a driver whose server has gone would run on for ever.
             with suppress(ProcessLookupError):

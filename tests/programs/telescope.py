@@ -41,7 +41,7 @@ class Telescope:
         else:
             client.switch("CONNECTION_MODE", "CONNECTION_SERIAL")
             client.set("DEVICE_PORT", {"PORT": mount.path})
-        client.switch("CONNECTION", "CONNECT", seconds=20.0)
+        client.switch("CONNECTION", "CONNECT")
         client.wait_for_vector(POSITION)
 
     def end(self) -> None:
@@ -66,17 +66,18 @@ class Telescope:
     def start_goto(self, spot: Spot) -> int:
         """Send the mount off; the place in the client's history where the slew begins."""
         mark = self._point("TRACK", spot)
-        self.client.wait_for(
-            f"slew to {spot} begins",
-            lambda: any(vector.state in ("Busy", "Alert") for vector in self.client.since(mark, POSITION)),
-        )
-        assert self.busy(), self.client.messages[-3:]
+
+        def begun() -> list[str]:
+            return [one.state for one in self.client.since(mark, POSITION) if one.state in ("Busy", "Alert")]
+
+        self.client.wait_for(f"slew to {spot} begins", lambda: bool(begun()))
+        assert begun()[0] == "Busy", self.client.messages[-3:]
         return mark
 
-    def goto(self, spot: Spot, seconds: float = 60.0) -> list[Vector]:
+    def goto(self, spot: Spot) -> list[Vector]:
         """Slew, and wait until the driver says that it is over. All it showed; the last is the arrival."""
         mark = self.start_goto(spot)
-        self.client.wait_for(f"slew to {spot} ends", lambda: not self.busy(), seconds)
+        self.client.wait_for(f"slew to {spot} ends", lambda: not self.busy())
         return self.client.since(mark, POSITION)
 
     def sync(self, spot: Spot) -> None:
@@ -102,19 +103,17 @@ class Telescope:
     def abort(self) -> None:
         """Press the red button, and wait until the driver no longer shows a slew."""
         self.client.switch("TELESCOPE_ABORT_MOTION", "ABORT", ("Ok", "Idle"))
-        self.client.wait_for("no slew after abort", lambda: not self.busy(), 5.0)
+        self.client.wait_for("no slew after abort", lambda: not self.busy())
 
     def choose(self, name: str, element: str, states: Sequence[str] = ("Ok", "Idle", "Busy")) -> None:
         """Turn on one switch of a vector and see that the driver shows it."""
         self.client.switch(name, element, states)
         assert element in self.client.vectors[name].on(), self.client.vectors[name]
 
-    def park(self, seconds: float = 60.0) -> None:
+    def park(self) -> None:
         """Park, and wait until the driver says that the mount is parked."""
         self.client.switch("TELESCOPE_PARK", "PARK", ("Busy", "Ok"))
-        self.client.wait_for(
-            "parked", lambda: self.client.vectors["TELESCOPE_PARK"].state in ("Ok", "Alert", "Idle"), seconds
-        )
+        self.client.wait_for("parked", lambda: self.client.vectors["TELESCOPE_PARK"].state in ("Ok", "Alert", "Idle"))
         vector = self.client.vectors["TELESCOPE_PARK"]
         assert vector.state == "Ok" and "PARK" in vector.on(), (vector, self.client.messages[-3:])
 

@@ -11,7 +11,7 @@ import json
 
 from .browser import Browser, Site
 from .hand_control import HandControl
-from .processes import Workshop, requires, wait_until
+from .processes import PATIENCE, Workshop, requires, wait_until
 from .product import OF_ANOTHER_NIGHT, PRODUCT, endpoints, start_simulator
 from .sky import NORTH
 from .tap import Tap
@@ -60,7 +60,7 @@ again();
 
 def connected(port: int) -> None:
     """A program with the pages' ClientID is here."""
-    link = http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)
+    link = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     link.request(
         "PUT", f"{API}connected", f"Connected=True&{WHO}", {"Content-Type": "application/x-www-form-urlencoded"}
     )
@@ -98,7 +98,7 @@ def test_a_foreign_page_gives_no_order(workshop: Workshop) -> None:
     site, browser = Site(workshop, {"/": page}), Browser(workshop, NAME)
     before = len(tap.heard)
     browser.visit(f"{site.url}/")
-    wait_until("the page has tried", lambda: "/done" in site.asked, 20.0)
+    wait_until("the page has tried", lambda: "/done" in site.asked)
     unharmed(tap, truth, before)
 
 
@@ -107,10 +107,10 @@ def test_a_page_whose_name_becomes_this_computers_gives_no_order(workshop: Works
     site, browser = Site(workshop, {"/": REBOUND % (json.dumps(ORDERS), API, WHO, API, WHO)}), Browser(workshop, NAME)
     port = int(site.url.rpartition(":")[2])
     tab = browser.visit(f"http://{NAME}:{port}/")
-    wait_until("the page is there", lambda: browser.shows(tab)[1] == "waits", 20.0)
+    wait_until("the page is there", lambda: browser.shows(tab)[1] == "waits")
     site.close()
     _, tap, truth = start(workshop, f"alpaca@tcp://127.0.0.1:{port}")
     before = len(tap.heard)
     connected(port)
-    wait_until("the page has tried", lambda: browser.shows(tab)[1] == "403 403 403 403 403", 20.0)
+    wait_until("the page has tried", lambda: browser.shows(tab)[1] == "403 403 403 403 403")
     unharmed(tap, truth, before)

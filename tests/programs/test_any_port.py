@@ -53,9 +53,9 @@ def test_stellarium(workshop: Workshop, mount: str) -> None:
     requires("stellarium", "Xvfb", "xdotool")
     surface, truth = start(workshop, mount)
     Planetarium(workshop, surface.port, "Aldebaran", NORTH).slew()
-    wait_until("the slew", truth.goto_running, 20.0)
-    wait_until("arrival", lambda: not truth.goto_running(), 120.0)
-    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR, 20.0)
+    wait_until("the slew", truth.goto_running)
+    wait_until("arrival", lambda: not truth.goto_running())
+    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR)
 
 
 def test_a_browser_shows_the_console(workshop: Workshop) -> None:
@@ -63,7 +63,7 @@ def test_a_browser_shows_the_console(workshop: Workshop) -> None:
     surface, _ = start(workshop, "nexstar")
     browser = Browser(workshop)
     tab = browser.visit(f"http://127.0.0.1:{surface.port}/")
-    wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se", 30.0)
+    wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se")
 
 
 def test_a_hostile_page_moves_nothing(workshop: Workshop) -> None:
@@ -76,9 +76,9 @@ def test_a_hostile_page_moves_nothing(workshop: Workshop) -> None:
     site, browser = Site(workshop, pages), Browser(workshop)
     before = len(tap.heard)
     browser.visit(f"{site.url}/fetch")
-    wait_until("the page has posted", lambda: "/done" in site.asked, 20.0)
+    wait_until("the page has posted", lambda: "/done" in site.asked)
     tab = browser.visit(f"{site.url}/form")
-    wait_until("the form was answered", lambda: browser.shows(tab)[0] == f"http://127.0.0.1:{surface.port}/x", 20.0)
+    wait_until("the form was answered", lambda: browser.shows(tab)[0] == f"http://127.0.0.1:{surface.port}/x")
     for piece in tap.heard[before:]:
         assert QUESTIONS["nexstar"].fullmatch(piece), piece
     assert not truth.goto_running()
@@ -91,7 +91,7 @@ def test_all_at_once(workshop: Workshop) -> None:
     drivers = [Telescope(workshop, *driver, surface) for driver in (LX200, NEXSTAR)]
     Browser(workshop).visit(f"http://127.0.0.1:{surface.port}/")
     drivers[0].goto(Spot(STAR.ra, STAR.dec))
-    wait_until("arrival", lambda: not truth.goto_running(), 120.0)
+    wait_until("arrival", lambda: not truth.goto_running())
     for telescope in drivers:
         scenario.shows_position(telescope, truth)
     assert arcseconds(told(surface.port), truth.position()) < 2400.0, "in J2000"

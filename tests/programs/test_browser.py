@@ -15,7 +15,7 @@ from typing import NamedTuple
 from .browser import Browser, Site
 from .hand_control import HandControl
 from .meade import Meade
-from .processes import Process, Workshop, requires, wait_until
+from .processes import PATIENCE, Process, Workshop, requires, wait_until
 from .product import OF_ANOTHER_NIGHT, PRODUCT, endpoints, start_meade, start_simulator
 from .sky import NORTH
 from .tap import Tap
@@ -33,7 +33,6 @@ Promise.allSettled([%s].map(port => fetch('http://127.0.0.1:' + port + '/', {met
 FORM = """<form action="http://127.0.0.1:%d/x" method="post" enctype="text/plain"><input name="%s" value="x"></form>
 <script>document.forms[0].submit()</script>"""
 SURFACES = ("lx200", "nexstar")
-PATIENCE = 20.0
 
 
 class Setup(NamedTuple):
@@ -117,7 +116,7 @@ def test_pages_and_visits_move_nothing(workshop: Workshop) -> None:
 
     def unharmed(what: str, strangers: int) -> None:
         for setup in setups:
-            wait_until(f"{what} has come", partial(setup.has_seen, strangers * len(SURFACES)), PATIENCE)
+            wait_until(f"{what} has come", partial(setup.has_seen, strangers * len(SURFACES)))
             for piece in setup.tap.heard[before[setup.mount] :]:
                 assert QUESTIONS[setup.mount].fullmatch(piece), (what, setup.mount, piece)
             assert not setup.truth.goto_running(), (what, setup.mount)
@@ -125,11 +124,11 @@ def test_pages_and_visits_move_nothing(workshop: Workshop) -> None:
             print(f"{what}: {surface} on {mount} answers after {program.ask():.1f} ms")
 
     browser.visit(f"{site.url}/fetch")
-    wait_until("the page has posted", lambda: "/done" in site.asked, PATIENCE)
+    wait_until("the page has posted", lambda: "/done" in site.asked)
     unharmed("fetch", 1)
     shown = (f"http://127.0.0.1:{port}/x" for port in (*ports, *ports))
     for address in [*(f"{site.url}/form{port}" for port in ports), *(f"http://127.0.0.1:{port}/x" for port in ports)]:
         tab, page = browser.visit(address), (next(shown), "mount-gateway")
-        wait_until(f"{address} is answered with a page", partial(reads, browser, tab, page), PATIENCE)
+        wait_until(f"{address} is answered with a page", partial(reads, browser, tab, page))
     time.sleep(0.5)  # what would have been begun can be seen by now
     unharmed("form and visit", 3)

@@ -15,8 +15,10 @@ from playwright.sync_api import Page, expect, sync_playwright
 from tests.support.process import GATEWAY
 
 from .mosquitto import Broker, Onlooker
-from .processes import Workshop, requires, wait_until
+from .processes import PATIENCE, Workshop, requires, wait_until
 from .test_mosquitto import COMMAND, STATE, gateway
+
+expect.set_options(timeout=PATIENCE * 1000)
 
 
 @pytest.fixture

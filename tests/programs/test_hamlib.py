@@ -29,18 +29,18 @@ def turns_and_stops(rotator: Rotator, truth: HandControl | Meade | AlpacaServer)
     azimuth, _ = truth.horizontal()
     target = (round((azimuth + 60.5) % 360.0, 1), 48.25)
     rotator.go(*target)
-    wait_until("turning", truth.goto_running, 3.0)
-    wait_until("arrival", lambda: not truth.goto_running(), 60.0)
+    wait_until("turning", truth.goto_running)
+    wait_until("arrival", lambda: not truth.goto_running())
     assert off(truth.horizontal(), target) < NEAR, (truth.horizontal(), target)
     # What a gateway tells may be half a second old, and the last tenths of a degree are approached slowly.
-    wait_until("arrival as it is told", lambda: off(rotator.position(), target) < NEAR, 3.0)
+    wait_until("arrival as it is told", lambda: off(rotator.position(), target) < NEAR)
 
     far = ((target[0] + 120.0) % 360.0, 55.0)
     rotator.go(*far)
-    wait_until("turning again", lambda: off(truth.horizontal(), target) > 1.0, 10.0)
+    wait_until("turning again", lambda: off(truth.horizontal(), target) > 1.0)
     rotator.stop()
-    wait_until("end of the goto", lambda: not truth.goto_running(), 3.0)
-    wait_until("standstill", lambda: stands(truth), 5.0)
+    wait_until("end of the goto", lambda: not truth.goto_running())
+    wait_until("standstill", lambda: stands(truth))
     assert off(truth.horizontal(), far) > 1.0, "the mount went on to its target"
 
 

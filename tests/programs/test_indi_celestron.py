@@ -22,7 +22,7 @@ SPEED = 6.0
 """How much faster than life the simulated mount slews."""
 ARCSECOND = 1.01 / 60
 """NexStar commands carry a site in whole seconds of arc."""
-SESSION = 8.0
+SESSION = 60.0
 """Seconds that the driver's clock may be behind: it was read when the driver connected."""
 
 

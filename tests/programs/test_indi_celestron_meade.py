@@ -25,7 +25,7 @@ from .telescope import Telescope
 DRIVER, DEVICE = "indi_celestron_gps", "Celestron GPS"
 ARCMINUTE = 1.01
 """LX200 commands carry a site in whole minutes of arc."""
-SESSION = 8.0
+SESSION = 60.0
 """Seconds that a driver's clock may be behind: it was read when the driver connected."""
 STEP = 15.0
 """Seconds of arc in a second of time, the finest right ascension that a Meade tells; also its guide rate."""
@@ -133,7 +133,7 @@ def check_tracking(telescope: Telescope, truth: Meade, model: Model) -> None:
     for state, expected in (("TRACK_OFF", "N"), ("TRACK_ON", "T")):
         telescope.choose("TELESCOPE_TRACK_STATE", state)
         if model.tells_status:
-            telescope.client.wait_for(f"tracking {expected}", partial(tracking_is, truth, expected), 5.0)
+            telescope.client.wait_for(f"tracking {expected}", partial(tracking_is, truth, expected))
         elif state == "TRACK_OFF":
             before = truth.position().ra
             telescope.client.listen(LISTEN)
@@ -146,11 +146,11 @@ def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
     telescope.park()
     assert not truth.goto_running()
     if model.tells_status:
-        telescope.client.wait_for("tracking off", partial(tracking_is, truth, "N"), 5.0)
+        telescope.client.wait_for("tracking off", partial(tracking_is, truth, "N"))
     telescope.unpark()
     telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON")
     if model.tells_status:
-        telescope.client.wait_for("tracking on", partial(tracking_is, truth, "T"), 5.0)
+        telescope.client.wait_for("tracking on", partial(tracking_is, truth, "T"))
     assert truth.mode() == ("P" if model.polar else "A")
 
 

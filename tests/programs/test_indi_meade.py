@@ -19,8 +19,6 @@ from .telescope import Telescope
 
 ARCMINUTE = 1.01
 """LX200 commands carry a site in whole minutes of arc."""
-NAMELESS = 40.0
-"""Seconds until a driver polls: it asks for names that a classic does not know, and waits five for each."""
 
 
 def axes(truth: Meade, polar: bool) -> tuple[Callable[[], float], Callable[[], float]]:
@@ -59,7 +57,7 @@ def test_night(workshop: Workshop, driver: str, device: str, model: str, speed: 
     polar = truth.mode() == "P"
     telescope = Telescope(workshop, driver, device, wire)
     assert same_site(telescope.site(), NORTH, ARCMINUTE), telescope.site()
-    telescope.client.wait_for("the first poll", lambda: any(telescope.shown()), NAMELESS)
+    telescope.client.wait_for("the first poll", lambda: any(telescope.shown()))
     scenario.shows_position(telescope, truth)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=True)
     scenario.syncs(telescope, truth)

@@ -26,7 +26,7 @@ def test_night(workshop: Workshop) -> None:
     telescope = Telescope(workshop, DRIVER, DEVICE, wire)
     client = telescope.client
     assert same_site(telescope.site(), NORTH, ARCMINUTE), telescope.site()
-    client.wait_for("the first poll", lambda: any(telescope.shown()), 40.0)
+    client.wait_for("the first poll", lambda: any(telescope.shown()))
     scenario.shows_position(telescope, truth)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=False)
     scenario.syncs(telescope, truth)
@@ -34,10 +34,10 @@ def test_night(workshop: Workshop) -> None:
     status = client.wait_for_vector("OnStep Status").values
     assert "On-Step" in str(client.wait_for_vector("Firmware Info").values), status
     client.switch("TELESCOPE_PARK", "PARK")
-    client.wait_for("parked", lambda: truth.ask(b":GU#")[2] == "P", 60.0)
-    client.wait_for("parked, as shown", lambda: "Parked" in str(client.wait_for_vector("OnStep Status").values), 30.0)
+    client.wait_for("parked", lambda: truth.ask(b":GU#")[2] == "P")
+    client.wait_for("parked, as shown", lambda: "Parked" in str(client.wait_for_vector("OnStep Status").values))
     client.switch("TELESCOPE_PARK", "UNPARK")
-    client.wait_for("unparked", lambda: "p" in truth.ask(b":GU#"), 30.0)
+    client.wait_for("unparked", lambda: "p" in truth.ask(b":GU#"))
 
 
 @pytest.mark.parametrize("model", ["onstep", "teenastro"])

@@ -22,7 +22,7 @@ from .telescope import Telescope
 
 SPEED = 6.0
 """How much faster than life the simulated mount slews."""
-SESSION = 8.0
+SESSION = 60.0
 """Seconds that the driver's clock may be behind: it was read when the driver connected."""
 
 
@@ -109,12 +109,12 @@ def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
     tracking = tracks(truth, behind.mode)
     for state in (False, True):
         telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON" if state else "TRACK_OFF")
-        telescope.client.wait_for(f"tracking {state}", lambda state=state: tracking(state), 5.0)  # type: ignore[misc]
+        telescope.client.wait_for(f"tracking {state}", lambda state=state: tracking(state))  # type: ignore[misc]
     telescope.park()
     assert not truth.goto_running()
-    telescope.client.wait_for("tracking off after park", lambda: tracking(False), 5.0)
+    telescope.client.wait_for("tracking off after park", lambda: tracking(False))
     telescope.unpark()
-    telescope.client.wait_for("tracking on after unpark", lambda: tracking(True), 5.0)
+    telescope.client.wait_for("tracking on after unpark", lambda: tracking(True))
 
 
 @pytest.mark.sampled(every=2)
@@ -129,7 +129,7 @@ def test_abort(workshop: Workshop, behind: Behind, site: Site) -> None:
     telescope = NEW.on(workshop, start_synscan_gateway(workshop, wire, behind.mount.partition(":")[0], "tcp"))
     scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, site))
     tracking = tracks(truth, behind.mode)
-    telescope.client.wait_for("tracking off", lambda: tracking(False), 5.0)
+    telescope.client.wait_for("tracking off", lambda: tracking(False))
 
 
 @pytest.mark.sampled(every=2)
@@ -170,7 +170,7 @@ def test_time_and_site(workshop: Workshop, behind: Behind) -> None:
     second = NEW.on(workshop, surface)
     assert same_site(second.site(), there, 1.01), second.site()
     told, offset = second.clock()
-    assert abs((told - moment).total_seconds()) < SESSION + 10.0, told
+    assert abs((told - moment).total_seconds()) < SESSION, told
     assert offset == 8
 
 

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import time
 
+from gateway.fleet.client import ANSWER, KEEPALIVE
 from tests.support.process import GATEWAY, ask
 
 from .mosquitto import Broker, Onlooker, folder
@@ -41,8 +42,8 @@ def test_a_mount_is_shown_moved_and_stopped_by_a_broker(workshop: Workshop) -> N
     wait_until("who comes later sees it, too", lambda: late.told(STATE) and late.told(HERE) == [b"online"])
     process.signal(signal.SIGKILL)
     since = time.monotonic()
-    wait_until("it is known to be gone", lambda: onlooker.told(HERE)[-1] == b"offline", 1.0)
-    assert onlooker.when(HERE, b"offline") - since < 1.0
+    wait_until("it is known to be gone", lambda: onlooker.told(HERE)[-1] == b"offline")
+    assert onlooker.when(HERE, b"offline") - since < KEEPALIVE, "by its last will, not as one that is silent"
     gateway(workshop, url=broker.url)
     wait_until("it is there again", lambda: onlooker.told(HERE)[-1] == b"online")
 
@@ -56,12 +57,11 @@ def test_a_broker_that_is_away_costs_the_mount_nothing_and_knows_all_when_it_ret
     for _ in range(20):
         began = time.monotonic()
         ask(where, b":GR#")
-        assert time.monotonic() - began < 1.0
+        assert time.monotonic() - began < ANSWER, "it does not wait for the broker"
     broker.again()
-    since = time.monotonic()
     onlooker = Onlooker(workshop, broker)
-    wait_until("it is shown again", lambda: onlooker.state(STATE).get("online"), 4.0)
-    assert time.monotonic() - since < 4.0 and onlooker.told(HERE)[-1] == b"online"
+    wait_until("it is shown again", lambda: onlooker.state(STATE).get("online"))
+    assert onlooker.told(HERE)[-1] == b"online"
     assert process.output().count("cannot be reached") == 1
 
 

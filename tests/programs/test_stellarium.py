@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from .processes import Workshop, requires, wait_until
+from .processes import PATIENCE, Workshop, requires, wait_until
 from .product import start_meade, start_simulator, start_stellarium_gateway
 from .sky import NORTH, Spot, arcseconds
 from .stellarium import Planetarium
@@ -20,7 +20,7 @@ NEAR = 30.0
 
 def told(port: int) -> Spot:
     """The first position that a program is told, J2000."""
-    with socket.create_connection(("127.0.0.1", port), timeout=10.0) as program:
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as program:
         message = program.recv(24, socket.MSG_WAITALL)
     _, _, _, ra, dec, _ = struct.unpack("<HHQIii", message)
     return Spot(ra * 360.0 / 2**32, dec * 360.0 / 2**32)
@@ -38,6 +38,6 @@ def test_positions_and_a_slew(workshop: Workshop, mount: str) -> None:
     before = told(surface.port)
     assert 300.0 < arcseconds(before, truth.position()) < 2400.0, "it is in J2000, the mount is not"
     Planetarium(workshop, surface.port, "Aldebaran", NORTH).slew()
-    wait_until("the slew", truth.goto_running, 20.0)
-    wait_until("arrival", lambda: not truth.goto_running(), 120.0)
-    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR, 20.0)
+    wait_until("the slew", truth.goto_running)
+    wait_until("arrival", lambda: not truth.goto_running())
+    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR)

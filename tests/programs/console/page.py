@@ -18,13 +18,12 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute
 
-from ..processes import Process, Workshop, requires, wait_until
+from ..processes import PATIENCE, Process, Workshop, requires, wait_until
 from ..product import PRODUCT, endpoints, start_simulator
 from ..sky import NORTH, Spot, separation
 
 PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
 VIEWS = ("sky", "control", "readings", "talk", "more")
-PATIENCE = 10.0
 _WARDED = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update")
 
 
@@ -34,9 +33,6 @@ RESTS, TRACKS = 0.3, 0.008
 
 class Console:
     """The gateway's processes, and the truth about the mount read past it."""
-
-    #: Seconds that it takes to see that the mount rests, with the time in which its motors come to rest.
-    LOOK = 0.8
 
     def __init__(self, workshop: Workshop, *more: str) -> None:
         requires("chromium")
@@ -142,14 +138,14 @@ class Visit:
         """What an element says."""
         return (self.page.locator(selector).first.text_content() or "").strip()
 
-    def until(self, what: str, happened: Any, seconds: float = PATIENCE) -> None:
+    def until(self, what: str, happened: Any) -> None:
         """Look again until it is so; the page goes on meanwhile."""
 
         def look() -> bool:
             self.page.wait_for_timeout(20)  # what the browser reports is heard while it is waited here
             return bool(happened())
 
-        wait_until(what, look, seconds)
+        wait_until(what, look)
 
     def show(self, view: str) -> None:
         """Another view, by its address."""
@@ -161,6 +157,11 @@ class Visit:
         self.page.fill("#object", name)
         self.page.press("#object", "Enter")
         self.until(f"the card of {name}", lambda: self.page.locator("#place h3").is_visible())
+
+    def listens(self, program: Program) -> None:
+        """Wait until what programs say is told to the page, which asks for it when it shows the conversation."""
+        told = self.page.locator(".exchange", has_text=":GC#")
+        self.until("it is told", lambda: program.say(b":GC#", 9) and told.count() > 0)
 
     def does(self, words: str) -> bool:
         """Whether the first line of the page says this."""

@@ -23,8 +23,8 @@ LOSSES = {
     "the capture": "document.querySelector('[data-go=north]').releasePointerCapture(1)",
     "the view": "location.hash = '/readings'",
 }
-#: Seconds after which a page that is frozen moves nothing any more.
-FROZEN = 2.0
+#: Seconds after which a page that is frozen moves nothing any more: two, and what a loaded computer needs.
+FROZEN = 10.0
 
 
 @contextmanager
@@ -75,7 +75,7 @@ def test_it_ends_when_the_page_stands_still(console: Console, visit: Callable[..
         began = time.monotonic()
         console.at_rest()
         print(f"at rest {time.monotonic() - began:.1f} s after the page stood still")
-        assert time.monotonic() - began < FROZEN + console.LOOK
+        assert time.monotonic() - began < FROZEN
     script.send("Debugger.disable")
     page.page.mouse.up()
 
@@ -163,7 +163,8 @@ def test_stop(console: Console, visit: Callable[..., Visit], how: str) -> None:
         if how == "Escape in a question":
             page.page.click("#sync")
         page.page.keyboard.press(how.split()[0])
-    wait_until("the goto has ended", lambda: not console.truth.goto_running(), 3.0)
+    wait_until("the goto has ended", lambda: not console.truth.goto_running())
+    page.until("and not by its arrival", lambda: page.text("#go") == "Go there")
     page.until("it is said", lambda: page.text("#notices").startswith("Stopped."))
 
 

@@ -12,8 +12,8 @@ HOSTILE = b"<img src=x onerror=alert(1)><script>alert(2)</script>#"
 def test_a_command_stands_beside_what_it_became(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit(DESK)
     page.show("talk")
-    page.page.wait_for_timeout(300)
     with console.program() as program:
+        page.listens(program)
         program.say(b":RS#:Mn#")
         rows = page.page.locator(".exchange", has_text=":Mn#")
         page.until("it is shown", lambda: rows.count() == 1)
@@ -26,17 +26,15 @@ def test_it_is_there_when_the_page_is_opened_on_it(console: Console, visit: Call
     page = visit()
     page.show("talk")
     page.page.reload()
-    page.page.wait_for_timeout(800)
     with console.program() as program:
-        program.say(b":GVP#", 5)
-        page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+        page.listens(program)
 
 
 def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
-    page.page.wait_for_timeout(300)
     with console.program() as program:
+        page.listens(program)
         program.say(b":Sr18:37:00#:Sd-70*00:00#", 2)
         program.say(b":MS#", 5)
         page.until("all is shown", lambda: page.page.locator(".exchange").count() >= 3)
@@ -52,12 +50,12 @@ def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
 def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
-    page.page.wait_for_timeout(300)
-    page.page.get_by_role("button", name="Pause").click()
     with console.program() as program:
+        page.listens(program)
+        page.page.get_by_role("button", name="Pause").click()
         program.say(b":GVP#", 5)
         page.page.wait_for_timeout(600)
-        assert page.page.locator(".exchange").count() == 0
+        assert page.page.locator(".exchange", has_text=":GVP#").count() == 0
         page.page.get_by_role("button", name="Go on").click()
         page.until(
             "what came meanwhile is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1
@@ -67,8 +65,8 @@ def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
 def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
-    page.page.wait_for_timeout(300)
     with console.program() as program:
+        page.listens(program)
         program.say(b":GVP#", 5)
         page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
     page.page.evaluate(
@@ -85,8 +83,8 @@ def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
 def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
-    page.page.wait_for_timeout(300)
     with console.program() as program:
+        page.listens(program)
         program.say(HOSTILE)
         program.say(b":GVP#", 5)
         page.until("it is shown", lambda: "<img src=x" in page.text("#conversation"))
@@ -101,7 +99,7 @@ def test_a_command_is_explained(visit: Callable[..., Visit]) -> None:
     page.show("talk")
     page.page.fill("#command", ":GR#")
     page.page.press("#command", "Enter")
-    page.until("it is explained", lambda: "right ascension of the telescope" in page.text("#explained"), 30.0)
+    page.until("it is explained", lambda: "right ascension of the telescope" in page.text("#explained"))
 
 
 def test_a_recording_is_fetched(visit: Callable[..., Visit]) -> None:

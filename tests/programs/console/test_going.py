@@ -31,7 +31,7 @@ def test_the_position_follows_a_goto_of_another_program(console: Console, visit:
         seen = {before}
         page.until("the position moves", lambda: seen.add(page.text("#readings .large dd")) or len(seen) > 3)
         assert program.name in page.text("#readings")
-        page.until("it has arrived", lambda: page.does("Tracking"), 30.0)
+        page.until("it has arrived", lambda: page.does("Tracking"))
 
 
 def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
@@ -51,7 +51,7 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.until("which it does no longer", lambda: page.text("#go") == "Go there")
     page.until("it stands", lambda: page.does("Tracking"))
     page.page.click("#go")
-    page.until("it is told that it is there", lambda: page.text("#notices") == "It is there: Aldebaran.", 40.0)
+    page.until("it is told that it is there", lambda: page.text("#notices") == "It is there: Aldebaran.")
     assert page.text("#go") == "It is there: go again"
     page.page.click("#sync")
     page.page.click("#ask-yes")
@@ -85,7 +85,7 @@ def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit])
     page.show("control")
     page.page.click("#orders >> text=Park…")
     page.page.click("#ask-yes")
-    page.until("it is parked, and nobody else asks the mount", lambda: page.does("Parked"), 60.0)
+    page.until("it is parked, and nobody else asks the mount", lambda: page.does("Parked"))
     page.page.get_by_role("button", name="Unpark").click()
     page.until("it is in service", lambda: page.does("Tracking"))
 

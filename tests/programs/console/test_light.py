@@ -27,7 +27,7 @@ def test_every_view_is_red(console: Console, visit: Callable[..., Visit], size: 
             if view == "sky":
                 page.find("Aldebaran")
             if view == "talk":
-                page.page.wait_for_timeout(300)
+                page.listens(program)
                 program.say(b":GR#:MS#", 9)
                 page.page.focus("#command")
                 page.page.keyboard.type(":GR#")
@@ -74,11 +74,11 @@ def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -
 def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.show("more")
+    page.page.emulate_media(reduced_motion="reduce")
     brightness = []
     for words in ("6, full", "5", "4", "3"):
         page.page.get_by_role("radio", name=words).click()
         page.page.mouse.move(1, 1)
-        page.page.wait_for_timeout(200)
         brightness.append(float(np.asarray(page.picture())[..., 0].mean()))
     assert brightness == sorted(brightness, reverse=True) and brightness[-1] < brightness[0] / 2
 
