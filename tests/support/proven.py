@@ -69,6 +69,8 @@ class Onlooker:
 
     async def key(self, question: str, keys: str) -> str:
         self.asked.append(question)
+        if self.stop.is_set():
+            return " "
         key = self._answers.pop(0) if self._answers else "y"
         assert key in keys
         return key
@@ -88,6 +90,7 @@ class Proven:
         every: float = 0.5,
         change: Callable[[Proven], None] = lambda proven: None,
         left: MarkerContent | None = None,
+        kept: SavedState = SavedState(1),
         **simulated: Any,
     ) -> None:
         self.loop = asyncio.get_running_loop()
@@ -97,7 +100,7 @@ class Proven:
         surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts() if protocol in streams()]
         settings = MountConfig(**({"at": f"{mount.partition(':')[0]}@sim", "sun": 40.0} | (config or {})))
         self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
-        self.gateway.previous_run = PreviousRun(SavedState(1), left)
+        self.gateway.previous_run = PreviousRun(kept, left)
         self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)
         self.wire = SimulatedTransport("sim", self.sim.connection, latency)
         self.recorder = None if record is None else record_whole(record, self.gateway)

@@ -33,6 +33,8 @@ COLUMNS, BAR = 60, 14
 SUN = 40.0
 #: Seconds between two looks at the keyboard, where the event loop cannot wait for it.
 EVERY = 0.05
+#: How many findings are shown at the end.
+SHOWN = 8
 EXAMPLES = """\
 Examples:
   mount-gateway prove --mount nexstar@/dev/ttyUSB0
@@ -117,9 +119,9 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
             before, after = adapted(file, findings.keys) if file else ("", "\n".join(written(findings.keys)))
             for line in difference(before, after):
                 terminal.say(line)
-            if file and await terminal.key(f"y: write them to {file}  n: do not", "yn") == "y":
+            if file and await terminal.agrees(f"y: write them to {file}  n: do not"):
                 file.write_text(after, "utf-8")
-        if await terminal.key("y: make a file for the author of the gateway  n: end", "yn") == "n":
+        if not await terminal.agrees("y: make a file for the author of the gateway  n: end"):
             return
         terminal.say("Making it takes some seconds …")
         try:
@@ -127,20 +129,16 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
         except UserError as error:
             terminal.say(f"No file can be made: {error}.")
             return
-        for stage, found in bundle.public(findings).stages.items():
-            for finding in found:
-                terminal.say(f"{stage}: {finding.line}")
-        for name, data in list(files.items())[1:]:
-            shown = data.decode("latin-1").splitlines()
-            terminal.say(f"{name}: {len(shown)} lines, which begin with")
-            for line in shown[2:6]:
-                terminal.say(f"  {line}")
+        (inside := folder / "to-send").mkdir(exist_ok=True)
+        for name, data in files.items():
+            (inside / name).write_bytes(data)
+            terminal.say(f"{inside / name}: {len(data.splitlines())} lines")
         terminal.say(
-            "There is no name or address in it; longitude and time are others. An alt-az mount's motions may tell the "
-            "latitude, and who knows when you made the check the longitude."
+            "That is all of it: look into it. There is no name or address in it; longitude and time are others. An "
+            "alt-az mount's motions may tell the latitude, and who knows when you made the check the longitude."
         )
-        path = Path(bundle.name_of(findings))
-        if await terminal.key(f"y: save it as {path}  n: do not", "yn") == "y":
+        path = bundle.unused(bundle.name_of(findings))
+        if await terminal.agrees(f"y: save it as {path}  n: do not"):
             bundle.save(path, files)
             terminal.say(f"Saved {path}. Please send it to the author.")
 
@@ -166,15 +164,16 @@ def checked(config: Config, folder: Path, record: bool) -> Config:
 
 
 def summary(findings: Findings) -> Iterator[str]:
-    """Yield how many things are the same, and everything that is not."""
+    """Yield how many things are the same, and those that are not, what differs first, as far as they fit a screen."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
+    from gateway.diagnostics.prove.guide import STAGES
 
     counts = [f"{len(findings.of(verdict))} {verdict}" for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
     yield f"Your mount beside what the gateway assumed: {', '.join(counts)}."
-    for finding in findings.of(DIFFERS):
-        yield finding.line
-    from gateway.diagnostics.prove.guide import STAGES
-
+    others = [one for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for one in findings.of(verdict)]
+    yield from (finding.line for finding in others[:SHOWN])
+    if len(others) > SHOWN:
+        yield f"{len(others) - SHOWN} others are in findings.json."
     if left := [stage.name for stage in STAGES if not findings.whole(stage.name) and stage.name != "place"]:
         yield f"Not done: {', '.join(left)}. The same command goes on from there."
 
@@ -235,8 +234,7 @@ class Terminal:
     def _pressed(self, key: str) -> None:
         if key == " " or (key in "qQ" and not self._asks):  # whoever wants to leave in the middle wants it to stop
             self.stop.set()
-        else:
-            self._keys.put_nowait(key.lower())
+        self._keys.put_nowait(key.lower())
 
     def say(self, text: str) -> None:
         """Print lines of at most 60 columns."""
@@ -258,16 +256,24 @@ class Terminal:
             print(before + text, end="", flush=True)
 
     async def key(self, question: str, keys: str) -> str:
-        """Return one of these keys; what was pressed before the question does not count. Any other repeats it."""
+        """Return one of these keys, or the space bar; what was pressed before the question does not count, but that.
+        Any other key repeats the question."""
         while not self._keys.empty():
             self._keys.get_nowait()
-        while True:
+        while not self.stop.is_set():
             self._print(f"{textwrap.fill(question, COLUMNS - 4)} > ")
             self._asks = True
             if (key := await self._keys.get()) in keys:
                 self._asks = False
                 self._print(f"{key}\n")
                 return key
+        return " "
+
+    async def agrees(self, question: str) -> bool:
+        """Return whether the answer is y and not n, where nothing moves that the space bar could stop."""
+        while (key := await self.key(question, "yn")) == " ":
+            self.stop.clear()
+        return key == "y"
 
 
 class Aside(Screen):

@@ -9,7 +9,7 @@ values no text; what cannot be hidden is refused.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime, timedelta
 from random import Random, SystemRandom
 from typing import Any
@@ -19,7 +19,7 @@ from msgspec import Struct
 
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.format import FORMAT, MARK, RECORDER, Event, Recording, escape
-from gateway.app.state.file import SavedState
+from gateway.app.state.file import SavedState, site_of_program
 from gateway.app.state.store import PreviousRun
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 from gateway.core import requests
@@ -27,6 +27,7 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Values
 from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.log.conversation import Heard, Side
+from gateway.diagnostics.prove.reads import ASKS_AGAIN
 from gateway.diagnostics.prove.telescope import WHO
 from gateway.protocols.registry import streams
 from gateway.protocols.wireformat.command_set import load
@@ -133,8 +134,17 @@ def site_of(recording: Recording, model: str = "") -> tuple[tuple[float, float] 
         told |= {"zone": -values["offset"]} if "offset" in values else {}
         told |= {"zone": values["zone"]} if "zone" in values else {}
         told |= {"zone": values["quarters"] / 4.0} if "quarters" in values else {}
-    site = (told["latitude"], told["longitude"]) if {"latitude", "longitude"} <= told.keys() else config.get("site")
-    return (tuple(site) if site else None), told.get("zone", 0.0)
+    if {"latitude", "longitude"} <= told.keys():
+        return (told["latitude"], told["longitude"]), told.get("zone", 0.0)
+    site = _configured(recording.settings)
+    return (None if site is None else (site[0], site[1])), told.get("zone", 0.0)
+
+
+def _configured(settings: dict[str, Any]) -> Sequence[float] | None:
+    """Return the site that is written in the settings of a recording, or that a program has set in an earlier run."""
+    site: Sequence[float] | None = settings["config"]["mount"].get("site")
+    by_program = site_of_program(msgspec.convert(settings["past"]["kept"], SavedState))
+    return site or (None if by_program is None else (by_program.latitude, by_program.longitude))
 
 
 def header(settings: dict[str, Any], there: Elsewhere) -> dict[str, Any]:
@@ -142,7 +152,7 @@ def header(settings: dict[str, Any], there: Elsewhere) -> dict[str, Any]:
     mount = settings["config"]["mount"]
     kept = {name: value for name, value in mount.items() if name.replace("-", "_") in KEPT}
     kept |= {"at": f"{str(parse_endpoint(mount['at'])).partition('@')[0]}@sim"}
-    kept |= {"site": [there.latitude, there.longitude]} if mount.get("site") else {}
+    kept |= {"site": [there.latitude, there.longitude]} if _configured(settings) else {}
     surfaces = [SurfaceConfig(at=f"{parse_endpoint(one['at']).protocol}@web") for one in settings["config"]["surface"]]
     shown = {name: settings[name] for name in ("version", "commit", "rules", "python", "exchanges", "elapsed", "from")}
     shown |= {"began": settings["began"] - there.seconds, "past": PreviousRun(SavedState(1))}
@@ -182,8 +192,8 @@ class _Hiding:
         for _, told in _exchanges(recording, self._protocol, self._model):  # before both are told for the first time
             self._overhead = {name: told[name] for name in ("az", "alt") if name in told} | self._overhead
         for event in recording:
-            if event.arrow == "+" and event.side.startswith("prove:settings"):
-                break  # the last stage, which asks everything
+            if event.data == ASKS_AGAIN.encode():
+                break
             last = event.at
             if event.side == RECORDER:
                 if event.arrow == "t":

@@ -7,6 +7,7 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from itertools import count
 from math import inf
 from pathlib import Path
 from random import Random
@@ -70,6 +71,13 @@ def public(findings: Findings) -> Findings:
 def name_of(findings: Findings) -> str:
     """Return ``prove-MODEL-VERSION.zip``."""
     return re.sub(r"[^\w.-]+", "_", f"prove-{findings.model or 'unknown'}-{findings.version or 'unknown'}") + ".zip"
+
+
+def unused(name: str) -> Path:
+    """Return a path here for a file of this name, with a number if there is one already."""
+    path = Path(name)
+    names = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
+    return path if not path.exists() else next(one for one in names if not one.exists())
 
 
 def make(

@@ -16,6 +16,18 @@ from msgspec import Struct
 SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not measurable"
 
 
+class Rate(Struct, frozen=True):
+    """How fast an axis turned that was to turn so fast, negative the other way; by how many degrees it ran on after
+    each stop, empty if it hardly moved. Only if the mount moved on ``evenly`` it shows the rate exactly.
+    """
+
+    axis: int
+    assumed: float
+    real: float
+    run_ons: tuple[float, ...]
+    evenly: bool
+
+
 class Finding(Struct, frozen=True):
     """One thing that was compared. ``means``: what a difference means for its owner; ``keys``: what adapts to it."""
 
@@ -25,6 +37,7 @@ class Finding(Struct, frozen=True):
     assumed: str = ""
     means: str = ""
     keys: dict[str, object] = {}
+    rate: Rate | None = None
 
     @property
     def line(self) -> str:
@@ -39,7 +52,9 @@ def rest_of(stage: str) -> str:
 
 
 class Report(Protocol):
-    """Takes the findings of a stage, and how far it has come."""
+    """Takes the findings of a stage, and how far it has come; ``before`` is what it had found when it was ended."""
+
+    before: list[Finding]
 
     def found(self, finding: Finding) -> None: ...
     def progress(self, done: int, of: int, what: str) -> None: ...

@@ -5,7 +5,7 @@ Every goal is one that the gateway's rules allow, which are asked before; by day
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from math import cos, inf, radians
 
 from gateway.astro.spherical import separation, wrap180
@@ -25,6 +25,11 @@ ROOM, POLE = 20.0, 75.0
 MERIDIAN, BESIDE = 15.0, 3.0
 #: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
 HOUR_ANGLES, PART, ROUND = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5, 5.0
+#: The gotos of the stage: there, back, one that is cancelled, and back again.
+STEPS = 4
+
+#: Carries out a goto, and returns why it was refused, and which position was told at its end, None if only the mount's.
+Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
 def cramped(telescope: Telescope) -> str:
@@ -97,58 +102,71 @@ async def near(telescope: Telescope, here: op.Equatorial) -> tuple[op.Equatorial
 
 async def run(telescope: Telescope, report: Report) -> None:
     """Go 5° and back, and go again and cancel it. Raises Ended."""
-    start = await telescope.rest()
-    goal, refused = await near(telescope, start.sky)
-    if goal is None:
-        report.found(Finding("goto of 5°", NOT_TRIED, refused))
+
+    async def go(to: op.Equatorial) -> tuple[str, None]:
+        return await telescope.goto(to, LONGEST), None
+
+    means = "Gotos of your mount end elsewhere than they should."
+    places = await there_and_back(telescope, report, ("goto of 5°", "goto back"), go, means)
+    if places is None:
         return
-    for number, (what, to) in enumerate((("goto of 5°", goal), ("goto back", start.sky))):
-        report.progress(number, 4, what)
-        began = telescope.now()
-        if refused := await telescope.goto(to, LONGEST):
-            report.found(Finding(what, NOT_TRIED, refused))
-            return
-        said = await telescope.look()
-        took, here = telescope.now() - began, await telescope.rest()
-        early = telescope.drift(said, here) > RESTS
-        report.found(arrived(telescope, what, to, here, f"{took:.0f} s, ", early))
-        stay_if_elsewhere(here, to)
-    report.progress(2, 4, "goto, cancelled on the way")
+    start, goal = places
+    report.progress(2, STEPS, "goto, cancelled on the way")
     if refused := await telescope.goto(goal, CANCELLED):
         report.found(Finding("cancelled goto", NOT_TRIED, refused))
         return
-    here = await telescope.rest()
-    left = separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)
-    stopped = left > NEAR
-    report.found(
-        Finding(
-            "cancelled goto",
-            SAME if stopped else DIFFERS,
-            f"it rests {left:.1f}° before its goal" if stopped else "it went on to its goal",
-            means="" if stopped else "A stop may not end a goto: keep a hand at the mount's switch.",
-        )
-    )
-    report.progress(3, 4, "back to where it was")
-    if separation(here.sky.ra, here.sky.dec, start.sky.ra, start.sky.dec) > RESTS:
-        await telescope.goto(start.sky, inf)
+    here = (await telescope.rest()).sky
+    if (left := apart(here, goal)) > NEAR:
+        report.found(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
+    else:
+        means = "A stop may not end a goto: keep a hand at the mount's switch."
+        report.found(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
+    report.progress(3, STEPS, "back to where it was")
+    if apart(here, start) > RESTS:
+        await telescope.goto(start, inf)
         await telescope.rest()
+
+
+async def there_and_back(
+    telescope: Telescope, report: Report, names: tuple[str, str], go: Go, means: str
+) -> tuple[op.Equatorial, op.Equatorial] | None:
+    """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended.
+
+    ``means``: what it means for the owner if a goto ends, or is told to end, somewhere else.
+    """
+    start = (await telescope.rest()).sky
+    goal, refused = await near(telescope, start)
+    if goal is None:
+        report.found(Finding(names[0], NOT_TRIED, refused))
+        return None
+    for number, (what, to) in enumerate(zip(names, (goal, start), strict=True)):
+        report.progress(number, STEPS, what)
+        began = telescope.now()
+        refused, told = await go(to)
+        if refused:
+            report.found(Finding(what, NOT_TRIED, refused))
+            return None
+        said = await telescope.look()
+        took, here = telescope.now() - began, await telescope.rest()
+        off = apart(told or here.sky, to)
+        measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
+        if off > NEAR + max(telescope.ticks):
+            report.found(Finding(what, DIFFERS, measured, "at its goal", means))
+        elif telescope.drift(said, here) > RESTS:
+            early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
+            report.found(Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", early))
+        else:
+            report.found(Finding(what, SAME, measured))
+        stay_if_elsewhere(here, to)
+    return start, goal
 
 
 def stay_if_elsewhere(here: Place, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
-    if (off := separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)) > ELSEWHERE:
+    if (off := apart(here.sky, goal)) > ELSEWHERE:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
-def arrived(
-    telescope: Telescope, what: str, goal: op.Equatorial, here: Place, took: str = "", early: bool = False
-) -> Finding:
-    """Return the finding on a goto that has ended here; ``early``: it moved on after it had told its end."""
-    off = separation(here.sky.ra, here.sky.dec, goal.ra, goal.dec)
-    measured = f"{took}{off * 60.0:.1f}' from its goal"
-    if off > NEAR + max(telescope.ticks):
-        return Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
-    if early:
-        means = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
-        return Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", means)
-    return Finding(what, SAME, measured)
+def apart(one: op.Equatorial, other: op.Equatorial) -> float:
+    """Return the degrees between two positions."""
+    return separation(one.ra, one.dec, other.ra, other.dec)

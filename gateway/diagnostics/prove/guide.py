@@ -1,8 +1,8 @@
 """Leads through the stages: asks before each, stops at once, and leaves the mount as it was.
 
 A stage that ends before its time leaves what it has found; what it has not is ``not tried``, and another session asks
-for that stage again. What the stage had set moving is stopped then, and nothing is moved any more; tracking that it had
-turned on is turned off. Findings are kept after every stage, so that another session goes on where this one ended.
+for that stage again, whose motions go on behind the last rate. What the stage had set moving is stopped then, and
+nothing is moved any more; tracking that it had turned on is turned off. Findings are kept after every stage.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ STAGES = LOOKING + MOVING
 
 
 class Person(Protocol):
-    """Whoever looks on. ``stop`` is set when the space bar is pressed, at any time."""
+    """Whoever looks on. ``stop`` is set when the space bar is pressed, at any time; it answers every question, too."""
 
     stop: asyncio.Event
 
@@ -76,6 +76,7 @@ class Guide:
         self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
         self._stages, self.left = stages, False
         self._here: list[Finding] = []
+        self.before: list[Finding] = []
 
     async def run(self) -> Findings:
         """Lead through all stages that have no findings yet, as far as the person wants."""
@@ -149,7 +150,8 @@ class Guide:
 
     async def _stage(self, stage: Stage) -> str:
         """Carry out a stage; return the key for what comes then: y for the next, a for this again, q for none."""
-        self._here, telescope, person = [], self._telescope, self._person
+        telescope, person = self._telescope, self._person
+        self._here, self.before = [], self._findings.stages.get(stage.name, [])
         telescope.begin()
         try:
             await telescope.look()
@@ -177,6 +179,8 @@ class Guide:
             if telescope.mine and not (stopped or theirs or telescope.other):
                 await telescope.stop()
             person.say(f"This stage ends: {words}.")
+            again = {rest_of(stage.name), *(one.what for one in self._here)}
+            self._here += [one for one in self.before if one.what not in again]
             self._here.append(Finding(rest_of(stage.name), NOT_TRIED, words))
         finally:
             for task in (space, work):
@@ -184,7 +188,7 @@ class Guide:
             with contextlib.suppress(Ended, asyncio.CancelledError):
                 await work
             if not theirs:
-                await self._restore(tracked)
+                await self._restore(tracked, stage.moves and not telescope.tracking_by_others)
         stages = self._findings.stages | {stage.name: self._here}
         self._findings.stages = {one.name: stages[one.name] for one in STAGES if one.name in stages}
         self._keep(self._findings)
@@ -192,18 +196,10 @@ class Guide:
 
     async def _answer(self, question: str, keys: str) -> str:
         """Return the key that the person presses; the space bar stops the mount here, too, and just before."""
-        while True:
-            key = asyncio.ensure_future(self._person.key(question, keys))
-            space = asyncio.ensure_future(self._person.stop.wait())
-            try:
-                await asyncio.wait((key, space), return_when=asyncio.FIRST_COMPLETED)
-                if not self._person.stop.is_set():
-                    return key.result()
-                self._person.stop.clear()
-                await self._stop()
-            finally:
-                key.cancel()
-                space.cancel()
+        while (key := await self._person.key(question, keys)) == " ":
+            self._person.stop.clear()
+            await self._stop()
+        return key
 
     async def _stop(self) -> None:
         stopping = asyncio.ensure_future(self._telescope.stop())
@@ -212,19 +208,21 @@ class Guide:
         trouble = await stopping
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
-    async def _restore(self, tracked: op.Tracking) -> None:
-        """Turn off tracking that was off before the stage. What is off now was turned off by others, or at a limit."""
+    async def _restore(self, tracked: op.Tracking, ours: bool) -> None:
+        """Turn off tracking that was off before the stage, if it was turned on by the check: ``ours``. What is off now
+        was turned off by others, or at a limit."""
         telescope = self._telescope
         telescope.begin()
         with contextlib.suppress(Ended):
             await telescope.look()
             before, after = (each is not op.Tracking.OFF for each in (tracked, telescope.status.tracking))
-            if before and not after:
-                self._person.say("Its tracking was on, and is off now: that was not done here.")
-            elif after and not before:
-                answer = await telescope.ask(requests.Track(on=False, who=WHO))
-                if not answer.done:
-                    self._person.say(f"Its tracking was off: {answer.words}")
+            if before == after:
+                return
+            if before or not ours:
+                was, now = ("on", "off") if before else ("off", "on")
+                self._person.say(f"Its tracking was {was}, and is {now} now: that was not done here.")
+            elif not (answer := await telescope.ask(requests.Track(on=False, who=WHO))).done:
+                self._person.say(f"Its tracking was off: {answer.words}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
 

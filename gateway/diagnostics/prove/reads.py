@@ -6,20 +6,25 @@ Every question goes to the mount itself, whatever the gateway knows already or a
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import NamedTuple
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
+from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.programs import Program, readable
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.registry import streams
 
-#: Questions that are not asked: names that people have given to sites, and lists that a question leafs through.
-LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-"))
+#: Questions that are not asked: names that people have given to sites, lists that a question leafs through, and the
+#: target of a server, which there is after a goto.
+LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
+                        "targetrightascension"))  # fmt: skip
+#: The note in a recording with which the last stage begins, which asks everything again: there a bundle ends.
+ASKS_AGAIN = "its settings are asked again"
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
 PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time",
                      "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
@@ -43,7 +48,7 @@ class Asked(NamedTuple):
     strange: list[str]
 
 
-async def _ask(telescope: Telescope, name: str) -> Heard:
+async def told(telescope: Telescope, name: str) -> Heard:
     """Ask the mount itself, whatever the gateway knows already. Raises Fault."""
     driver = telescope.driver
     side = Side(driver.protocol.name, driver.model)
@@ -52,21 +57,25 @@ async def _ask(telescope: Telescope, name: str) -> Heard:
     return side.reply(await telescope.controller.read(op.Own(name, (), keep)))
 
 
+def _readable(driver: Driver) -> Iterator[str]:
+    """Yield the commands of the mount's protocol that only read something, and that this mount has."""
+    for name, command in driver.protocol.commands.items():
+        asks = command.question and command.answer != "stream" and not command.request.fields and command.asked
+        if asks and not command.beyond and name not in LEFT_ALONE and driver.supports(name):
+            yield name
+
+
 async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
-    gateway = telescope.gateway
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.found(_identity(identity, telescope.driver))
-    if telescope.driver.protocol.name not in streams():
-        report.found(Finding("answers to its protocol's questions", NOT_MEASURABLE, "they are no lines of bytes"))
-        return
     asked = Asked({}, [], [])
-    names = list(readable(gateway, LEFT_ALONE))
+    names = list(_readable(telescope.driver))
     for number, name in enumerate(names):
         report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
         began = telescope.now()
         try:
-            heard = await _ask(telescope, name)
+            heard = await told(telescope, name)
         except (Unsupported, NoDevice):
             continue  # it has not got that
         except Refused:
@@ -94,23 +103,20 @@ async def settings(telescope: Telescope, report: Report) -> None:
     if not telescope.settings:
         report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return
-    mark = Program(telescope.gateway, telescope.driver.protocol.name, "settings")  # where a bundle ends
+    telescope.controller.wire_log.note(MOUNT, ASKS_AGAIN)
     after = dict[str, str]()
-    try:
-        for name in telescope.settings:
-            with suppress(Fault):
-                after[name] = repr((await _ask(telescope, name)).values)
-            telescope.check()
-    finally:
-        mark.close()
+    for name in telescope.settings:
+        with suppress(Fault):
+            after[name] = repr((await told(telescope, name)).values)
+        telescope.check()
     helps = telescope.driver.protocol.commands
     changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
     means = "Set it back at the hand control, and tell the author of the gateway."
     if changed:
         report.found(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
     else:
-        told = f"{len(after)} of {len(telescope.settings)} were told, as they were"
-        report.found(Finding("settings", SAME if after else NOT_MEASURABLE, told))
+        answered = f"{len(after)} of {len(telescope.settings)} were told, as they were"
+        report.found(Finding("settings", SAME if after else NOT_MEASURABLE, answered))
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:

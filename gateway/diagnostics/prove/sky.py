@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from gateway.astro.spherical import separation, wrap180
-from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.operations import Values
+from gateway.diagnostics.prove import reads
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, Report
-from gateway.diagnostics.prove.programs import Program
 from gateway.diagnostics.prove.telescope import Telescope
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
@@ -49,7 +48,11 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
     """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
-        return Finding("site", NOT_MEASURABLE, "nobody tells it")
+        return Finding(
+            "site",
+            NOT_MEASURABLE,
+            "nobody tells it; --site LATITUDE,LONGITUDE does, and without it no file can be made",
+        )
     zone = clock[0].offset if clock is not None else 0.0  # one that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:
@@ -63,20 +66,13 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
 async def _overhead(telescope: Telescope) -> Finding:
     """Compare altitude and azimuth, as the mount tells them, with those of its right ascension and declination."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
-    overhead = driver.protocol.extra("prove.toml").get("overhead", {})
+    overhead = driver.protocol.extra("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
     told: Values = {}
-    if not overhead:
+    for name in filter(driver.supports, overhead["asks"]):
         with suppress(Fault):
-            horizontal = await telescope.controller.read(op.HorizontalPosition())
-            told = {"az": horizontal.az, "alt": horizontal.alt}
-    else:
-        program = Program(telescope.gateway, driver.protocol.name)
-        try:
-            told = await program.values(*(name for name in overhead["asks"] if driver.supports(name)))
-        finally:
-            program.close()
+            told |= (await reads.told(telescope, name)).fields
     here = await telescope.look()
     try:
         expected = telescope.controller.astrometry.horizon(here.sky)

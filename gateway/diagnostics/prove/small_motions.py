@@ -11,10 +11,12 @@ from collections.abc import Sequence
 from math import copysign, cos, inf, radians
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.operations import Direction
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Rate, Report
 from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, Motion, Telescope
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
@@ -78,34 +80,41 @@ async def run(telescope: Telescope, report: Report) -> None:
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.press(Direction.WEST, 1, 1.0)
-    turned_round: dict[int, list[bool]] = {1: [], 2: []}
-    run_ons: list[tuple[float, float]] = []
-    real = dict[float, float]()
+    before = {one.what: one for one in report.before if one.rate is not None}
+    found = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
-        axis, what = pair[0].axis, f"rate {key} {pair[0].word}/{pair[1].word}"
+        what = f"rate {key} {pair[0].word}/{pair[1].word}"
         report.progress(number, len(tried), what)
-        motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
-        onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
-        if onwards is None or back is None:
-            report.found(Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused))
-            continue
-        rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
-        least = STEPS * telescope.ticks[axis - 1]
-        finding = judged(what, abs(rate), error, speed, onwards, max(onwards.way, back.way), least)
+        finding = before.get(what)
+        if finding is None or finding.rate is None or finding.rate.assumed != speed:
+            finding = await _measured(telescope, what, speed, key, pair)
         report.found(finding)
-        if max(onwards.way, back.way) > least:
-            turned_round[axis].append(rate < 0.0)
-            run_ons += [(abs(rate), one.run_on) for one in (onwards, back) if abs(rate) >= FAST]
-            if finding.verdict == DIFFERS and not onwards.short and 1.0 / BELIEVED < abs(rate) / speed < BELIEVED:
-                real[speed] = abs(rate)
+        found.append(finding)
+    moved = [(one, one.rate) for one in found if one.rate is not None and one.rate.run_ons]
     for axis, pair in enumerate(PAIRS, 1):
-        report.found(directions(pair, turned_round[axis]))
+        report.found(directions(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
+    run_ons = [(abs(rate.real), way) for _, rate in moved if abs(rate.real) >= FAST for way in rate.run_ons]
     report.found(ran_on(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
     report.found(await tracking(telescope))
-    if real:
+    even = [(rate.assumed, abs(rate.real)) for one, rate in moved if one.verdict == DIFFERS and rate.evenly]
+    if real := {assumed: rate for assumed, rate in even if 1.0 / BELIEVED < rate / assumed < BELIEVED}:
         speeds_of = [telescope.speed(key) for key in range(1, 10)]
         rates = [round(real.get(speed, speed), 5) for speed in speeds_of]
         report.found(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
+
+
+async def _measured(telescope: Telescope, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
+    """Turn an axis both ways at a rate, and return the finding on it. Raises Ended."""
+    axis = pair[0].axis
+    motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
+    onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
+    if onwards is None or back is None:
+        return Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused)
+    rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
+    way, least = max(onwards.way, back.way), STEPS * telescope.ticks[axis - 1]
+    run_ons = (onwards.run_on, back.run_on) if way > least else ()
+    finding = judged(what, abs(rate), error, speed, onwards, way, least)
+    return replace(finding, rate=Rate(axis, speed, rate, run_ons, not onwards.short))
 
 
 def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:

@@ -21,8 +21,9 @@ from gateway.core import requests
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
 from gateway.mount.motion.run_on import Place
-from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
+from gateway.protocols.registry import streams
 
 #: Who asks, in the log and on the page.
 WHO = "mount-gateway prove"
@@ -34,6 +35,8 @@ CHANGES, LONGEST, FARTHEST = 20, 10.0, 5.0
 FAST, UNCHANGED = 0.5, 2.0
 #: Degrees by which the other axis may turn during a motion.
 ACROSS = 0.5
+#: Degrees: the finest step of a server's angles that is believed, and a change that may be one of its calculation.
+FINEST, CALCULATED = 1.0 / 3600.0, 0.5 / 3600.0
 
 Pair = tuple[float, float]
 
@@ -70,7 +73,11 @@ class Telescope:
         #: Whether a motion of the check is under way; what the mount had told of its settings at first.
         self.mine, self.settings = False, dict[str, str]()
         self._epoch: Pair | None = None
-        self.controller.reader.position.connect(lambda _: self._places.extend(filter(None, [self.latest])))
+        #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
+        self.tracking_by_others = False
+        self._steps = self.driver.ticks
+        self.controller.reader.position.connect(lambda _: self._seen())
+        self.controller.wanted.changed.connect(self._ordered)
 
     @property
     def latest(self) -> Place | None:
@@ -89,7 +96,7 @@ class Telescope:
 
     def begin(self) -> None:
         """Begin a stage: earlier stops are over."""
-        self._stops = self.controller.stops
+        self._stops, self.tracking_by_others = self.controller.stops, False
 
     def check(self) -> None:
         """Raise Ended if the stage cannot go on."""
@@ -120,6 +127,10 @@ class Telescope:
         elif isinstance(wanted.motion, ByHand):
             yield from (moving.by for _, moving in wanted.motion)
         yield from (order.by for order in wanted.pending if begins_motion(order.operation))
+
+    def _ordered(self, wanted: Wanted) -> None:
+        orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
+        self.tracking_by_others |= any(order.by is not None and order.by.who != WHO for order in orders)
 
     async def until(self, done: Callable[[], bool], seconds: float) -> bool:
         """Wait for something; return whether it came true. Raises Ended."""
@@ -233,8 +244,22 @@ class Telescope:
 
     @property
     def ticks(self) -> Pair:
-        """The steps of the two angles that the mount reports."""
-        return self.driver.ticks
+        """The steps of the two angles that the mount reports; no protocol says those of a server: the least seen."""
+        return self._steps if self.driver.protocol.name not in streams() else self.driver.ticks
+
+    def _seen(self) -> None:
+        """Take a new position."""
+        if (here := self.latest) is None:
+            return
+        if self._places:
+            before = self._places[-1].sky
+            changes = abs(wrap180(here.sky.ra - before.ra)), abs(here.sky.dec - before.dec)
+            first, second = (
+                min(step, max(FINEST, change)) if change > CALCULATED else step
+                for step, change in zip(self._steps, changes, strict=True)
+            )
+            self._steps = first, second
+        self._places.append(here)
 
     def axes(self, place: Place) -> Pair:
         """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""

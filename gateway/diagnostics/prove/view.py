@@ -1,57 +1,80 @@
-"""The view of programs of the other protocol: the goto that such a program would order, in its own words."""
+"""The view of programs of the other protocol: the goto that such a program would order, in its own words.
+
+The program is at a surface of the gateway, in this process: it sends the bytes of a protocol and gets the replies.
+"""
 
 from __future__ import annotations
 
-from gateway.astro.spherical import separation
+from gateway.app.gateway import Gateway
 from gateway.core import operations as op
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.gotos import LONGEST, NEAR, near, stay_if_elsewhere
-from gateway.diagnostics.prove.programs import Program
-from gateway.diagnostics.prove.telescope import Ended, Telescope
+from gateway.core.operations import Values
+from gateway.diagnostics.log.conversation import Heard, Side
+from gateway.diagnostics.prove.findings import Report
+from gateway.diagnostics.prove.gotos import LONGEST, there_and_back
+from gateway.diagnostics.prove.telescope import WHO, Ended, Telescope
 from gateway.protocols.registry import other_surface
 from gateway.protocols.wireformat.command_set import load
+from gateway.transport.handler import Connected
+
+#: Seconds for a reply, and between two questions whether a goto is over.
+PATIENCE, EVERY = 6.0, 0.5
+
+
+class Program:
+    """A connection to the surface of this protocol. Raises Ended if the gateway has none."""
+
+    def __init__(self, telescope: Telescope, protocol: str) -> None:
+        gateway: Gateway = telescope.gateway
+        self._telescope, self._heard = telescope, b""
+        self._side, self._commands = Side(protocol), load(protocol).commands
+        endpoints = zip(gateway.endpoints, gateway.acceptors, strict=True)
+        found = [acceptor for endpoint, acceptor in endpoints if endpoint.protocol == protocol]
+        if not found:
+            raise Ended(f"this gateway has no surface for {protocol} programs")
+        self._handler = gateway.entrance.accept(found[-1])(Connected("prove:program", WHO, self._hear))
+        self.close = self._handler.close
+
+    def _hear(self, data: bytes) -> None:
+        self._heard += data
+
+    async def ask(self, name: str, **values: object) -> Heard:
+        """Send the command of this name and return its reply, empty if it has none. Raises Ended."""
+        frame = self._commands[name].request.encode(values)
+        self._heard = b""
+        self._side.command(frame)
+        self._handler.feed(frame)
+        if not self._commands[name].replies:
+            return Heard(b"", "")
+        if not await self._telescope.until(lambda: bool(self._heard) and self._handler.answered, PATIENCE):
+            raise Ended("a program was not answered")
+        return self._side.reply(self._heard)
 
 
 async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
     presented = other_surface(telescope.driver.protocol.name)
-    start = await telescope.rest()
-    goal, refused = await near(telescope, start.sky)
-    if goal is None:
-        report.found(Finding(f"goto of a program ({presented})", NOT_TRIED, refused))
-        return
-    program = Program(telescope.gateway, presented)
+    program, commands = Program(telescope, presented), load(presented).extra("prove.toml")["goto"]
+
+    async def go(to: op.Equatorial) -> tuple[str, op.Equatorial | None]:
+        telescope.mine = True
+        for order in commands["orders"]:
+            if (heard := await program.ask(order, ra=to.ra, dec=to.dec)).fails:
+                telescope.mine = False
+                return heard.words, None
+        end = telescope.now() + LONGEST
+        while telescope.now() < end:
+            if set((await program.ask(commands["tells"])).fields.values()) & set(commands["over"]):
+                break
+            await telescope.until(lambda: False, EVERY)
+        told: Values = {}
+        for question in commands["position"]:
+            told |= (await program.ask(question)).fields
+        if not {"ra", "dec"} <= told.keys():
+            raise Ended("a program was not told the position")
+        return "", op.Equatorial(told["ra"], told["dec"])
+
+    names = f"goto of a program ({presented})", f"its goto back ({presented})"
     try:
-        for number, to in enumerate((goal, start.sky)):
-            report.progress(number, 2, f"goto of a program ({presented})")
-            report.found(await _goto(telescope, program, to))
-            stay_if_elsewhere(await telescope.look(), to)
+        await there_and_back(telescope, report, names, go, "Programs are told another place than the mount reached.")
     finally:
         program.close()
-
-
-async def _goto(telescope: Telescope, program: Program, goal: op.Equatorial) -> Finding:
-    what, commands = f"goto of a program ({program.protocol})", load(program.protocol).extra("prove.toml")["goto"]
-    telescope.mine = True
-    for order in commands["orders"]:
-        heard = await program.ask(order, ra=goal.ra, dec=goal.dec)
-        telescope.check()
-        if heard is None:
-            raise Ended("the goto was not acknowledged")
-        if heard.fails:
-            telescope.mine = False
-            return Finding(what, NOT_TRIED, heard.words)
-    end = telescope.now() + LONGEST
-    while telescope.now() < end:
-        heard = await program.ask(commands["tells"])
-        if heard is not None and set(heard.fields.values()) & set(commands["over"]):
-            break
-        await telescope.until(lambda: False, 0.5)
-    told = await program.values(*commands["position"])
-    here = await telescope.rest()
-    off = separation(told["ra"], told["dec"], goal.ra, goal.dec) if told.keys() >= {"ra", "dec"} else 180.0
-    moved = telescope.drift(here, await telescope.look())
-    measured = f"{off * 60.0:.1f}' from its goal"
-    if off <= NEAR + max(telescope.ticks) and moved <= NEAR:
-        return Finding(what, SAME, measured)
-    return Finding(what, DIFFERS, measured, "at its goal", "Programs are told another place than the mount reached.")

@@ -31,17 +31,32 @@ def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0].startswith("  a sentence") and lines[1].startswith("    ")
 
 
-def test_a_key_is_an_answer_and_the_space_bar_a_stop() -> None:
+def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it() -> None:
     async def talk() -> None:
         terminal = Terminal()
-        terminal._pressed("q")  # before the question: it does not count
-        asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
-        await asyncio.sleep(0)
-        for key in "x Y":
-            assert not asking.done()
-            terminal._pressed(key)
-        assert await asking == "y"
+        terminal._pressed("q")  # before the question: it stops, but it does not count
+        assert await terminal.key("y: yes  q: leave", "yq") == " "
+        terminal.stop.clear()
+        for keys, answer in (("xY", "y"), ("x ", " ")):
+            asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
+            await asyncio.sleep(0)
+            for key in keys:
+                assert not asking.done()
+                terminal._pressed(key)
+            assert await asking == answer
         assert terminal.stop.is_set()
+
+    asyncio.run(talk())
+
+
+def test_where_nothing_moves_the_space_bar_is_no_answer() -> None:
+    async def talk() -> None:
+        terminal = Terminal()
+        asking = asyncio.ensure_future(terminal.agrees("y: save it  n: do not"))
+        for key in " y":
+            await asyncio.sleep(0)
+            terminal._pressed(key)
+        assert await asking and not terminal.stop.is_set()
 
     asyncio.run(talk())
 

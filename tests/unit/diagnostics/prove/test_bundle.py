@@ -14,6 +14,7 @@ from unittest.mock import patch
 import pytest
 
 from gateway.app.recording.format import read
+from gateway.app.state.file import SavedState
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
 from gateway.core.requests import Goto, Spot, decode
@@ -21,6 +22,7 @@ from gateway.diagnostics.prove import bundle, small_motions
 from gateway.diagnostics.prove.anonymous import elsewhere, site_of
 from gateway.diagnostics.prove.findings import Findings
 from gateway.diagnostics.prove.gotos import HOUR_ANGLES
+from gateway.mount.site.program_settings import SiteOfProgram
 from tests.support.proven import EVENING, Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
 
@@ -174,6 +176,23 @@ def test_no_shift_is_small_and_none_is_of_whole_hours() -> None:
     assert len(shifts) > 150  # whoever learns when it was does not learn where
 
 
+def test_a_site_that_a_program_has_set_in_an_earlier_run_is_hidden_too(tmp_path: Path) -> None:
+    """An old hand control tells none; without the site its altitudes could not be hidden."""
+
+    async def check() -> Findings:
+        path = tmp_path / "original.rec"
+        kept = SavedState(1, site_of_program=SiteOfProgram(*SITE))
+        async with Proven("nexstar:i-series/2.2", record=path, site=SITE, every=9.0, kept=kept) as proven:
+            return await proven.check(Onlooker("sssysss"))
+
+    findings: Findings = run_calm(check())
+    files = bundle.make(findings, [tmp_path / "original.rec"], random=Random(1))
+    (tmp_path / "1.rec").write_bytes(files["1.rec"])
+    assert b"47.3" not in files["1.rec"]
+    assert site_of(read(tmp_path / "1.rec"))[0] == (45.0, pytest.approx(SITE[1], abs=180.0))
+    assert bundle.played(tmp_path / "1.rec").strayed == 0
+
+
 def test_what_cannot_be_hidden_makes_no_bundle(tmp_path: Path) -> None:
     one = made(MOUNTS[0])
     path = _recording(one, tmp_path, original=True)
@@ -187,3 +206,11 @@ def test_what_cannot_be_hidden_makes_no_bundle(tmp_path: Path) -> None:
 def test_the_name_of_a_bundle_is_a_file_name() -> None:
     assert bundle.name_of(Findings("x", "6-8se", "4.21")) == "prove-6-8se-4.21.zip"
     assert bundle.name_of(Findings("x", "a/../b", "?")) == "prove-a_.._b-_.zip"
+
+
+def test_an_earlier_bundle_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for expected in ("prove-onstep-10.28g.zip", "prove-onstep-10.28g-2.zip", "prove-onstep-10.28g-3.zip"):
+        path = bundle.unused("prove-onstep-10.28g.zip")
+        assert str(path) == expected
+        path.touch()

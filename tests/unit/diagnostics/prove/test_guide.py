@@ -14,8 +14,9 @@ import pytest
 from gateway.core import operations as op
 from gateway.core import requests
 from gateway.diagnostics.prove import small_motions
-from gateway.diagnostics.prove.findings import SAME, Findings, load, save
-from gateway.diagnostics.prove.guide import STAGES
+from gateway.diagnostics.prove.findings import SAME, Finding, Findings, load, save
+from gateway.diagnostics.prove.guide import STAGES, Guide
+from gateway.diagnostics.prove.telescope import WHO, Telescope
 from tests.soak.true_mounts import CHECKS, SLEWS, alarms, point
 from tests.soak.true_mounts import MOUNTS as TRUE
 from tests.support.proven import Onlooker, Proven, run_calm
@@ -263,6 +264,64 @@ def test_another_session_goes_on_where_this_one_ended(tmp_path: Path) -> None:
             other = Onlooker("q")
             assert (await proven.check(other)).mount == "another mount"
             assert "This folder holds" in other.said[-1] and not other.asked
+
+    run_calm(play())
+
+
+def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) -> None:
+    measured, real = list[str](), small_motions._measured
+
+    async def counted(telescope: Telescope, what: str, *rate: Any) -> Finding:
+        measured.append(what)
+        return await real(telescope, what, *rate)
+
+    async def play() -> None:
+        async with Proven() as proven:
+            person = Onlooker("ssyq")
+            person.when["rate 9 west/east"] = person.stop.set
+            stopped = await proven.check(person)
+            save(tmp_path / "findings.json", stopped)
+            proven.findings = load(tmp_path / "findings.json")
+            assert not stopped.whole("motions") and proven.findings == stopped
+            found = await proven.check(Onlooker("ssyssss"))
+            assert found.whole("motions") and not found.of("differs")
+            verdicts = {one.what: one.verdict for one in found.stages["motions"]}
+            assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
+
+    with patch.object(small_motions, "KEYS", (9, 6)), patch.object(small_motions, "_measured", counted):
+        run_calm(play())
+    whole = ["rate 6 west/east", "rate 6 north/south", "rate 9 west/east"]
+    assert measured == [*whole, "rate 9 west/east", "rate 9 north/south"]
+
+
+def test_tracking_that_another_program_turns_on_stays_on() -> None:
+    async def play() -> None:
+        async with Proven() as proven:
+            take = proven.gateway.request_handler.take
+            await take(requests.Track(on=False, who=WHO))
+            person = Onlooker("ssyq")
+            on = requests.Track(on=True, who="192.168.1.7")
+            person.when["rate 9 north/south"] = lambda: proven.loop.create_task(take(on))
+            with patch.object(small_motions, "KEYS", (9,)):
+                await proven.check(person)
+            await asyncio.sleep(5.0)
+            assert proven.sim.tracking
+            assert "Its tracking was off, and is on now: that was not done here." in person.said
+
+    run_calm(play())
+
+
+@pytest.mark.parametrize("mount", ["lx200:lx200gps", "lx200:onstep", "nexstar:cgem", "alpaca:german"])
+def test_settings_are_asked_of_the_mount_itself(mount: str) -> None:
+    """A program or a person may have set one meanwhile, which the gateway would tell of its own."""
+
+    async def play() -> None:
+        async with Proven(mount) as proven:
+            asked = await Guide(proven.gateway, Onlooker(), Findings(), lambda found: None, STAGES[:1]).run()
+            before = len(proven.sent())
+            await Guide(proven.gateway, Onlooker(), asked, lambda found: None, STAGES[-1:]).run()
+            commands, sent = proven.controller.driver.protocol.commands, proven.sent()[before:]
+            assert asked.told and all(commands[name].request.encode({}) in sent for name in asked.told)
 
     run_calm(play())
 

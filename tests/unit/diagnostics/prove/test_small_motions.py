@@ -59,6 +59,12 @@ def nothing(proven: Proven) -> None:
     pass
 
 
+def other_altitudes(proven: Proven) -> None:
+    """What the server tells is not what is calculated from its position; and its steps are finer than those of a hand
+    control, so that pulses show."""
+    proven.sim.tells["altitude"] = 7.0  # type: ignore[attr-defined]
+
+
 def busy_classic(proven: Proven) -> None:
     """It takes two seconds for each tenth answer."""
     count = iter(range(1, 10**6))
@@ -78,6 +84,9 @@ DIFFERENCES: dict[str, tuple[str, Callable[[Proven], None], dict[str, Any], str,
     "a wrong clock": ("nexstar:6-8se", clock_wrong, {}, "sysssss", {"the mount and this computer": DIFFERS}, set()),
     "a wrong site": (
         "lx200:lx200gps", site_wrong, {}, "sysssss", {"altitude and azimuth against RA and Dec": DIFFERS}, set()),
+    "a server's altitudes": (
+        "alpaca:german", other_altitudes, {}, "syyssyss",
+        {"altitude and azimuth against RA and Dec": DIFFERS, "guiding west/east": SAME}, set()),
     "a busy classic": ("lx200:lx200", busy_classic, {}, "yssssss",
         {"reply times": DIFFERS}, set()),
 }  # fmt: skip
