@@ -27,27 +27,20 @@ _PLAINLY = (
 
 #: Other names for commands: what a user may type, and the command or flag that does it.
 _OTHER_WORDS = {
-    "start": "run",
-    "serve": "run",
-    "connect": "run",
-    "scan": "detect",
-    "find": "detect",
-    "ports": "detect",
-    "list": "detect",
-    "slew": "goto",
-    "point": "goto",
-    "abort": "stop",
-    "halt": "stop",
-    "simulate": "sim",
-    "simulator": "sim",
-    "simulated": "sim",
-    "info": "status",
-    "position": "status",
-    "install": "service",
-    "systemd": "service",
-    "commands": "tables",
-    "log": "run --log",
-    "record": "run --record FILE",
+    word: command
+    for command, words in {
+        "run": "start serve connect",
+        "detect": "scan find ports list",
+        "goto": "slew point",
+        "stop": "abort halt",
+        "sim": "simulate simulator simulated",
+        "status": "info position",
+        "service": "install systemd",
+        "tables": "commands",
+        "run --log": "log",
+        "run --record FILE": "record",
+    }.items()
+    for word in words.split()
 }
 #: Words in place of a command that ask for help or the version.
 _PAGES = {

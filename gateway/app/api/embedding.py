@@ -3,7 +3,7 @@
 ``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, starts
 the watchdog process for a real mount, and stops the mount at the end. The embedding program gets the same limits,
 refusals and command order as the clients of the surfaces. Everything runs on the caller's event loop; only the
-astronomy is loaded on a thread.
+tables of the sky are calculated by a process of their own.
 """
 
 from __future__ import annotations
@@ -96,12 +96,11 @@ class RunningGateway:
         ``j2000``: the position is one of a catalogue. Raises Invalid, which is a Fault, for what is no number, or no
         declination.
         """
-        goto = op.Goto(ra, dec)
-        place = await self._of_date(goto, j2000)
-        await self.perform(replace(goto, ra=place.ra % 360.0, dec=place.dec))
+        await self._point(op.Goto(ra, dec), j2000)
 
-    async def _of_date(self, wanted: op.Goto | op.Sync, j2000: bool) -> op.Goto | op.Sync | op.Equatorial:
-        return await self.perform(op.ToEquinoxOfDate(wanted.ra, wanted.dec)) if j2000 else wanted
+    async def _point(self, wanted: op.Goto | op.Sync, j2000: bool) -> None:
+        place = await self.perform(op.ToEquinoxOfDate(wanted.ra, wanted.dec)) if j2000 else wanted
+        await self.perform(replace(wanted, ra=place.ra % 360.0, dec=place.dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until the goto of this program has ended, or without one until none is in progress; return the position.
@@ -140,9 +139,7 @@ class RunningGateway:
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        sync = op.Sync(ra, dec)
-        place = await self._of_date(sync, j2000)
-        await self.perform(replace(sync, ra=place.ra % 360.0, dec=place.dec))
+        await self._point(op.Sync(ra, dec), j2000)
 
     async def site(self) -> op.Place:
         """Return the site that counts, of the mount, a program or the settings. Raises Unsupported if none is known."""
