@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -168,6 +168,14 @@ class AcceptorFactory:
 
     def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = "") -> ConnectionAcceptor:
         """``titles``: those of all protocols of the surface, if there are several."""
+        entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
+        later = endpoint.where == SERVED and endpoint.protocol != self._mount.protocol  # with the web server
+        made, where, one = bind if later else bind(), endpoint.where, not titles
+        return ConnectionAcceptor(
+            self._controller, made, self._shared, self._clock, number, entry, where, self._warn, one
+        )
+
+    def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, titles: str) -> SurfaceBinding:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         binding.surface.rules = self._controller.policy.rules
@@ -183,10 +191,7 @@ class AcceptorFactory:
             hold=hold(surface, endpoint.protocol, surface.client),
         )
         self.bindings.append((endpoint.protocol, binding))
-        entry = access(surface, self._config)
-        return ConnectionAcceptor(
-            self._controller, binding, self._shared, self._clock, number, entry, endpoint.where, self._warn, not titles
-        )
+        return binding
 
 
 def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, Replies]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import textwrap
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from itertools import groupby
@@ -48,14 +47,14 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 #: A line of an epilog that begins with a blank: a word and, after a gap, what it means; or a command and a remark.
-_ROW = re.compile(r"( +\S.*?)( {2,})(\S.*)")
+_ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
 def _row(line: str, width: int) -> list[str]:
     """Wrap a line that begins with a blank: its second column stays one, a command can be copied."""
     if len(line) <= width:
         return [line]
-    indent, row = " " * (len(line) - len(line.lstrip())), _ROW.fullmatch(line)
+    indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_ROW, line)
     first, gap, rest = row.groups() if row else (line, "", "")
     if first.startswith("  mount-gateway "):
         below = indent + "    "
@@ -69,6 +68,8 @@ def _row(line: str, width: int) -> list[str]:
 
 
 def _wrapped(text: str, width: int, first: str, others: str) -> list[str]:
+    import textwrap  # help alone needs it
+
     return textwrap.wrap(
         text, width, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
     )
@@ -84,7 +85,7 @@ class Layout(argparse.HelpFormatter):
             filled += (
                 [part for line in lines for part in _row(line, width)]
                 if kept
-                else textwrap.wrap(" ".join(lines), width)
+                else _wrapped(" ".join(lines), width, "", "")
             )
         return "\n".join(indent + line for line in filled)
 
@@ -95,13 +96,14 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
-        super().__init__(**{"formatter_class": Layout, **others})
+        self._width: int | None = 80  # argparse lays out every flag once, and nobody sees it
+        super().__init__(**others)
         self._late = late
         self.elsewhere: Sequence[argparse.Action] = ()
 
     def format_help(self) -> str:
         """Return the help with its epilog."""
-        self.epilog = self._text_below()
+        self.epilog, self._width = self._text_below(), None
         helps = [action.help for action in self.elsewhere]
         for action in self.elsewhere:
             action.help = argparse.SUPPRESS
@@ -110,6 +112,10 @@ class Parser(argparse.ArgumentParser):
         finally:
             for action, words in zip(self.elsewhere, helps, strict=True):
                 action.help = words
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        """Return what lays out help: as wide as the terminal, which takes modules of 4 ms to find out."""
+        return Layout(self.prog, width=self._width)
 
     def error(self, message: str) -> NoReturn:
         raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
@@ -197,7 +203,9 @@ def parser(asked: Sequence[str] = ()) -> Parser:
     """Return the parser of the whole command line, or with only the commands in ``asked``; for help without theirs."""
     whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
-    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND", action=_Commands)
+    commands = whole.add_subparsers(
+        prog=whole.prog, title="commands", required=True, metavar="COMMAND", action=_Commands
+    )
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
         if asked and asked[0] in HELP:
             commands.add_parser(name)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from functools import cached_property
 
 from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
@@ -28,12 +29,13 @@ PRESENT_FOR = 10.0
 
 
 class ConnectionAcceptor:
-    """Creates the client connection for every connection to one port."""
+    """Creates the client connection for every connection to one port. ``binding``: what is presented there,
+    or what makes it for the first connection."""
 
     def __init__(
         self,
         controller: MountController,
-        binding: SurfaceBinding,
+        binding: SurfaceBinding | Callable[[], SurfaceBinding],
         shared: Shared,
         host_clock: Callable[[], float],
         number: int = 1,
@@ -42,23 +44,34 @@ class ConnectionAcceptor:
         warn: Callable[[str], None] = lambda text: None,
         one_type: bool = True,
     ) -> None:
-        self.controller, self.binding, self.shared, self.clock = controller, binding, shared, host_clock
+        self.controller, self._bind, self.shared, self.clock = controller, binding, shared, host_clock
         #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, Admission(access, number, controller.wire_log)
-        self.presets = PresetWatch(
-            binding.surface.protocol.name,
-            binding.framing,
-            where,
-            controller.now,
-            controller.loop.call_later,
-            warn,
-            controller.wire_log.remember,
-            one_type,
-        )
+        self._where, self._warn, self._one_type = where, warn, one_type
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, Kept]] = {}
         self._connections: set[ClientConnection] = set()
+
+    @cached_property
+    def binding(self) -> SurfaceBinding:
+        """What is presented."""
+        return self._bind if isinstance(self._bind, SurfaceBinding) else self._bind()
+
+    @cached_property
+    def presets(self) -> PresetWatch:
+        """Notices programs with the wrong telescope type."""
+        controller = self.controller
+        return PresetWatch(
+            self.binding.surface.protocol.name,
+            self.binding.framing,
+            self._where,
+            controller.now,
+            controller.loop.call_later,
+            self._warn,
+            controller.wire_log.remember,
+            self._one_type,
+        )
 
     @property
     def model(self) -> str | None:
@@ -139,7 +152,7 @@ class ConnectionAcceptor:
 
     def set_address(self, where: str) -> None:
         """Take the address of the port, which is open now and has its real number."""
-        self.presets.set_address(where)
+        self._where = where
 
     def _leave(
         self, host: str, client: CommandProcessor, connection: ClientConnection, closed: Callable[[], None]

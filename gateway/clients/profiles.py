@@ -6,7 +6,6 @@ that use J2000, coordinates are converted in both directions.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 
 from msgspec import Struct
@@ -67,7 +66,7 @@ class SurfaceBinding(Struct, frozen=True):
     surface: Surface
     framing: Callable[[], Framer]
     #: The bytes with which a client may begin, for ``StrangerFilter``.
-    beginning: re.Pattern[bytes]
+    beginning: bytes
     model: Model
     settings: ClientSettings
     equinox: EquinoxConverter | None = None

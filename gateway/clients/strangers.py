@@ -218,7 +218,7 @@ class StrangerFilter:
     ``commands`` matches the well-formed commands and idle bytes of the protocol ``own`` with which the bytes begin.
     """
 
-    def __init__(self, commands: re.Pattern[bytes], own: str = "") -> None:
+    def __init__(self, commands: bytes, own: str = "") -> None:
         self._commands = commands
         self._recogniser = Recogniser(own)
         self._waiting: list[Piece] = []
@@ -242,7 +242,7 @@ class StrangerFilter:
             return []
         self._waiting.append(piece)
         if self._recogniser.open:
-            found = self._commands.match(self.waiting)
+            found = re.match(self._commands, self.waiting)
             return self._release(found.end() if found else 0)
         return self._release(sum(len(piece.data) for piece in self._waiting))
 

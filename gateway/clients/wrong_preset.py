@@ -94,9 +94,6 @@ class PresetWatch:
         self._spoke: dict[str, float] = {}
         self._warned: dict[str, float] = {}
 
-    def set_address(self, where: str) -> None:
-        self.where = where
-
     def listen(self, name: str, host: str) -> FirstCommands:
         return FirstCommands(self, name, host, self._framing())
 

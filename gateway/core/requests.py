@@ -8,7 +8,7 @@ degrees, north and east positive. With the number of a request, drawn at random,
 from __future__ import annotations
 
 import json
-import secrets
+import os
 from typing import Annotated, Literal, NamedTuple
 
 import msgspec
@@ -43,7 +43,7 @@ Target = Where | Named
 
 def new_number() -> str:
     """Return a random number for a request, which is unique."""
-    return secrets.token_hex(8)
+    return os.urandom(8).hex()
 
 
 class Base(Struct, frozen=True, kw_only=True):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import sys
 
 #: The option by which the single file runs a script; the build script in docs/tools/ implements the other half.
@@ -37,6 +36,8 @@ def own_command() -> str:
     """Return the command that starts mount-gateway in any terminal."""
     if is_single_file():
         return sys.executable
+    import shutil
+
     here = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
     return here or f"{sys.executable} -m gateway"
 

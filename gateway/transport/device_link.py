@@ -7,9 +7,7 @@ which is known from its lock file. Other links, and files of any other kind, bel
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
-import secrets
 
 from gateway.core.errors import UserError
 from gateway.system.locks import Claim, LockHeld
@@ -54,7 +52,7 @@ class DeviceLink:
     def point(self, target: str) -> None:
         """Create the link to a device, atomically replacing an older one. Raises UserError."""
         self.check()
-        draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that no other program can predict
+        draft = f"{self.path}.{os.urandom(8).hex()}"  # a name that no other program can predict
         try:
             os.symlink(target, draft)
             os.replace(draft, self.path)
@@ -107,6 +105,8 @@ def like_a_serial_port(device: str) -> None:
 def _claim(path: str) -> Claim:
     """Lock a link's name, so that no other gateway of this user uses it. Raises UserError."""
     try:
+        import hashlib  # for programs on virtual serial ports only
+
         return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
     except LockHeld as by:
         raise UserError(f"cannot make {path}: another gateway holds it ({by})") from None

@@ -114,7 +114,7 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:
         model, version = "", spec.version_words[model](version if slash else None)
-    words = [*spec.commands.models, *spec.version_words]
+    words = [*spec.commands.models, *spec.version_words] if model or version else []
     if (model or version) and not words:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in words:

@@ -6,8 +6,6 @@ which belong to the inner type of a key that may be absent. Every key of ``[moun
 those with ``flag=False``, and so is every key that only a surface has; a list is separated by commas in a flag.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct

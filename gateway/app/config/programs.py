@@ -4,8 +4,6 @@
 the first bytes of its connection are unmistakable; then only that connection gets these settings.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import msgspec
@@ -60,8 +58,8 @@ def programs(protocol: str) -> dict[str, Program]:
 
 def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     """Return the needs of a program (default: the surface's ``client``) for keys that surface and model leave open."""
-    endpoint = parse_endpoint(surface.at)
-    row = None if endpoint.protocol == ANY else programs(endpoint.protocol).get(program or surface.client)
+    endpoint, name = parse_endpoint(surface.at), program or surface.client
+    row = None if ANY in (endpoint.protocol, name) or name == "auto" else programs(endpoint.protocol).get(name)
     if row is None:
         return []
     numbers = _numbers(endpoint)

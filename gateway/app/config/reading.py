@@ -38,7 +38,7 @@ _CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
 
 #: Control characters are refused in every value, before anything is opened or shown: a NUL ends a path early, an
 #: escape sequence rewrites a terminal.
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_CONTROL = r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"
 
 #: Messages for texts that TOML allows and the parser cannot read.
 _BEYOND: dict[type[Exception], str] = {
@@ -99,7 +99,7 @@ def _failing_line(text: str) -> int:
 def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
     """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
-        if found := _CONTROL.search(tables):
+        if not tables.isprintable() and (found := re.search(_CONTROL, tables)):
             yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
     elif isinstance(tables, dict):
         for key, value in tables.items():

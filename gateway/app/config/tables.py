@@ -3,8 +3,6 @@
 Keys are declared as in ``keys.py``.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field

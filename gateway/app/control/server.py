@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import secrets
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -49,7 +48,7 @@ class Control(asyncio.DatagramProtocol):
         self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDING}" for folder in folders]
         self._state = str(folders[0].absolute())
         self._mount, self._orders, self._handle_request, self._called = mount, orders, handle_request, called
-        self._secret = secrets.token_hex(16)
+        self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
         self._requests: Requests = {}
         self._occupied: list[int] = []

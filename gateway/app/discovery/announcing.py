@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 PORT = 4031
 #: The port in SkySafari's default settings.
 USUAL = 4030
-_QUESTION = re.compile(rb"(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*", re.IGNORECASE)
+_QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 #: The longest name of a service, in bytes.
 LONGEST = 63
 
@@ -146,7 +146,7 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
 
 def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
-    match = _QUESTION.fullmatch(question)
+    match = re.fullmatch(_QUESTION, question)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
         return b""

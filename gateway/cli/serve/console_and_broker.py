@@ -57,7 +57,7 @@ async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway], 
     """Load the web server once the gateways are open; without a page only for programs that speak HTTP."""
     await opened.wait()
     # loading takes a quarter of a second, and clients must not wait
-    console = await asyncio.to_thread(_load_console, page is not None)
+    console = await asyncio.to_thread(_load_console, page is not None, gateways)
     names, ports = _names(gateways), _shared_ports(gateways)
     server = (
         console(gateways, names=names, ports=ports, page=False)
@@ -101,7 +101,7 @@ def _names(gateways: Sequence[Gateway]) -> list[str]:
     return [name for gateway in gateways for surface in gateway.surfaces for name in surface.names]
 
 
-def _load_console(page: bool) -> type[Console]:
+def _load_console(page: bool, gateways: Sequence[Gateway]) -> type[Console]:
     """Load the web server and its page, on a thread that gives way to the loop five times sooner than threads do."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(usual / 5.0)
@@ -111,6 +111,8 @@ def _load_console(page: bool) -> type[Console]:
         for spec in PROTOCOLS.values():
             if spec.web is not None:
                 spec.web().load()
+        for acceptor in [one for gateway in gateways for one in gateway.acceptors]:
+            getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
         if page:
             page_files()
         return Console

@@ -7,6 +7,7 @@ method are not decided yet. Bytes of no protocol, or of several, count as the fi
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ def decide(sent: bytes) -> Verdict | None:
     if any(sent.startswith(method) for method in _methods()):
         return Verdict(HTTP)
     spoken = streams()
-    whole = [name for name in spoken if (found := PROTOCOLS[name].opening.match(sent)) and found.end()]
+    whole = [name for name in spoken if (found := re.match(PROTOCOLS[name].opening, sent)) and found.end()]
     if whole:
         return Verdict(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
     if any(method.startswith(sent) for method in _methods()):
@@ -45,7 +46,7 @@ def decide(sent: bytes) -> Verdict | None:
 def shared_prefix(protocol: str, sent: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
-    found = pattern.match(sent) if pattern is not None else None
+    found = re.match(pattern, sent) if pattern is not None else None
     return found.end() if found is not None else 0
 
 

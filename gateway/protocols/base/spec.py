@@ -6,7 +6,6 @@ a function imports what it needs when it is called.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -152,7 +151,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol:
     #: of a model whose words differ, if it is named.
     framing: Callable[[], Framer]
-    opening: re.Pattern[bytes]
+    opening: bytes
     reply_rules: Callable[..., ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
     #: If its programs speak HTTP: makes the converter from HTTP to lines.
@@ -186,7 +185,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Whether its programs wait for the mount to speak first: on a port for all protocols a silent client is one of
     #: them; and commands that programs of other protocols send first too: there they are answered and decide nothing.
     mount_speaks_first: bool = False
-    shared_openings: re.Pattern[bytes] | None = None
+    shared_openings: bytes | None = None
     questions: tuple[Question, ...] = ()
     #: Other states that an answer to a question may show, with their descriptions.
     states: Mapping[str, str] = {}

@@ -31,11 +31,11 @@ ACK, POSITION = b"\x06", b"#:GR#"
 ACK_ALONE = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 LONE = 0.1
-_POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
+_POSITION = rb"\d\d:\d\d(\.\d|:\d\d)#"
 #: Sixty minutes or seconds in a target or a time.
-_SIXTY = re.compile(rb"^:S[rdL].*\d\D+60(?:\.0*)?\D")
+_SIXTY = rb"^:S[rdL].*\d\D+60(?:\.0*)?\D"
 #: What a program for a Meade may begin a connection with: bytes that are ignored, and whole commands.
-OPENING = re.compile(rb"(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*", re.DOTALL)
+OPENING = rb"(?s)(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*"
 
 
 def _framing() -> Framer:
@@ -63,7 +63,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
-    surface.refused_at_first = lambda frame: _SIXTY.search(frame) is not None
+    surface.refused_at_first = lambda frame: re.search(_SIXTY, frame) is not None
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
@@ -144,7 +144,7 @@ SPEC = ProtocolSpec(
     recognises=_recognises,
     questions=(
         Question(2, ACK_ALONE, _answered_ack),
-        Question(3, POSITION, lambda heard, still: NAME if _POSITION.fullmatch(heard) else None, named=True),
+        Question(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard) else None, named=True),
     ),
     states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),

@@ -5,7 +5,6 @@ The factories import the modules they need when they are called, so that listing
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -35,14 +34,13 @@ OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
 #: An echo request; it is no command of a Meade.
 ECHO = b"Kx"
 #: Echo requests with any byte: Stellarium Mobile begins with them, whichever protocol it uses afterwards.
-ANY_ECHO = re.compile(rb"(?:K.)+", re.DOTALL)
+ANY_ECHO = rb"(?s)(?:K.)+"
 #: Confidence (0 to 1) that bytes are NexStar: low, because nearly every byte can be a command of it.
 UNMARKED = 0.1
 #: How a client of a hand control may begin a connection: ignored bytes and well-formed commands of any version.
 #: Well formed means an existing tracking mode, hex digits and a comma, a possible time of day. Anything else, such as
 #: the first two bytes of TRACE, is not from such a client.
-OPENING = re.compile(
-    rb"""
+OPENING = rb"""(?sx)
     (?:
         [\#\r\n\0\ ?] | [EeZzVvJLMmtwhiplxyu] | K. | T[\0-\3]
       | [RBS] [0-9A-Fa-f]{4},[0-9A-Fa-f]{4} | [rbs] [0-9A-Fa-f]{8},[0-9A-Fa-f]{8}
@@ -50,9 +48,7 @@ OPENING = re.compile(
       | W [\0-\x5a][\0-\x3b][\0-\x3b][\0-\1] [\0-\xb4][\0-\x3b][\0-\x3b][\0-\1]
       | [HI] [\0-\x17][\0-\x3b][\0-\x3b] [\1-\x0c][\1-\x1f]. .[\0-\1]
     )*
-    """,
-    re.DOTALL | re.VERBOSE,
-)
+    """
 
 
 def _framing() -> Framer:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
@@ -43,7 +42,7 @@ SPEC = ProtocolSpec(
     usual_port=10001,
     equinox="j2000",
     framing=_framing,
-    opening=re.compile(rb"(?:\x14\0\0\0.{16})*", re.DOTALL),
+    opening=rb"(?s)(?:\x14\0\0\0.{16})*",
     make_surface=_make_surface,
     recognises=lambda sent: 1.0 if sent.startswith(GOTO) else 0.0,
     greeting=GOTO,

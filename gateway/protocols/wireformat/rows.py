@@ -1,7 +1,5 @@
 """The rows of the mapping files as structs, and the words allowed in them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

@@ -37,9 +37,19 @@ def test_it_is_announced_as_a_web_page() -> None:
 
 
 def test_the_page_is_read_where_nobody_waits_for_it() -> None:
-    """Milliseconds of work for the first page are done on the thread that loads the web server."""
+    """Milliseconds of work for the first page are done on the thread that loads the web server, as are those for the
+    first program that speaks HTTP.
+    """
+    made: list[str] = []
+
+    class Acceptor:
+        @property
+        def binding(self) -> None:
+            made.append("served")
+
+    gateway: Any = SimpleNamespace(acceptors=[Acceptor()])
     page_files.cache_clear()
-    _load_console(False)
-    assert not page_files.cache_info().currsize
-    _load_console(True)
+    _load_console(False, [gateway])
+    assert not page_files.cache_info().currsize and made == ["served"]
+    _load_console(True, [])
     assert page_files.cache_info().currsize == 1

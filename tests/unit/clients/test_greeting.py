@@ -111,7 +111,7 @@ def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
     for greeting in greetings():
         text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.first)
         for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
-            found = commands.match(text[:-1])
+            found = re.match(commands, text[:-1])
             assert found and asks.fullmatch(found.group()), greeting.words
 
 

@@ -7,7 +7,6 @@ Meade's offset must be ADDED to local time to get UTC; the gateway's offsets are
 
 from __future__ import annotations
 
-import calendar
 import contextlib
 from copy import copy
 from datetime import UTC, date, datetime, timedelta
@@ -170,7 +169,7 @@ def _instant(session: LxSession, day: date, seconds: float, offset: float, is_lo
     An LX200GPS expects the UTC date according to the manual, but some programs send the local one. The reading nearer
     to the host's clock is used, or the manual's if that clock is more than a day away from both.
     """
-    midnight = float(calendar.timegm(day.timetuple()))
+    midnight = datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     local = midnight + seconds - offset * 3600.0
     if is_local:
         return local

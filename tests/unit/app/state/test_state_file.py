@@ -74,6 +74,7 @@ def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
         ({"STATE_DIRECTORY": "/var/lib/a:/var/lib/b", "XDG_STATE_HOME": "/x"}, "/var/lib/a"),
         ({"XDG_STATE_HOME": "/x"}, "/x/mount-gateway"),
         ({"HOME": "/home/somebody"}, "/home/somebody/.local/state/mount-gateway"),
+        ({"HOME": "/home/somebody", "XDG_STATE_HOME": "not/absolute"}, "/home/somebody/.local/state/mount-gateway"),
     ],
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other places")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, protocol_that_waits, shared_prefix
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
@@ -68,7 +70,7 @@ def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
         method
         for methods in read_table("strangers.toml")["methods"].values()
         for method in methods
-        if PROTOCOLS["nexstar"].opening.fullmatch(method[:1].encode())
+        if re.fullmatch(PROTOCOLS["nexstar"].opening, method[:1].encode())
     ]
     assert not {"GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE", "PATCH"} & set(whole)
     for method in whole:
