@@ -38,12 +38,7 @@ def add_completion(commands: Commands) -> None:
         epilog=HOW,
     )
     completion.add_argument("shell", choices=SHELLS, help="the shell that it is for")
-    completion.set_defaults(run=_completion)
-
-
-def _completion(arguments: argparse.Namespace) -> int:
-    print(script(arguments.shell))
-    return 0
+    completion.set_defaults(run=lambda arguments: print(script(arguments.shell)))
 
 
 def script(shell: str) -> str:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def add_sim(commands: Commands) -> None:
-    sim = commands.add_parser("sim", late=_epilog)
+    sim = commands.add_parser("sim", late=lambda: f"{_EPILOG}\n{models()}")
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -87,10 +87,6 @@ def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
                 raise UserError(f"sim: {_flag(name)} is for {spec.name} mounts; a {protocol} mount has no such setting")
             chosen[name] = True
     return chosen
-
-
-def _epilog() -> str:
-    return f"{_EPILOG}\n{models()}"
 
 
 def models() -> str:
