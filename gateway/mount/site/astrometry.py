@@ -201,7 +201,7 @@ class SunAvoidance:
 
     def narrow(self, limit: float) -> None:
         """Keep another distance from now on: distances cannot be compared with those before if none was kept."""
-        self.limit, self._until, self._up, self.own = limit, float("-inf"), [], 0
+        self.limit = limit
         self.era += 1
 
     def up(self) -> list[Sun]:

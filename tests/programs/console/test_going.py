@@ -84,10 +84,15 @@ def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit])
     page = visit()
     page.show("control")
     page.page.click("#orders >> text=Park…")
+    page.until("it says where to", lambda: "altitude 10.5°, azimuth 0.0° N" in page.text("#ask-words"))
     page.page.click("#ask-yes")
     page.until("it is parked, and nobody else asks the mount", lambda: page.does("Parked"))
-    page.page.get_by_role("button", name="Unpark").click()
+    page.show("sky")
+    page.find("Aldebaran")
+    assert "unpark it first" in page.text("#banners p"), "before one goes anywhere"
+    page.page.click("#banners button")
     page.until("it is in service", lambda: page.does("Tracking"))
+    page.until("which is over", lambda: "unpark" not in page.text("#banners"))
 
 
 def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:

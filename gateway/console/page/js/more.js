@@ -78,7 +78,7 @@ export function start() {
     list(HEADINGS.surfaces, (seen) => seen.surfaces, "nowhere"),
     list(HEADINGS.allowed, (seen) => seen.allowed, "everything", ...limitsButtons()),
     guideGroup(),
-    group(HEADINGS.keys, el("dl", { class: "keys" }, ...CHOICES.keys.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
+    el("section", { class: "group", id: "keys" }, el("h3", {}, HEADINGS.keys), el("dl", { class: "keys" }, ...CHOICES.keys.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );
 }

@@ -11,6 +11,7 @@ const from = (name) => import(new URL(name, folder));
 const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scene } = await from("scene.js");
 const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
 const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
+const { Labels } = await from("paint/labels.js"), { Picture } = await from("paint/picture.js");
 const { Stick } = await from("../control/stick.js");
 const { typedPlace } = await from("../finding/typed.js");
 const { Night, culmination, lookingFrom, tonight, worth } = await from("../finding/tonight.js");
@@ -26,7 +27,30 @@ function view({ width, height, facing = 180, enlarged = [], panned = [0, 0] }) {
   return found;
 }
 
+/** A canvas that keeps where text is written, each letter seven pixels wide. */
+function canvas() {
+  const texts = {}, gradient = { addColorStop: () => {} };
+  const drawn = { texts, createRadialGradient: () => gradient, measureText: (text) => ({ width: 7 * text.length }), fillText: (text, x, y) => (texts[text] = [x, y]) };
+  return new Proxy(drawn, { get: (known, name) => known[name] ?? (() => {}), set: () => true });
+}
+
 const answers = {
+  /** Where text is written on a picture of the Sun, Moon and planets and a chosen place; `covered` areas have other text. */
+  texts: (shape, mount, unix, place, covered) => {
+    const context = canvas(), scene = new Scene(mount, 0, unix), chosen = { at: scene.place(place.ra2000, place.dec2000), name: place.name };
+    const picture = new Picture({ getContext: () => context }, view(shape));
+    picture.draw({ scene, catalogue: null, colours: {}, density: 1, trail: new Trail(), time: 0, chosen, cursor: null, covered });
+    return context.texts;
+  },
+  /** On which side a name stands in one picture after another. */
+  sides: (shape, steps) => {
+    const context = canvas(), labels = new Labels(context, view(shape));
+    return steps.map((covered) => {
+      labels.begin(covered);
+      labels.beside(195, 300, "Vega", { size: 12, colour: "" });
+      return context.texts.Vega[0] < 195 ? "left" : "right";
+    });
+  },
   /** Altitude and azimuth of a place of J2000. */
   overHorizon: (mount, unix, ra, dec) => sphere.angles(new Scene(mount, 0, unix).place(ra, dec)),
   /** A later moment, without another message. */

@@ -171,3 +171,27 @@ def test_the_chart_in_words(sky: Sky) -> None:
     assert "It goes to altitude 10°, azimuth 44° (north-east)." in told
     assert "Above the horizon: Moon." in told
     assert "Where it points is not known yet." in lost and "no stars" in lost
+
+
+def test_the_name_of_a_chosen_place_stands_beside_the_moon_and_not_on_it(sky: Sky) -> None:
+    seen = mount(sky, bodies=[{"name": "Moon", "ra2000": 0.0, "dec2000": 40.0}])
+    place = {"ra2000": 25.0, "dec2000": 40.0, "name": "M110"}
+    [over] = ask(("overHorizon", seen, UNIX, 0.0, 40.0))
+    (x, y), told = ask(("point", PHONE, *over), ("texts", PHONE, seen, UNIX, place, []))
+    left, middle = told["M110"]
+    assert abs(middle - y) > 8 + 6 or not x - 8 - 28 < left < x + 8
+
+
+def test_letters_of_the_compass_and_figures_in_the_corners_do_not_meet(sky: Sky) -> None:
+    """With the tube down, S may be where the declination stands: then it is written within the rim."""
+    shape, dec = {**PHONE, "facing": 50}, [300.0, 150.0, 390.0, 188.0]
+    place = {"ra2000": 0.0, "dec2000": 40.0, "name": ""}
+    free, told = ask(*(("texts", shape, mount(sky), UNIX, place, covered) for covered in ([], [dec])))
+    assert 300.0 < free["S"][0] + 7 and 150.0 < free["S"][1] < 188.0
+    assert told["S"][0] + 7 < 300.0 or told["S"][1] > 188.0 + 15 / 2
+    assert {name: at for name, at in told.items() if name != "S"} == {n: at for n, at in free.items() if n != "S"}
+
+
+def test_names_do_not_jump() -> None:
+    right = [200.0, 290.0, 300.0, 310.0]
+    assert ask(("sides", PHONE, [[], [right], [], []])) == [["right", "left", "left", "left"]]

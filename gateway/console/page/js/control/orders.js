@@ -3,6 +3,7 @@
 
 import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
+import { angle, azimuth } from "../core/format.js";
 import { ask } from "../core/socket.js";
 import { state, mount, subscribe } from "../core/store.js";
 import { sync } from "../finding/place.js";
@@ -26,13 +27,18 @@ async function goFar(request, title, words) {
   if (await question({ title: `${title}?`, words, yes: title })) send(request);
 }
 
+function parkWords() {
+  const there = mount()?.park;
+  return `It slews to its park position${there ? `, altitude ${angle(there.alt)}, azimuth ${azimuth(there.az)}` : ""}. Tracking ends there.`;
+}
+
 export function start() {
   const [onOff, tracks] = group(HEADINGS.tracking, CHOICES.tracking, (value) => send({ do: "track", on: value === "on" }));
   const [rates, follows] = group(NAMES.rates, CHOICES.rates, (rate) => send({ do: "track", on: true, rate }).then(look));
   const syncs = button(BUTTONS.sync, sync);
   const wakes = button(BUTTONS.wake, () => send({ do: "wake" }));
   const holds = button(BUTTONS.hold, () => send({ do: mount()?.held ? "release" : "hold" }));
-  const parks = button(BUTTONS.park, () => goFar({ do: "park" }, HEADINGS.park, "It slews to its park position, and tracking ends there."));
+  const parks = button(BUTTONS.park, () => goFar({ do: "park" }, HEADINGS.park, parkWords()));
   const homes = button(BUTTONS.home, () => goFar({ do: "home" }, HEADINGS.home, "It slews to its home position."));
   const searches = button(BUTTONS.search, search);
   const [tracking, followed] = [row(HEADINGS.tracking, onOff), row(HEADINGS.follow, rates)];

@@ -18,7 +18,7 @@ export const HEADINGS = {
   place: "Chosen place", tonight: "What is up tonight", own: "Paste or load a list", field: "Which field do you see?", tracking: "Tracking", follow: "Follow", park: "Park", home: "Go home", mount: "Mount",
   narrow: "Narrow the limits?", narrows: "Narrow", whereSite: "Where does the mount stand?", setSite: "Set the site", site: "Site and clock", line: "Line to the mount",
   programs: "Programs", points: "Where it points", does: "What it does", lately: "Lately", light: "Light", brightness: "Brightness of the red light", page: "This page",
-  guide: "Guide rate, a part of sidereal", surfaces: "Where programs connect", allowed: "What is allowed", keys: "Keys", pin: "Act from this page", act: "Act",
+  guide: "Speed of guide pulses; 1 is the speed of the stars", surfaces: "Where programs connect", allowed: "What is allowed", keys: "Keys", pin: "Act from this page", act: "Act",
 };
 /** Readings. */
 export const READINGS = {
@@ -42,7 +42,7 @@ export const CHOICES = {
   kinds: [["all", "All"], ["planets", "Planets"], ["galaxies", "Galaxies"], ["nebulae", "Nebulae"], ["clusters", "Clusters"], ["doubles", "Doubles"], ["own", "★ Mine"]],
   light: [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]],
   brightness: [["-1", "1, dim"], ["0", "2"], ["1", "3"], ["2", "4"], ["3", "5"], ["4", "6, full"]],
-  guides: [["0.25", "¼"], ["0.5", "½"], ["0.75", "¾"], ["1", "1"]],
+  guides: [["0.25", "¼ ×"], ["0.5", "½ ×"], ["0.75", "¾ ×"], ["1", "1 ×"]],
   shown: [["programs", "Programs"], ["refused", "Refusals"], ["all", "Everything"]],
   up: { north: "N ↑", south: "S ↑", zenith: "Tube ↓" },
   keys: [

@@ -8,10 +8,17 @@ import { light, onLight } from "../frame/night.js";
 import { onPlace, showPicked } from "./place.js";
 import { mount, state, subscribe } from "../core/store.js";
 
+/** Where the figures in the corners of the chart stand on it. */
+function figures() {
+  const chart = byId("chart").getBoundingClientRect();
+  return [...byId("glance").children].map((one) => one.getBoundingClientRect()).filter(({ width }) => width)
+    .map(({ left, top, right, bottom }) => [left - chart.left, top - chart.top, right - chart.left, bottom - chart.top]);
+}
+
 export async function start() {
   const { createSky } = await import("../sky/sky.js");
   const canvas = byId("sky");
-  const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
+  const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words), covered: figures });
   const marks = CHOICES.up;
   byId("chart-up").addEventListener("click", turn);
   onTurn((up) => {

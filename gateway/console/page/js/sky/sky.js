@@ -29,8 +29,8 @@ const BOTTOM = { north: 180, south: 0 };
 /**
  * @typedef {{onPick?: (place: import("./pick.js").Place) => void, say?: (words: string) => void,
  *   palette?: Record<string, string>, catalogue?: Promise<import("./catalogue.js").Catalogue>,
- *   clock?: () => number}} Options `onPick` receives what the user picks, `say` receives text for a live region;
- *   the default `palette` is that of `css/sky.css`; `clock` returns seconds
+ *   clock?: () => number, covered?: () => number[][]}} Options `onPick` receives what the user picks, `say` receives text for a live region;
+ *   the default `palette` is that of `css/sky.css`; `clock` returns seconds; `covered` are areas with other text
  */
 
 /** @param {HTMLCanvasElement} canvas @param {Options} options */
@@ -156,7 +156,7 @@ class Sky {
     this.#drawn = { shape: shape(this.#mount), tube: this.#scene.tube && view.point(this.#scene.tube) };
     this.#picture.draw({
       scene: this.#scene, catalogue: this.#catalogue, colours: this.#colours, trail: this.#trail, time,
-      density: this.#density, cursor: this.#cross.vector,
+      density: this.#density, cursor: this.#cross.vector, covered: this.#options.covered?.() ?? [],
       chosen: place && this.#scene.sky && { at: this.#scene.place(place.ra2000, place.dec2000), name: place.name },
     });
     clearTimeout(this.#timer);

@@ -8,7 +8,7 @@ const RADIUS = { Sun: 8, Moon: 8 }, PLANET = 3.6;
 /** Planets too faint for the eye are shown only on an enlarged chart. */
 const FAINT = ["Uranus", "Neptune", "Pluto"];
 
-export function radius(name) {
+function radius(name) {
   return RADIUS[name] ?? PLANET;
 }
 
@@ -17,9 +17,9 @@ export function shown({ scene, view }) {
   return scene.bodies.filter(({ name, at }) => at[2] > -0.01 && (view.scale > 500 || !FAINT.includes(name)));
 }
 
+/** Draw them, and keep them free of text. */
 export function bodies(brush) {
-  const { context, view, scene, colours, labels, chosen } = brush;
-  const named = [];
+  const { context, view, scene, colours, labels } = brush;
   const sun = scene.bodies.find(({ name }) => name === "Sun");
   for (const { name, at } of shown(brush)) {
     const [x, y] = view.point(at), r = radius(name);
@@ -28,11 +28,16 @@ export function bodies(brush) {
     else disk(context, x, y, r, name === "Sun" ? colours.sun : colours.planet);
     if (name === "Sun") rays(context, x, y, r, colours.sun);
     labels.keepFree(x, y, r);
-    if (name !== chosen?.name) named.push([x, y, name, r]); // the mark of what is chosen has its name already
   }
-  for (const [x, y, name, r] of named) {
+}
+
+export function bodyNames(brush) {
+  const { view, colours, labels, chosen } = brush;
+  for (const { name, at } of shown(brush)) {
+    const [x, y] = view.point(at);
+    if (!view.sees(x, y, 20) || name === chosen?.name) continue; // the mark of what is chosen has its name already
     labels.beside(x, y, name, {
-      size: 12, weight: 600, gap: r + (name === "Sun" ? 9 : 5),
+      size: 12, weight: 600, gap: radius(name) + (name === "Sun" ? 9 : 5),
       colour: colours[name === "Sun" ? "sun" : name === "Moon" ? "moon" : "planet"],
     });
   }

@@ -82,12 +82,13 @@ export function compass({ context, view, colours, labels }) {
   }
   context.stroke();
   LETTERS.forEach((letter, index) => {
-    const [right, down] = direction(view, index * 45), reach = view.scale + 14;
-    const main = index % 2 === 0;
-    if (!main && view.radius < ROOMY) return; // the corners of a small chart are taken
-    labels.over(view.x + right * reach, view.y + down * reach, letter, {
-      size: main ? 15 : 10, weight: main ? 650 : 400, colour: main ? colours.letters : colours.name, must: true,
+    const [right, down] = direction(view, index * 45), main = index % 2 === 0;
+    if (!main && view.radius < ROOMY) return;
+    const write = (reach) => labels.over(view.x + right * reach, view.y + down * reach, letter, {
+      size: main ? 15 : 10, weight: main ? 650 : 400, colour: main ? colours.letters : colours.name,
     });
+    // Where the page's figures are, the letter stands within the rim.
+    (main ? [14, -14, -42] : [14]).some((beyond) => write(view.scale + beyond));
   });
 }
 

@@ -12,13 +12,14 @@ export class Labels {
     this.context = context;
     this.view = view;
     this.taken = [];
-    /** Cached widths of text. */
+    /** Cached widths of text; on which side of its point each text was written last. */
     this.widths = new Map();
+    this.sides = new Map();
   }
 
-  /** Begin a new picture. */
-  begin() {
-    this.taken.length = 0;
+  /** Begin a new picture; the page's own text covers these areas, each [left, top, right, bottom]. */
+  begin(covered) {
+    this.taken = [...covered];
   }
 
   /** Reserve an area where no text may be drawn. */
@@ -27,7 +28,8 @@ export class Labels {
   }
 
   /**
-   * Write beside a point, within the sky: to its right; without room there, to its left, below or above it.
+   * Write beside a point, within the sky: where it stood before, or to its right; without room there, to its left, below
+   * or above it.
    * @param {{size: number, weight?: number, colour: string, gap?: number, must?: boolean, spacing?: number}} style
    */
   beside(x, y, text, style) {
@@ -37,16 +39,20 @@ export class Labels {
       [x - width / 2, y + gap], [x - width / 2, y - gap - style.size],
       [x + gap, y + gap], [x + gap, y - gap - style.size], [x - gap - width, y + gap], [x - gap - width, y - gap - style.size],
     ];
-    const fits = places.find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
+    const before = places[this.sides.get(text)] ?? places[0];
+    const fits = [before, ...places].find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
+    this.sides.set(text, places.indexOf(fits ?? before));
     const inwards = places[x < this.view.x ? 0 : 1];
     const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? inwards : null);
     if (found) this.#write(found, width, text, style);
   }
 
-  /** Write text centred on a point. */
+  /** Write text centred on a point, if there is room. Returns whether there was. */
   over(x, y, text, style) {
     const width = this.#width(text, style), place = [x - width / 2, y - style.size / 2];
-    if (style.must || this.#free(place, width, style.size)) this.#write(place, width, text, style);
+    const free = this.#free(place, width, style.size);
+    if (free) this.#write(place, width, text, style);
+    return free;
   }
 
   #free([left, top], width, height) {

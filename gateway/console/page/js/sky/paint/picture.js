@@ -2,7 +2,7 @@
  * Draws one picture of the sky from back to front. Text is placed in order of importance and written last.
  */
 import { figureNames, figures } from "./figures.js";
-import { bodies } from "./bodies.js";
+import { bodies, bodyNames } from "./bodies.js";
 import { forbidden, Hatching, withinSky } from "./forbidden.js";
 import { compass, disk, grid, ringNames } from "./ground.js";
 import { FONT, Labels } from "./labels.js";
@@ -24,7 +24,7 @@ export class Picture {
   /**
    * @param {{scene: import("../scene.js").Scene, catalogue: import("../catalogue.js").Catalogue|null,
    *   colours: Record<string, string>, density: number, trail: import("../trail.js").Trail, time: number,
-   *   chosen: {at: number[], name: string}|null, cursor: number[]|null}} state
+   *   chosen: {at: number[], name: string}|null, cursor: number[]|null, covered: number[][]}} state
    */
   draw(state) {
     const { context, view, labels, hatching } = this;
@@ -37,7 +37,7 @@ export class Picture {
     }
     context.setTransform(state.density, 0, 0, state.density, 0, 0);
     context.clearRect(0, 0, view.width, view.height);
-    labels.begin();
+    labels.begin(state.covered);
     disk(brush);
     withinSky(context, view);
     grid(brush);
@@ -51,10 +51,11 @@ export class Picture {
     way(brush);
     context.restore();
     compass(brush);
+    bodies(brush);
     target(brush);
     tube(brush);
     chosen(brush);
-    bodies(brush);
+    bodyNames(brush);
     if (starry) {
       starNames(brush);
       ringNames(brush);
