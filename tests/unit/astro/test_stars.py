@@ -86,7 +86,7 @@ def test_a_program_chooses_their_catalogues(installed: Path) -> None:
     talk = Talk(model="lx200")
     assert talk.send(b":Ls1#:LS113271#:LI#") == b"1SAO113271 STAR MAG 0.4#"
     assert talk.send(b":Ls4#:LS7001#:LI#") == b"1HR7001 STAR MAG 0.0#"
-    assert talk.send(b":Ls5#:LS172167#:LI#") == b"1HD172167 STAR MAG 0.1#"
+    assert talk.send(b":Ls5#:LS172167#:LI#") == b"1HD172167 STAR MAG 0.0#"
     assert talk.send(b":LS172168#:LI#:MS#") == b"HD 172168 not found#1HD 172168 not found#"
     installed.unlink()
     assert talk.send(b":Ls5#:LI#:MS#") == b"2Star catalog not installed.#1Star catalog not installed.#"

@@ -11,7 +11,7 @@ import { mount, state, subscribe } from "../core/store.js";
 /** Where the figures in the corners of the chart stand on it. */
 function figures() {
   const chart = byId("chart").getBoundingClientRect();
-  return [...byId("glance").children].map((one) => one.getBoundingClientRect()).filter(({ width }) => width)
+  return [...byId("glance").querySelectorAll("dt, dd")].map((one) => one.getBoundingClientRect()).filter(({ width }) => width)
     .map(({ left, top, right, bottom }) => [left - chart.left, top - chart.top, right - chart.left, bottom - chart.top]);
 }
 
