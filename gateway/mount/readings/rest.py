@@ -45,7 +45,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
     A mount that hibernates is at rest and is not asked.
     """
     samples: deque[Sample] = deque()
-    rate, trouble = None, Fault("the mount has not reported its position")
+    rate, trouble, begun = None, Fault("the mount has not reported its position"), _begun(context)
     apart = max(APART, context.driver.resolution / CREEP)
     try:
         async with asyncio.timeout(seconds):
@@ -68,11 +68,16 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
                 await asyncio.sleep(BREATH)
     except TimeoutError:
         pass
-    if context.movement.anything:
+    if context.movement.anything or _begun(context) != begun:
         raise Fault("a program has set the mount moving again; prevent that with: mount-gateway stop --hold")
     if rate is None:
         raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
     raise Fault(f"the stop was acknowledged, but the mount still moves after {seconds:.0f} s: {rate:.3f} degrees/s")
+
+
+def _begun(context: Context) -> tuple[int, tuple[int, int]]:
+    """Return how many motions the mount has begun so far."""
+    return context.wanted.value.slews, context.wanted.value.begun
 
 
 async def _sample(context: Context, reader: Reader) -> Sample:

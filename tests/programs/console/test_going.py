@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 
@@ -56,6 +57,39 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.page.click("#sync")
     page.page.click("#ask-yes")
     page.until("what is centred is named", lambda: page.text("#notices") == "Synced on Aldebaran.")
+
+
+def test_who_orders_another_motion_is_not_told_of_the_stop_before(visit: Callable[..., Visit]) -> None:
+    """The gateway answers a STOP when the mount rests: after the motion that was ordered next."""
+    page = visit(told={'{"id":': '{"unheard":'})
+    page.show("control")
+    page.page.click("#stop")
+    page.until("it stops", lambda: page.text("#stop-says") == "stopping…")
+    page.page.click("#pad [data-go=north]")
+    page.until("it moves by that order", lambda: page.text("#stop-says") == "all motion")
+
+
+def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callable[..., Visit]) -> None:
+    """At rest the gateway asks for status and position once more; until they are answered it tells none."""
+    page = visit(told={'"diff"': '"unheard"'})
+
+    def hear(**state: object) -> None:
+        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
+
+    page.find("Aldebaran")
+    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
+    hear(slewing=True, moves=True, target=there)
+    page.until("it goes there", lambda: page.text("#go") == "On its way…")
+    hear(slewing=False, moves=False, target=None, position=there, aligned=None)
+    page.until("it stands", lambda: page.text("#go") != "On its way…")
+    hear(aligned=True)
+    page.until("it is told", lambda: page.text("#notices") == "It is there: Aldebaran.")
+    for unknown in ({"position": None}, {"position": there, "aligned": None}):
+        hear(**unknown, wanted=[f"{unknown}"])
+        page.until("the page has heard it", lambda told=f"{unknown}": told in (page.page.locator("#readings").text_content() or ""))
+        assert page.text("#go") == "It is there: go again"
+    hear(aligned=True, position={**there, "ra2000": 70.0})
+    page.until("it was moved away", lambda: page.text("#go") == "Go there")
 
 
 @pytest.mark.parametrize(

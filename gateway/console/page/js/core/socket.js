@@ -21,12 +21,13 @@ let beat = () => ({});
 /** @type {Map<number, (answer: any) => void>} */
 const waiting = new Map();
 /** @type {Record<string, Array<(value: any) => void>>} */
-const listeners = { talk: [], line: [], open: [], lost: [] };
+const listeners = { talk: [], line: [], open: [], lost: [], ordered: [] };
+const MOTIONS = ["goto", "jog", "guide", "park", "home"];
 
 const meta = (name, page = document) => page.querySelector(`meta[name="${name}"]`)?.getAttribute("content") ?? "";
 export const token = meta("token");
 
-/** Subscribe to `talk`, `line` (messages of the gateway), `open` or `lost` (the connection). */
+/** Subscribe to `talk`, `line` (messages of the gateway), `open` or `lost` (the connection), `ordered` (a motion, from here). */
 export const on = (event, listener) => listeners[event].push(listener);
 const emit = (event, value) => listeners[event].forEach((listener) => listener(value));
 
@@ -47,6 +48,7 @@ export function ask(request) {
   return new Promise((resolve) => {
     const id = ++number;
     waiting.set(id, resolve);
+    if (MOTIONS.includes(request.do)) emit("ordered");
     if (!tell({ ...request, id })) {
       waiting.delete(id);
       resolve({ ok: false, lost: true, words: "The gateway cannot be reached, so nothing was done." });

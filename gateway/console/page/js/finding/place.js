@@ -13,7 +13,7 @@ import { angles, reversed, separation, turned, vector } from "../sky/sphere.js";
 import { show } from "../core/views.js";
 
 const RENEW = 15000;
-/** The chosen position: the request for it, and its answer. @type {{request: any, found: any} | null} */
+/** The chosen position: the request for it, its answer, and whether the telescope is there. @type {{request: any, found: any, there?: boolean} | null} */
 let chosen = null;
 /** The number of the newest look-up: the answer to an earlier one is dropped. */
 let newest = 0;
@@ -111,10 +111,14 @@ function onItsWay() {
 /** How far what is chosen is from another place, degrees. */
 const apartFrom = (at) => separation(vector(at.ra2000, at.dec2000), vector(chosen.found.ra2000, chosen.found.dec2000));
 
-/** Whether the telescope points at what is chosen, by its mount. */
+/** Whether the mount rests, or tracks, and has told where; at an arrival it is asked once more, and meanwhile it has not. */
+const isSettled = (seen) => seen?.position?.ra2000 != null && seen.aligned !== null && !seen.moves;
+
+/** Whether the telescope points at what is chosen, by its mount; as before while that is being read again. */
 function isThere() {
-  const seen = mount(), at = seen?.position;
-  return Boolean(chosen && at?.ra2000 != null && !seen.moves && seen.aligned && apartFrom(at) < SAME);
+  const seen = mount();
+  if (isSettled(seen)) chosen.there = seen.aligned && apartFrom(seen.position) < SAME;
+  return Boolean(chosen.there) && !seen.moves;
 }
 
 /** How far what is chosen is from where the mount believes that it points. */
@@ -245,9 +249,9 @@ export function start() {
   setInterval(renew, RENEW);
   subscribe(() => {
     draw();
-    if (went && isThere()) notice(`It is there: ${chosen.found.name || "the chosen place"}`);
-    const seen = mount(); // at its arrival the mount is asked for its position once more, and meanwhile has none
-    went = onItsWay() || (went && Boolean(seen?.moves || seen?.position?.ra2000 == null));
+    const settled = isSettled(mount());
+    if (went && settled && chosen && isThere()) notice(`It is there: ${chosen.found.name || "the chosen place"}`);
+    went = onItsWay() || (went && !settled);
     const now = verdictOf(mount());
     if (now !== before) renew();
     before = now;

@@ -1,7 +1,8 @@
 // STOP: the button, Escape anywhere, Space anywhere except in text fields. It acts on press, not on release, and stops
 // every mount of this gateway. A stop that nobody has answered is owed: it is sent again as soon as the gateway is
 // connected, also by a page that was loaded anew. The gateway answers when the mount has come to rest, so a question
-// that is answered at once goes behind the stop: without its answer within a second the user is told.
+// that is answered at once goes behind the stop: without its answer within a second the user is told. Of a stop after which
+// another motion was ordered here nothing is told any more.
 
 import { STATES } from "../core/labels.js";
 import { byId, isTyping, say } from "../core/dom.js";
@@ -14,8 +15,8 @@ const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its
 const WANTED = 30000, HEARD = 1000;
 /** Where the tab keeps when an owed stop was pressed, Unix milliseconds. */
 const OWED = "stop-owed";
-/** The number of unanswered stops: the gateway answers when the mount has come to rest. */
-let underWay = 0;
+/** The number of unanswered stops since the last motion that was ordered here, and how many of these there were. */
+let underWay = 0, motions = 0;
 /** When the owed stop was pressed, in a browser without storage; 0 if none is. */
 let owed = 0;
 
@@ -48,14 +49,15 @@ export async function stop() {
   tell();
   outdated();
   owe(Date.now());
-  const unheard = setTimeout(() => notice(UNHEARD, "refused"), HEARD);
+  const before = motions, unheard = setTimeout(() => notice(UNHEARD, "refused"), HEARD);
   const stopped = ask({ do: "stop", mount: -1 });
   ask({ do: "search", text: "" }).then(() => clearTimeout(unheard));
   const answer = await stopped;
   clearTimeout(unheard);
+  if (!answer.lost) owe(null);
+  if (before !== motions) return;
   underWay -= 1;
   tell();
-  if (!answer.lost) owe(null);
   if (answer.lost) notice(UNHEARD, "refused");
   else answered(answer);
 }
@@ -77,5 +79,10 @@ export function start() {
   // Browsers activate a button when Space is released; the stop was sent on press already.
   addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), { capture: true });
   on("open", () => isOwed() && stop());
+  on("ordered", () => {
+    motions += 1;
+    underWay = 0;
+    tell();
+  });
   subscribe(tell);
 }
