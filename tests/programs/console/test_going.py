@@ -86,7 +86,10 @@ def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callab
     page.until("it is told", lambda: page.text("#notices") == "It is there: Aldebaran.")
     for unknown in ({"position": None}, {"position": there, "aligned": None}):
         hear(**unknown, wanted=[f"{unknown}"])
-        page.until("the page has heard it", lambda told=f"{unknown}": told in (page.page.locator("#readings").text_content() or ""))
+        page.until(
+            "the page has heard it",
+            lambda told=f"{unknown}": told in (page.page.locator("#readings").text_content() or ""),
+        )
         assert page.text("#go") == "It is there: go again"
     hear(aligned=True, position={**there, "ra2000": 70.0})
     page.until("it was moved away", lambda: page.text("#go") == "Go there")

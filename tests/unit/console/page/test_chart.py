@@ -187,7 +187,7 @@ def test_letters_of_the_compass_and_figures_in_the_corners_do_not_meet(sky: Sky)
     shape, dec = {**PHONE, "facing": 50}, [300.0, 150.0, 390.0, 188.0]
     place = {"ra2000": 0.0, "dec2000": 40.0, "name": ""}
     free, told = ask(*(("texts", shape, mount(sky), UNIX, place, covered) for covered in ([], [dec])))
-    assert 300.0 < free["S"][0] + 7 and 150.0 < free["S"][1] < 188.0
+    assert free["S"][0] + 7 > 300.0 and 150.0 < free["S"][1] < 188.0
     assert told["S"][0] + 7 < 300.0 or told["S"][1] > 188.0 + 15 / 2
     assert {name: at for name, at in told.items() if name != "S"} == {n: at for n, at in free.items() if n != "S"}
 
