@@ -70,12 +70,13 @@ def _abilities(controller: MountController, status: op.Status | None) -> dict[st
 
 def _park_position(controller: MountController, status: op.Status) -> dict[str, float] | None:
     """Return where Park leads to; None if only the mount knows that, or if the site is unknown."""
-    there: op.Horizontal | None = controller.driver.destination(op.Park())
-    derived = controller.astrometry
-    if there is not None and status.equatorial:
-        on_sky = derived.from_axes(there, wedge=not controller.driver.german)
-        there = None if derived.site_clock.site() is None else derived.horizon(on_sky)
-    return None if there is None else {"alt": round(there.alt, COARSE), "az": round(there.az, COARSE)}
+    axes, derived = controller.driver.destination(op.Park()), controller.astrometry
+    if axes is None or (status.equatorial and derived.site_clock.site() is None):
+        return None
+    over: op.GotoAxes | op.Horizontal = axes
+    if status.equatorial:
+        over = derived.horizon(derived.from_axes(axes, wedge=not controller.driver.german))
+    return {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
 
 
 def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:
