@@ -1,9 +1,10 @@
 """The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
 
 A protocol's ``Dialect`` converts both. Only the reply to the newest request is delivered, because the line has given up
-the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also until an order
-that they have overtaken is answered, and once after that: it may be carried out at any time. Connections are kept open,
-unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp is imported when it opens.
+the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also for some seconds
+while an order that they have overtaken is unanswered, and once after its answer: it may be carried out late.
+Connections are kept open, unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp is
+imported when it opens.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ if TYPE_CHECKING:
 CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
 #: Seconds that an idle connection is kept, and how often a read is asked whose connection was closed.
 KEPT, ASKED = 60.0, 5
-#: Seconds between repetitions of a stop that has overtaken an order.
-AGAIN = 0.5
+#: Seconds between repetitions of a stop that has overtaken an order; and after it, in which it is repeated although no
+#: answer comes: if that is lost for good, it would end other programs' motions as well.
+AGAIN, REPEATED = 0.5, 15.0
 #: Seconds in which a server answers beside an idle connection, unless it serves one at a time.
 BESIDE = 1.0
 
@@ -75,12 +77,14 @@ class HttpWire:
         self._host, self._port = parts.hostname or "", parts.port or 80
         self._server = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._reading: asyncio.Task[None] | None = None
-        #: The unanswered orders that begin a motion, and the stops that were written since the last one.
-        self._orders: set[asyncio.Task[None]] = set()
+        self._tasks: set[asyncio.Task[bool]] = set()
+        self._reading: asyncio.Task[bool] | None = None
+        #: The unanswered orders that begin a motion, the stops that were written since the last one, and until when
+        #: (loop time) these are repeated without an answer.
+        self._orders: set[asyncio.Task[bool]] = set()
         self._stops: dict[bytes, Request] = {}
         self._stopping: asyncio.Task[None] | None = None
+        self._repeat_until = 0.0
         self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -136,7 +140,7 @@ class HttpWire:
             self._stops.clear()
             self._orders.add(task)
         elif request.moves is False:
-            self._stops[data] = request
+            self._stops[data], self._repeat_until = request, loop.time() + REPEATED
             if self._orders and (self._stopping is None or self._stopping.done()):
                 self._stopping = loop.create_task(self._stop_again(self._session))
         self._tasks.add(task)
@@ -144,16 +148,18 @@ class HttpWire:
             task.add_done_callback(unfinished.discard)
 
     async def _stop_again(self, session: ClientSession) -> None:
-        """Repeat the stops while an order that they have overtaken is unanswered, and once after that."""
-        overtaken = set(self._orders)
+        """Repeat the stops while orders that they have overtaken are unanswered, for REPEATED seconds, and once after
+        each answer."""
+        overtaken, now = set(self._orders), asyncio.get_running_loop().time
         while overtaken:
-            await asyncio.wait(overtaken, timeout=AGAIN)
+            ended, _ = await asyncio.wait(overtaken, timeout=AGAIN)
             unanswered = set(self._orders)
-            await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
+            if now() < self._repeat_until or any(order.result() for order in ended):
+                await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
             overtaken = unanswered | self._orders
 
-    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> None:
-        """Send a request, and deliver the answer."""
+    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> bool:
+        """Send a request, and deliver the answer; return whether there was one."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
@@ -169,9 +175,10 @@ class HttpWire:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
                 self._on_lost(reason(error))
-            return
+            return False
         if session is self._session and number == self._number:
             self._on_data(self._dialect.reply(*answer))
+        return True
 
     async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
         method, path, fields, _ = request

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import AsyncIterator
 from typing import Any
 from urllib.parse import urlencode
 
@@ -26,11 +27,12 @@ URL = "http://127.0.0.1:1"
 
 
 class OverHttp(HttpWire):
-    """``late`` are the seconds after which the server carries out what begins a motion, and answers."""
+    """``late`` are the seconds after which the server carries out what begins a motion, and answers; ``mute``: that
+    answer is lost for good."""
 
     def __init__(self, sim: Any, late: float = 0.0, latency: float = 0.02) -> None:
         super().__init__(URL, TelescopeHttp(URL))
-        self.sim, self.late, self._latency = sim, late, latency
+        self.sim, self.late, self._latency, self.mute = sim, late, latency, False
 
     async def _reach(self) -> tuple[tuple[str, int], bool]:
         return ("127.0.0.1", 1), True
@@ -39,19 +41,27 @@ class OverHttp(HttpWire):
         await asyncio.sleep(self._latency + (self.late if request.moves else 0.0))
         fields = urlencode(request.fields)
         status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())
+        if request.moves and self.mute:
+            await asyncio.Event().wait()
         if self.sim.waits:
             await asyncio.sleep(max(0.0, self.sim.mechanics.arrives(self.sim.now) - self.sim.now))
         return status, text.encode()
 
 
-async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> tuple[float, float]:
-    """Order a motion, and a stop so many seconds later. Return how far the tube went after it, and how long it took."""
+@contextlib.asynccontextmanager
+async def connected(**simulated: Any) -> AsyncIterator[tuple[Bridge, OverHttp]]:
     config = {"sun": 0.0, "lowest": -90.0}
     async with Bridge("german", driven="alpaca", config=config, simulated=simulated) as bridge:
         wire = OverHttp(bridge.sim)
         bridge.controller.line.wire = wire
         bridge.controller.line.transaction.connection_lost("over HTTP from now on")
         await asyncio.sleep(5.0)
+        yield bridge, wire
+
+
+async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> tuple[float, float]:
+    """Order a motion, and a stop so many seconds later. Return how far the tube went after it, and how long it took."""
+    async with connected(**simulated) as (bridge, wire):
         wire.late = late
         goal = op.Goto((bridge.sim.sky.sidereal(bridge.clock()) + 60.0) % 360.0, 30.0)
         order = goal if goto else op.Move(op.Direction.SOUTH, op.Rate(degrees=2.0))
@@ -76,3 +86,25 @@ def test_a_motion_that_begins_after_its_stop_ends_at_once(goto: bool, blocks: bo
     far, took = run(travelled(4.0, stop, goto, blocks=blocks))
     assert took < 0.6
     assert far < 1.5  # the stop is repeated every half second
+
+
+async def moved_by_another_program(after: float) -> bool:
+    """Return whether an arrow of another program goes on, so many seconds after a stop of ours; the answer to our own
+    arrow before it never came."""
+    async with connected() as (bridge, wire):
+        wire.mute = True
+        asked = asyncio.ensure_future(bridge.controller.perform(op.Move(op.Direction.SOUTH, op.Rate(degrees=2.0))))
+        await asyncio.sleep(1.0)
+        await bridge.controller.stop()
+        await asyncio.sleep(after)
+        bridge.sim.request("PUT", "/api/v1/telescope/0/moveaxis", b"Axis=0&Rate=0.5")
+        await asyncio.sleep(5.0)
+        asked.cancel()
+        with contextlib.suppress(Fault, asyncio.CancelledError):
+            await asked
+        return bool(moving(bridge.sim))
+
+
+def test_a_stop_is_not_repeated_for_ever_if_the_answer_to_an_order_is_lost() -> None:
+    assert run(moved_by_another_program(after=16.0))
+    assert not run(moved_by_another_program(after=3.0))  # it could still be our own that begins late
