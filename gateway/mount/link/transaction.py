@@ -320,10 +320,11 @@ class Transaction:
             elif taken is not None:
                 if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
-                    if await self._arrived.within(settle):
-                        taken = self._take(command) or taken
+                    if await self._arrived.within(max(settle, expected.alone)):
+                        taken = self._take(command)
                     self._settling = False
-                return taken
+                if taken is not None:  # else it was the beginning of a longer one
+                    return taken
             elif now >= deadline or self._stop_first:
                 return None
             nearer = [busy_at] if command.long else []

@@ -25,6 +25,7 @@ WITHOUT_EFFECT = ("refused", "silent")
 #: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
 RECHECK_AFTER = 0.5
 SLEWING = "The mount is slewing: the guide pulse is dropped."
+BY_HAND = "The mount is moved by hand: the guide pulse is dropped."
 
 
 class Send(NamedTuple):

@@ -26,6 +26,7 @@ class Expected(NamedTuple):
     delay_after   the pause in seconds that the mount needs after a ``silent`` command
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
+    alone         seconds in which nothing must follow a reply that is also the beginning of a longer one
     gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the reply to the newest
                   request
     """
@@ -36,6 +37,7 @@ class Expected(NamedTuple):
     delay_after: float = 0.0
     silent: bool = False
     leaves_open: bool = False
+    alone: float = 0.0
     gives_way: float = math.inf
 
 

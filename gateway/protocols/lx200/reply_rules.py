@@ -24,6 +24,8 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
 TIMEOUT, PACE = 3.0, 0.05  # seconds
+#: Seconds without another byte that make a digit a whole reply, of a controller that may send a text after it.
+ALONE = 0.3
 #: The maximum length of a reply that ends with ``#``.
 LONGEST = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds.
@@ -171,6 +173,8 @@ class Lx200ReplyRules:
             if found is None:
                 continue
             length = found.end()
+            if buffer[length:] and _begins_longer(self.protocol, ask.command, str(template.source)):
+                continue
             if "#" not in str(template.source) and buffer[length:] == b"#":
                 buffer, length = buffer[:length], length + 1  # some telescopes append one to every reply
             values = template.decode(found[0])
@@ -202,6 +206,12 @@ def _sources(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 
 @cache
+def _begins_longer(protocol: CommandSet, command: str, source: str) -> bool:
+    """Whether another reply form of the command begins with this one."""
+    return any(other.startswith(source) and other != source for other in _sources(protocol, command))
+
+
+@cache
 def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expected:
     sources = _sources(protocol, command)
     return Expected(
@@ -211,6 +221,7 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
         delay_after=0.0 if sources else PACE,
         silent=not sources,
         leaves_open=command == "ACK",
+        alone=ALONE if any(_begins_longer(protocol, command, source) for source in sources) else 0.0,
     )
 
 

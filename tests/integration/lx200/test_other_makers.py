@@ -207,10 +207,15 @@ def test_a_pulse_is_sent_at_a_guide_rate() -> None:
             await asyncio.sleep(90.0)
             own.sim.feed(b":R9#")  # at its own keypad
             await own.controller.read_now(op.GetStatus())
-            before = own.sim.truth()[1]
-            await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
-            await asyncio.sleep(5.0)
-            assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
+            for _ in range(2):
+                before = own.sim.truth()[1]
+                await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+                await asyncio.sleep(5.0)
+                assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
+                own.sim.feed(b":R9#")  # nobody asks for its state between two pulses
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+            with pytest.raises(Refused, match="moved by hand: the guide pulse is dropped"):
+                await own.controller.perform(op.Pulse(op.Direction.WEST, 1000))
 
     run(program())
 
@@ -450,9 +455,9 @@ def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
         answering(own, replies)
         async with own:
             ra, dec = own.sim.truth()
-            for said in (b"5", b"e5#", b"1Below.#"):
+            for said in (b"5", b"e5#", b"1Below.#", b"1", b"2"):
                 replies[b":MS#"], began = said, own.clock()
-                with pytest.raises((Refused, BelowHorizon)):
+                with pytest.raises((Refused, BelowHorizon, TooHigh)):
                     await own.controller.perform(op.Goto(ra, dec - 20.0))
                 assert own.clock() - began < 2.0, said
             for said in (b"No object!#", b"e9#", b"Match fail: dist. too large#", b"E6#"):
@@ -461,6 +466,32 @@ def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
                     await own.controller.perform(op.Sync(ra, dec - 2.0))
             del replies[b":CM#"]
             await own.controller.perform(op.Sync(ra, dec - 2.0))
+            replies |= {b":MS#": b"1", b":D#": b"|#"}  # on a few a 1 is a yes: it slews
+            await own.controller.perform(op.Goto(ra, dec - 2.0))
+            assert own.driver.goto is not None
+
+    run(program())
+
+
+@each("told", [b"1", b"1Updating        Planetary Data#                                #"])
+def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
+    """A longitude without a sign is another one to some, and many have no text after the 1 for a date."""
+
+    async def program() -> None:
+        own = bridge("autostar")
+        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+        own._hands_on = True  # a sign is no form of a Meade's
+        answering(own, {b":Sg-010*30#": b"1", b":Gg#": b"-010*30#", b":SC02/14/26#": told, b":GC#": b"02/14/26#"})
+        async with own:
+            await own.controller.perform(op.GetIdentity())
+            await own.controller.perform(op.SetSite(45.0, 10.5))
+            await own.controller.perform(op.SetClock(own.clock() + 30 * 86400.0, 0.0))
+            while not any(frame.startswith(b":SC") for frame in own.sent()):
+                await asyncio.sleep(0.1)
+            await asyncio.sleep(1.0)
+            began = own.clock()
+            await own.controller.read_now(op.Position())
+            assert own.clock() - began < 1.0 and b":Sg-010*30#" in own.sent() and b":SC02/14/26#" in own.sent()
 
     run(program())
 

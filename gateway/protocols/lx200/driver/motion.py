@@ -12,7 +12,7 @@ import math
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.protocols.base.driver import SLEWING, Remark, Steps
+from gateway.protocols.base.driver import BY_HAND, SLEWING, Remark, Steps
 from gateway.protocols.lx200.driver.dialect import watch_arrow
 from gateway.protocols.lx200.driver.drive import drive_at, look_at_drive_rate, restore_drive_rate
 from gateway.protocols.lx200.driver.ends import (
@@ -124,7 +124,7 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
 def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     """Set one of the four rates."""
     command = rate_command(mount, rate)
-    mount.arrow_rate = mount.pulse_rate = command
+    mount.arrow_rate = command
     if command == "RS" and not mount.dialect:
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG" and not mount.dialect:
@@ -139,7 +139,7 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     if speed.command == "RS" and speed.free is None and not mount.dialect:
         yield from _fastest(mount, axis, speed.fastest)
     assert speed.command is not None
-    mount.arrow_rate = mount.pulse_rate = speed.command
+    mount.arrow_rate = speed.command
     yield from ask(mount, speed.command)
     if speed.free is not None:
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.free)
@@ -206,9 +206,10 @@ def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}
     command = next((name for name, speed in speeds.items() if speed > fraction - SAME_RATE), pulses["rates"][-1])
-    if pulses["send"] and mount.pulse_rate != command and not mount.moving:
+    if pulses["send"]:
+        if mount.moving:  # it would go on at this rate, or the pulse at its own
+            raise Refused(BY_HAND)
         yield from ask(mount, command)
-        mount.pulse_rate = command
     return speeds[command]
 
 

@@ -12,7 +12,7 @@ import math
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
 from gateway.core import operations as op
 from gateway.core.about import FIRST_RULES, SWITCHED_UNNAMED
-from gateway.core.errors import Garbled, Refused, Silence, Unsupported
+from gateway.core.errors import BelowHorizon, Garbled, Refused, Silence, TooHigh, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell, told_side
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
@@ -166,7 +166,16 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send the command that begins a goto."""
     mount.must_move()
     count_motion(mount, *MOUNT)
-    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), ask(mount, command), _bars)
+    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), _order(mount, command), _bars)
+
+
+def _order(mount: Lx200Driver, command: str) -> Steps:
+    """Send it. The number of an unknown controller is no refusal if the mount slews."""
+    try:
+        yield from ask(mount, command)
+    except (BelowHorizon, TooHigh, Refused):
+        if mount.model != "other" or not (yield from _bars(mount)):
+            raise
 
 
 def _bars(mount: Lx200Driver) -> Steps:

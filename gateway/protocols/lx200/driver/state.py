@@ -138,7 +138,7 @@ class Lx200Driver(Driver):
         # of another maker's: the state that it has told, and when; its own speeds, degrees per second
         self.told: tuple[float, Told] | None = None
         self.own_speeds: dict[str, float] = {}
-        #: The rate commands of the last arrow, and of the pulses if the mount has told that or was sent it.
+        #: The rate commands of the last arrow, and of the pulses if the mount has told that.
         self.arrow_rate: str | None = None
         self.pulse_rate: str | None = None
         #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.

@@ -12,7 +12,7 @@ from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
-from gateway.protocols.base.driver import SLEWING, Send, Steps
+from gateway.protocols.base.driver import BY_HAND, SLEWING, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import axis_readings, stop_current_motion
@@ -65,7 +65,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     if mount.goto is not None:
         raise Refused(SLEWING)
     if mount.moving:
-        raise Refused("The mount is moved by hand: the guide pulse is dropped.")
+        raise Refused(BY_HAND)
     if mount.site is None:
         raise Unsupported("Guiding on top of alt-az tracking needs the latitude: give it with --site.")
     where = yield from _read_direction(mount)
