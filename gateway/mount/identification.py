@@ -104,7 +104,7 @@ class Identification:
     def _on_up(self, _: None) -> None:
         self._cache.clear()
         self._driver.line_was_lost()
-        if self._driver.goto_unconfirmed:  # poll the goto until the mount reports its end
+        if self._driver.goto is not None and self._driver.goto.unconfirmed:  # poll it until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.try_next_read()
         self._sync.pause()

@@ -157,11 +157,6 @@ class Driver:
         self.handlers = handlers
 
     @property
-    def goto_unconfirmed(self) -> bool:
-        """Whether a goto was sent that the mount has not acknowledged and may be carrying out."""
-        return self.goto is not None and self.goto.unconfirmed
-
-    @property
     def southern(self) -> bool:
         """Whether the site is known to be in the southern hemisphere."""
         return self.site is not None and self.site.latitude < 0
