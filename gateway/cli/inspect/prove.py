@@ -81,21 +81,17 @@ def _prove(arguments: argparse.Namespace) -> int:
         async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
             nonlocal going
             await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
-            try:
-                with terminal.open():
-                    guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
-                    await guide.run()
-                    going = not guide.left
-            finally:
-                if (found := load(kept)).stages and gateway.config.record:
-                    found.recordings.append(Path(gateway.config.record).name)
-                    save(kept, found)
+            with terminal.open():
+                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
+                await guide.run()
+                going = not guide.left
 
         if going:
             going = None
+            if stages is MOVING:
+                terminal.say("The gateway begins anew: what passes on the line is recorded from here on.")
             here = checked(config, folder, record=stages is MOVING)
-            screen = Aside(terminal, tells=stages is LOOKING)
-            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest, screen=screen)
+            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest, screen=terminal)
             code = with_loop(False, serve, stages is MOVING)
     findings = load(kept)
     if going is None:
@@ -109,23 +105,23 @@ def _prove(arguments: argparse.Namespace) -> int:
 async def _afterwards(findings: Findings, file: Path | None, folder: Path, terminal: Terminal) -> None:
     """Show what was found, and offer what follows from it: lines for gateway.toml, and a file for the authors."""
     from gateway.diagnostics.prove import bundle
-    from gateway.diagnostics.prove.adapting import adapted, difference, written
+    from gateway.diagnostics.prove.adapting import adapted
 
     with terminal.open():
         for line in summary(findings):
             terminal.say(line)
         if findings.keys:
             terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
-            before, after = adapted(file, findings.keys) if file else ("", "\n".join(written(findings.keys)))
-            for line in difference(before, after):
+            text, changes = adapted(file, findings.keys)
+            for line in changes:
                 terminal.say(line)
-            if file and await terminal.agrees(f"y: write them to {file}  n: do not"):
-                file.write_text(after, "utf-8")
+            if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
+                file.write_text(text, "utf-8")
         if not await terminal.agrees("y: make a file for the author of the gateway  n: end"):
             return
         terminal.say("Making it takes some seconds …")
         try:
-            files = await asyncio.to_thread(bundle.make, findings, [folder / name for name in findings.recordings])
+            files = await asyncio.to_thread(bundle.make, findings, recordings(folder))
         except UserError as error:
             terminal.say(f"No file can be made: {error}.")
             return
@@ -156,11 +152,15 @@ def checked(config: Config, folder: Path, record: bool) -> Config:
 
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
-    number = 1 + len(list(folder.glob("*.rec")))
-    path = str(folder / f"{number}.rec") if record else None
+    path = str(folder / f"{len(recordings(folder)) + 1}.rec") if record else None
     mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun), record=path)
     inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts() if protocol in streams()]
     return replace(config, mount=[mount], surface=[*config.surface, *inside], status=False, log=False, wait=False)
+
+
+def recordings(folder: Path) -> list[Path]:
+    """Return the recordings of the sessions so far."""
+    return sorted(folder.glob("*.rec"), key=lambda path: (len(path.name), path.name))
 
 
 def summary(findings: Findings) -> Iterator[str]:
@@ -178,10 +178,11 @@ def summary(findings: Findings) -> Iterator[str]:
         yield f"Not done: {', '.join(left)}. The same command goes on from there."
 
 
-class Terminal:
-    """The person at the terminal: prints narrow lines, and reads one key at a time."""
+class Terminal(Screen):
+    """The person at the terminal: prints narrow lines, also those of the gateway, and reads one key at a time."""
 
     def __init__(self) -> None:
+        super().__init__(None)
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
         self._bar, self._asks = 0, False
@@ -241,6 +242,8 @@ class Terminal:
         indent = " " * (len(text) - len(text.lstrip()))
         self._print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
 
+    warn = say
+
     def progress(self, part: float, what: str) -> None:
         """Show how far the stage has come, below the last line."""
         done = round(BAR * part)
@@ -274,18 +277,3 @@ class Terminal:
         while (key := await self.key(question, "yn")) == " ":
             self.stop.clear()
         return key == "y"
-
-
-class Aside(Screen):
-    """What the gateway says beside the check, in lines of the person's width: warnings, and all if it ``tells``."""
-
-    def __init__(self, person: Terminal, tells: bool) -> None:
-        super().__init__(None)
-        self._person, self._tells = person, tells
-
-    def say(self, text: str) -> None:
-        if self._tells or "console" in text:  # its address may be another one than before
-            self._person.say(text)
-
-    def warn(self, text: str) -> None:
-        self._person.say(text)

@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
-import difflib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+
+import tomli
 
 from gateway.app.config import read_tables
 from gateway.app.config.source import line_of
-from gateway.core.errors import UserError
 
 
-def written(keys: Mapping[str, object]) -> list[str]:
-    """Return the keys as lines of [mount]."""
-    return [f"{key} = {json.dumps(value)}" for key, value in keys.items()]
+def adapted(path: Path | None, keys: Mapping[str, object]) -> tuple[str, list[str]]:
+    """Return the text of a file with these keys of its only mount, and the lines that change, with + and -.
 
-
-def adapted(path: Path, keys: Mapping[str, object]) -> tuple[str, str]:
-    """Return the text of a file before, and with these keys of its only mount. Raises UserError."""
-    before = read_tables(path)[1].text
-    lines = before.split("\n")
-    for key, line in zip(keys, written(keys), strict=True):
-        text, places = "\n".join(lines), (("mount",), ("mount", 0))
-        at = next((found for place in places if (found := line_of(text, (*place, "at")))), None)
-        if at is None:
-            raise UserError(f"{path}: it has no mount with a line that begins with at =")
-        there = next((found for place in places if (found := line_of(text, (*place, key)))), None)
-        lines[(there or at + 1) - 1 : (there or at)] = [line]
-    return before, "\n".join(lines)
-
-
-def difference(before: str, after: str) -> Iterator[str]:
-    """Yield the lines that change, with + and -."""
-    for line in difflib.ndiff(before.splitlines(), after.splitlines()):
-        if line[:2] in ("+ ", "- "):
-            yield line
+    The text is empty without a file, and if its lines cannot be changed one by one. Raises UserError.
+    """
+    text, changes = read_tables(path)[1].text if path else "", list[str]()
+    for key, value in keys.items():
+        at, there = (line_of(text, ("mount", name)) or line_of(text, ("mount", 0, name)) for name in ("at", key))
+        lines, line = text.split("\n"), f"{key} = {json.dumps(value)}"
+        if there:
+            changes.append(f"- {lines[there - 1]}")
+            lines[there - 1] = line
+        elif at:
+            lines.insert(at, line)
+        changes.append(f"+ {line}")
+        text = "\n".join(lines) if at else ""
+    try:
+        mount = tomli.loads(text).get("mount", {})
+    except tomli.TOMLDecodeError:  # the old value had several lines
+        return "", changes
+    [only] = mount if isinstance(mount, list) else [mount]
+    return (text if keys.items() <= only.items() else ""), changes

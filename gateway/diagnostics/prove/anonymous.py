@@ -128,16 +128,14 @@ def site_of(recording: Recording, model: str = "") -> tuple[tuple[float, float] 
     config: dict[str, Any] = recording.settings["config"]["mount"]
     told: dict[str, float] = {}
     for command, values in _exchanges(recording, parse_endpoint(config["at"]).protocol, model):
-        east = -1.0 if command == "Gg" else 1.0
-        told |= {"latitude": values["latitude"]} if "latitude" in values else {}
-        told |= {"longitude": east * values["longitude"]} if "longitude" in values else {}
-        told |= {"zone": -values["offset"]} if "offset" in values else {}
-        told |= {"zone": values["zone"]} if "zone" in values else {}
-        told |= {"zone": values["quarters"] / 4.0} if "quarters" in values else {}
+        told |= {name: values[name] for name in ("latitude", "offset", "zone", "quarters") if name in values}
+        if "longitude" in values:
+            told["longitude"] = -values["longitude"] if command == "Gg" else values["longitude"]
+    zone = told.get("zone", told.get("quarters", -4.0 * told.get("offset", 0.0)) / 4.0)
     if {"latitude", "longitude"} <= told.keys():
-        return (told["latitude"], told["longitude"]), told.get("zone", 0.0)
+        return (told["latitude"], told["longitude"]), zone
     site = _configured(recording.settings)
-    return (None if site is None else (site[0], site[1])), told.get("zone", 0.0)
+    return (None if site is None else (site[0], site[1])), zone
 
 
 def _configured(settings: dict[str, Any]) -> Sequence[float] | None:

@@ -61,15 +61,14 @@ class Report(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle, and
-    ``recordings`` the files of its sessions. ``told`` is what it has told of its settings at first, by command.
+    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle;
+    ``told`` is what it has told of its settings at first, by command.
     """
 
     mount: str = ""
     model: str = ""
     version: str = ""
     equatorial: bool = False
-    recordings: list[str] = []
     told: dict[str, str] = {}
     stages: dict[str, list[Finding]] = {}
 

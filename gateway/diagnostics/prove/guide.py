@@ -90,10 +90,7 @@ class Guide:
                 return self._findings
             if mount != self._findings.mount:
                 self._findings = Findings(mount, identity.model, version)
-        if self._stages[0] is STAGES[0]:
-            person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
-        else:
-            person.say("The gateway has begun anew: what passes on the line is recorded from here on.")
+        person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
         telescope.settings = self._findings.told
         try:

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command_set import load
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
 #: Exchanges that a pulse takes on an alt-az mount at most; seconds of one with which pulses are timed well enough.
 EXCHANGES, SOON = 16, 0.15
-#: The part of the guide rate by which it may be off.
+#: The part of the guide rate by which it may be off, besides half an exchange of each pulse that the gateway times.
 OFF = 0.25
 
 
@@ -54,16 +54,17 @@ async def run(telescope: Telescope, report: Report) -> None:
             if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
                 rate = abs(rate)
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
-            report.found(_judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, tick))
+            error = (OFF + exchange / 2.0 / LASTS) * assumed
+            report.found(_judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, error, tick))
     finally:
         program.close()
 
 
-def _judged(what: str, rate: float, assumed: float, tick: float) -> Finding:
+def _judged(what: str, rate: float, assumed: float, error: float, tick: float) -> Finding:
     words = rate_words(rate), rate_words(assumed)
     if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", words[1])
-    if abs(rate - assumed) <= OFF * assumed + 2.0 * tick / (PULSES * LASTS):
+    if abs(rate - assumed) <= error + 2.0 * tick / (PULSES * LASTS):
         return Finding(what, SAME, *words)
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
     return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + words[0], words[1], means)

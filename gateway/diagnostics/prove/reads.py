@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import NamedTuple
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
@@ -40,14 +39,6 @@ SOON, BUSY = 0.3, 1.0
 EXCHANGES = 6.0
 
 
-class Asked(NamedTuple):
-    """What became of the questions, by command: seconds until the replies, those without one, and those of no form."""
-
-    took: dict[str, float]
-    silent: list[str]
-    strange: list[str]
-
-
 async def told(telescope: Telescope, name: str) -> Heard:
     """Ask the mount itself, whatever the gateway knows already. Raises Fault."""
     driver = telescope.driver
@@ -69,7 +60,8 @@ async def run(telescope: Telescope, report: Report) -> None:
     """Raises Ended."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.found(_identity(identity, telescope.driver))
-    asked = Asked({}, [], [])
+    #: Seconds until the replies, by command; the commands without one, and those whose reply has not their form.
+    took, silent, strange = dict[str, float](), list[str](), list[str]()
     names = list(_readable(telescope.driver))
     for number, name in enumerate(names):
         report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
@@ -85,17 +77,17 @@ async def run(telescope: Telescope, report: Report) -> None:
             telescope.check()
             if name in NAMES and identity is not None and identity.version == UNKNOWN:
                 continue
-            asked.silent.append(name)
+            silent.append(name)
             continue
         telescope.check()
         if not heard.words or GARBLED in heard.words:
-            asked.strange.append(name)
+            strange.append(name)
             continue
-        asked.took[name] = telescope.now() - began
+        took[name] = telescope.now() - began
         if heard.values and not PASSING & heard.fields.keys():
             telescope.settings[name] = repr(heard.values)
-    report.found(_forms(asked))
-    report.found(_times(asked, telescope.controller.line.typical_rtt))
+    report.found(_forms(len(took), silent, strange))
+    report.found(_times(took, telescope.controller.line.typical_rtt))
 
 
 async def settings(telescope: Telescope, report: Report) -> None:
@@ -138,21 +130,21 @@ def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
     return Finding("identity", DIFFERS, name, "", means)
 
 
-def _forms(asked: Asked) -> Finding:
-    what, fits = "answers to its protocol's questions", len(asked.took)
-    if not asked.silent and not asked.strange:
+def _forms(fits: int, silent: list[str], strange: list[str]) -> Finding:
+    what = "answers to its protocol's questions"
+    if not silent and not strange:
         return Finding(what, SAME, f"all {fits} in their form")
-    parts = [f"none to {', '.join(asked.silent)}"] * bool(asked.silent)
-    parts += [f"of another form to {', '.join(asked.strange)}"] * bool(asked.strange)
+    parts = [f"none to {', '.join(silent)}"] * bool(silent)
+    parts += [f"of another form to {', '.join(strange)}"] * bool(strange)
     means = "Programs that ask these get what the gateway knows instead, or a refusal."
     return Finding(what, DIFFERS, "; ".join(parts), f"{fits} others fit", means)
 
 
-def _times(asked: Asked, usual: float) -> Finding:
+def _times(took: dict[str, float], usual: float) -> Finding:
     """Return the finding on the reply times; ``usual`` is that of one exchange; a question may take several."""
-    if not asked.took:
+    if not took:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
-    longest = max(asked.took.values())
+    longest = max(took.values())
     measured = f"{usual * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
     if usual > SOON:
         means = "A slow line: limits are kept from farther away, and arrows end later. The gateway adapts by itself."

@@ -20,7 +20,7 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
-from gateway.mount.motion.run_on import Place
+from gateway.mount.motion.run_on import Place, drift
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.protocols.registry import streams
@@ -75,7 +75,7 @@ class Telescope:
         self._epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.tracking_by_others = False
-        self._steps = self.driver.ticks
+        self._steps = list(self.driver.ticks)
         self.controller.reader.position.connect(lambda _: self._seen())
         self.controller.wanted.changed.connect(self._ordered)
 
@@ -245,21 +245,17 @@ class Telescope:
     @property
     def ticks(self) -> Pair:
         """The steps of the two angles that the mount reports; no protocol says those of a server: the least seen."""
-        return self._steps if self.driver.protocol.name not in streams() else self.driver.ticks
+        return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _seen(self) -> None:
         """Take a new position."""
         if (here := self.latest) is None:
             return
-        if self._places:
-            before = self._places[-1].sky
-            changes = abs(wrap180(here.sky.ra - before.ra)), abs(here.sky.dec - before.dec)
-            first, second = (
-                min(step, max(FINEST, change)) if change > CALCULATED else step
-                for step, change in zip(self._steps, changes, strict=True)
-            )
-            self._steps = first, second
         self._places.append(here)
+        before = self._places[-2:][0].sky
+        for number, change in enumerate((wrap180(here.sky.ra - before.ra), here.sky.dec - before.dec)):
+            if abs(change) > CALCULATED:
+                self._steps[number] = min(self._steps[number], max(FINEST, abs(change)))
 
     def axes(self, place: Place) -> Pair:
         """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""
@@ -282,7 +278,7 @@ class Telescope:
 
     def drift(self, before: Place, after: Place) -> float:
         """Return the motion between two positions beyond what a drive explains that is on or off."""
-        return min(self.moved(before, after, tracks=True), self.moved(before, after, tracks=False))
+        return drift(before.sky, after.sky, after.at - before.at)
 
     def moved(self, before: Place, after: Place, tracks: bool) -> float:
         """Return the motion between two positions over the sky, or over the ground if it does not track."""
