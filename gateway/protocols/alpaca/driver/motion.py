@@ -105,7 +105,6 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     it is asked then whether it slews. An axis that is moved by hand is the first: ``AbortSlew`` may be answered late.
     """
     slewed = mount.goto is not None
-    mount.goto_side = "" if slewed else mount.goto_side
     mount.give_up_goto()
     orders = {axis: _at_rest(axis) for axis in sorted(mount.moving)} | {0: Send("abortslew", patience=ORDER)}
     orders |= {axis: _at_rest(axis) for axis in (1, 2) if mount.may_move(axis)}

@@ -84,7 +84,7 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
         return True
     if not state.seen and mount.now() - state.since < START_GRACE:
         return True
-    mount.give_up_goto()
+    mount.goto = None
     if state.then == "park":
         mount.parked = bool((yield from told(mount, "atpark", True)))
         mount.tracks = mount.tracks and not mount.parked
@@ -95,14 +95,17 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     return False
 
 
-def _begin(mount: AlpacaDriver, state: GotoState, steps: Steps) -> Steps:
-    """Begin a goto. One that is given up is ended as well: the server may only begin it after that."""
+def _begin(mount: AlpacaDriver, steps: Steps, then: str | None = None, side: str = "") -> Steps:
+    """Begin a goto, to this side of the pier if that is known. One that is given up is ended as well: the server may
+    only begin it after that.
+    """
     try:
-        yield from mount.begin_goto(state, steps, _slews)
+        yield from mount.begin_goto(GotoState(since=mount.now(), then=then), steps, _slews)
     except NoAnswer:
         with suppress(Fault):
             yield Send("abortslew", patience=ORDER)
         raise
+    mount.goto_side = side
 
 
 def _slews(mount: AlpacaDriver) -> Steps:
@@ -153,20 +156,21 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
         yield from order(mount, "set_tracking", on=True)
         mount.tracks = True
     goal = op.Equatorial(operation.ra, operation.dec)
-    if mount.side_untold:
-        yield from _expect_side(mount, goal)
+    side = (yield from _side_of(mount, goal)) if mount.side_untold else ""
     command = "slewtocoordinatesasync" if mount.supports("slewtocoordinatesasync") else "slewtocoordinates"
     steps = order(mount, command, goal, ra=operation.ra, dec=operation.dec)
-    yield from _begin(mount, GotoState(since=mount.now()), steps)
+    yield from _begin(mount, steps, side=side)
 
 
-def _expect_side(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
-    """Note on which side of the pier the tube of a goto will be; what arrows showed on an unknown side is forgotten."""
-    sidereal, before = (yield from told(mount, "siderealtime")), mount.goto_side
+def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
+    """Return on which side of the pier the tube will be; what arrows showed on an unknown side is forgotten then."""
+    sidereal = yield from told(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
-    mount.goto_side = "" if abs(hour_angle) < EITHER_SIDE else "E" if hour_angle > 0.0 else "W"
-    if mount.goto_side and not before:
+    if abs(hour_angle) < EITHER_SIDE:
+        return ""
+    if not mount.goto_side:
         mount.senses.pop((2, ""), None)
+    return "E" if hour_angle > 0.0 else "W"
 
 
 def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -> Steps:
@@ -174,13 +178,11 @@ def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -
     if mount.equatorial and isinstance(operation, op.GotoAxes):
         raise Unsupported("Only an alt-az mount can be sent to readings of its axes.")
     yield from stop_current_motion(mount)
-    mount.goto_side = ""
     if mount.tracks and mount.supports("set_tracking"):
         yield from order(mount, "set_tracking", on=False)
         mount.tracks = False
     command = "slewtoaltazasync" if mount.supports("slewtoaltazasync") else "slewtoaltaz"
-    steps = order(mount, command, None, az=operation.az % 360.0, alt=operation.alt)
-    yield from _begin(mount, GotoState(since=mount.now()), steps)
+    yield from _begin(mount, order(mount, command, None, az=operation.az % 360.0, alt=operation.alt))
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
@@ -195,7 +197,6 @@ def stop_current_motion(mount: AlpacaDriver) -> Steps:
 def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
     """End the goto under way. An axis that is moved by hand stands still afterwards."""
     mount.give_up_goto()
-    mount.goto_side = ""
     yield Send("abortslew")
     mount.moving.clear()
 
@@ -207,16 +208,14 @@ def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its own park position; there it does not track."""
     yield from stop_current_motion(mount)
-    state, mount.goto_side = GotoState(since=mount.now(), then="park"), ""
-    yield from _begin(mount, state, order(mount, "park"))
+    yield from _begin(mount, order(mount, "park"), then="park")
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     """Send the mount to its own home position."""
     yield from stop_current_motion(mount)
-    mount.home_state, mount.goto_side = 0, ""
-    state = GotoState(since=mount.now(), then="home")
-    yield from _begin(mount, state, order(mount, "findhome"))
+    mount.home_state = 0
+    yield from _begin(mount, order(mount, "findhome"), then="home")
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:

@@ -139,6 +139,11 @@ class AlpacaDriver(Driver):
             raise missing
         return (yield from super().perform(operation))
 
+    def give_up_goto(self) -> None:
+        """Forget the goto under way: nobody knows on which side of the pier it has ended."""
+        self.goto_side = "" if self.goto is not None else self.goto_side
+        self.goto = None
+
     def impossible(self, operation: op.Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
             return Refused(SLEWING)
