@@ -7,7 +7,8 @@ a function imports what it needs when it is called.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msgspec import Struct
 
@@ -113,6 +114,13 @@ class NightRows(Struct, frozen=True):
     site: frozenset[str] = frozenset()
     gotos: frozenset[str] = frozenset()
     east: int = 1
+
+
+def part(module: str, name: str) -> Callable[..., Any]:
+    """Return what makes a part of a protocol. Its module is imported by the first call, because every start reads the
+    specifications of all protocols.
+    """
+    return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)
 
 
 def _checked(text: str) -> str:

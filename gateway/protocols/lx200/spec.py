@@ -16,13 +16,12 @@ from gateway.protocols.base.spec import (
     ProtocolSpec,
     Question,
     SurfaceSettings,
+    part,
 )
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.driver import Driver, FollowUps
-    from gateway.protocols.base.frames import Framer
-    from gateway.protocols.base.reply_rules import ReplyRules
+    from gateway.protocols.base.driver import FollowUps
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
 NAME, DEFAULT_MODEL = "lx200", "autostar"
@@ -36,18 +35,6 @@ _POSITION = rb"\d\d:\d\d(\.\d|:\d\d)#"
 _SIXTY = rb"^:S[rdL].*\d\D+60(?:\.0*)?\D"
 #: What a program for a Meade may begin a connection with: bytes that are ignored, and whole commands.
 OPENING = rb"(?s)(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*"
-
-
-def _framing() -> Framer:
-    from gateway.protocols.lx200 import framing
-
-    return framing.Framer()
-
-
-def _reply_rules(model: str | None = None, speaker: Driver | None = None) -> ReplyRules:
-    from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
-
-    return Lx200ReplyRules(model, speaker)
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
@@ -74,6 +61,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
     from gateway.protocols.lx200.driver import dialect, drive, ends, home, identify, motion, place, pointing
     from gateway.protocols.lx200.driver.state import Lx200Driver
+    from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 
     handlers = load(NAME).functions("driver", drive, home, identify, motion, place, pointing)
     driver = Lx200Driver(now, settings, handlers)
@@ -83,7 +71,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
         ends.PutBack: ends.restore_rates,
         dialect.KeepOn: dialect.keep_on,
     }
-    return MadeDriver(driver, follow_ups, _reply_rules(settings.model, driver))
+    return MadeDriver(driver, follow_ups, Lx200ReplyRules(settings.model, driver))
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
@@ -131,9 +119,9 @@ SPEC = ProtocolSpec(
     default_model=DEFAULT_MODEL,
     demo=("lx200:lx200gps", "LX200GPS"),
     example="lx200gps",
-    framing=_framing,
+    framing=part("lx200.framing", "Framer"),
     opening=OPENING,
-    reply_rules=_reply_rules,
+    reply_rules=part("lx200.reply_rules", "Lx200ReplyRules"),
     make_surface=_make_surface,
     make_driver=_make_driver,
     make_simulator=_make_simulator,

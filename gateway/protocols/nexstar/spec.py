@@ -17,6 +17,7 @@ from gateway.protocols.base.spec import (
     ProtocolSpec,
     Question,
     SurfaceSettings,
+    part,
 )
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
@@ -24,8 +25,6 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import parse_version, show_version
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framer
-    from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
 NAME, DEFAULT_MODEL = "nexstar", "6-8se"
@@ -51,18 +50,6 @@ OPENING = rb"""(?sx)
     """
 
 
-def _framing() -> Framer:
-    from gateway.protocols.nexstar import framing
-
-    return framing.Framer()
-
-
-def _reply_rules() -> ReplyRules:
-    from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
-
-    return NexStarReplyRules()
-
-
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
@@ -82,6 +69,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
     from gateway.protocols.nexstar.driver import home, identify, motion, place, pointing, tracking
     from gateway.protocols.nexstar.driver.state import NexStar
+    from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 
     handlers = load(NAME).functions("driver", home, identify, motion, place, pointing, tracking)
     return MadeDriver(
@@ -92,7 +80,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
             tracking.VerifyTracking: tracking.verify,
             motion.StepOn: motion.step_on,
         },
-        _reply_rules(),
+        NexStarReplyRules(),
     )
 
 
@@ -144,9 +132,9 @@ SPEC = ProtocolSpec(
     default_model=DEFAULT_MODEL,
     demo=("nexstar", "NexStar 6/8 SE"),
     example="cpc/4.21",
-    framing=_framing,
+    framing=part("nexstar.framing", "Framer"),
     opening=OPENING,
-    reply_rules=_reply_rules,
+    reply_rules=part("nexstar.reply_rules", "NexStarReplyRules"),
     make_surface=_make_surface,
     make_driver=_make_driver,
     make_simulator=_make_simulator,

@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
+from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings, part
 from gateway.protocols.wireformat.command_set import load
-
-if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framer as AnyFramer
 
 NAME = "stellarium"
 #: Length and type of a goto, the only message that programs send.
 GOTO = b"\x14\0\0\0"
-
-
-def _framing() -> AnyFramer:
-    from gateway.protocols.stellarium.surface import Framer
-
-    return Framer()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
@@ -41,7 +30,7 @@ SPEC = ProtocolSpec(
     mounts="Stellarium",
     usual_port=10001,
     equinox="j2000",
-    framing=_framing,
+    framing=part("stellarium.surface", "Framer"),
     opening=rb"(?s)(?:\x14\0\0\0.{16})*",
     make_surface=_make_surface,
     recognises=lambda sent: 1.0 if sent.startswith(GOTO) else 0.0,
