@@ -366,6 +366,15 @@ class Evening:
         await asyncio.sleep(12.0)
         return "0 s"
 
+    async def set_site(self) -> str:
+        """Another one, which a SynScan takes at any time."""
+        if self.driven != "nexstar":
+            return NONE
+        await self.face.set_site()  # type: ignore[attr-defined]
+        await asyncio.sleep(12.0)
+        site = self.b.sim.mechanics.sky
+        return self._within(max(abs(site.latitude - 46.0), abs(site.longitude - 11.0)) * 3600.0, 61.0)
+
     async def limits(self) -> str:
         """A goto below the mount's own horizon, which the gateway was told to allow. A German SynScan has none."""
         if self.driven == "nexstar":
@@ -406,6 +415,8 @@ class Evening:
         await asyncio.sleep(4.0)
         assert self.b.controller.driver.parked and not self.b.sim.tracking, "WRONG: not parked"
         if self.driven == "nexstar":  # it knows of no park: the next goto of some programs takes it up again
+            if isinstance(self.face, Alpaca):
+                assert await self.face.goto(*self._goal(30.0)), "WRONG: parked, it goes"
             await self.face.unpark()  # type: ignore[attr-defined]
             await asyncio.sleep(4.0)
             assert self.b.sim.tracking, "WRONG: not unparked"
@@ -421,7 +432,7 @@ class Evening:
 
 STEPS: tuple[str, ...] = (
     "position", "goto", "abort", "again", "sync", "arrow", "tap", "pulse", "tracking", "settings", "set_clock",
-    "limits", "owner", "lost_line", "park",
+    "limits", "owner", "lost_line", "park", "set_site",
 )  # fmt: skip
 
 
