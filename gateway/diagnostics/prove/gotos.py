@@ -32,12 +32,12 @@ STEPS = 4
 Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
-def cramped(telescope: Telescope) -> str:
-    """Return why the small motions have no room where the mount points; empty if they have."""
-    return "" if telescope.latest is None else _cramped_at(telescope, telescope.latest.sky)
-
-
-def _cramped_at(telescope: Telescope, sky: op.Equatorial) -> str:
+def cramped(telescope: Telescope, sky: op.Equatorial | None = None) -> str:
+    """Return why the small motions have no room there, or where the mount points; empty if they have."""
+    if sky is None and telescope.latest is not None:
+        sky = telescope.latest.sky
+    if sky is None:
+        return ""
     altitude, hour_angle = telescope.controller.astrometry.overhead(sky)
     limits = telescope.controller.policy.limits
     if abs(sky.dec) > POLE:
@@ -61,7 +61,7 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     goals = [op.Equatorial((sidereal - away) % 360.0, dec) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
-    goals = [goal for goal in goals if not _cramped_at(telescope, goal)] or goals
+    goals = [goal for goal in goals if not cramped(telescope, goal)] or goals
     goal, refused = await _allowed(telescope, goals)
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")

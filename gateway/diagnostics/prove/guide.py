@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 from gateway.app.gateway import Gateway
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, UserError
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report, rest_of
 from gateway.diagnostics.prove.telescope import WHO, Ended, StoppedByOthers, Telescope
@@ -79,15 +79,18 @@ class Guide:
         self.before: list[Finding] = []
 
     async def run(self) -> Findings:
-        """Lead through all stages that have no findings yet, as far as the person wants."""
+        """Lead through all stages that have no findings yet, as far as the person wants.
+
+        Raises UserError if the findings are those of another mount.
+        """
         person, telescope = self._person, self._telescope
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
             mount, version = reads.named(identity, telescope.driver)
             if mount != self._findings.mount and self._findings.stages:
-                person.say(f"This folder holds what was found of {self._findings.mount}. --folder names another one.")
-                self.left = True
-                return self._findings
+                raise UserError(
+                    f"the folder holds what was found of {self._findings.mount}; --folder names another one"
+                )
             if mount != self._findings.mount:
                 self._findings = Findings(mount, identity.model, version)
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
