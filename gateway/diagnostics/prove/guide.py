@@ -112,14 +112,14 @@ class Guide:
             if not stage.why(telescope):
                 person.say(f"{title}: not needed.")
                 continue
-            key = "a"
-            while key == "a":
+            key = ""
+            while key in ("", "a"):
                 person.say(f"{title}: {stage.will}{self._where() * stage.moves}")
                 if stage.moves and (why := self._why_not()):
                     person.say(f"Not now: {why}.")
                     break
-                key = await self._answer("y: yes  s: skip it  q: leave", "ysq")
-                if key == "y":
+                key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
+                if key in ("y", "a"):
                     key = await self._stage(stage)
             if key == "q":
                 self.left = True

@@ -277,8 +277,8 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
 
     async def play() -> None:
         async with Proven() as proven:
-            person = Onlooker("ssyq")
-            person.when["rate 9 west/east"] = person.stop.set
+            person = Onlooker("ssyaq")  # after the first stop again at once, and then in another session
+            person.when |= dict.fromkeys(("rate 9 west/east", "rate 9 north/south"), person.stop.set)
             stopped = await proven.check(person)
             save(tmp_path / "findings.json", stopped)
             proven.findings = load(tmp_path / "findings.json")
@@ -290,8 +290,8 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
 
     with patch.object(small_motions, "KEYS", (9, 6)), patch.object(small_motions, "_measured", counted):
         run_calm(play())
-    whole = ["rate 6 west/east", "rate 6 north/south", "rate 9 west/east"]
-    assert measured == [*whole, "rate 9 west/east", "rate 9 north/south"]
+    first, second = (["rate 9 west/east"] * 2, ["rate 9 north/south"] * 2)
+    assert measured == ["rate 6 west/east", "rate 6 north/south", *first, *second]
 
 
 def test_tracking_that_another_program_turns_on_stays_on() -> None:
