@@ -86,4 +86,3 @@ def test_the_chart_is_used(workshop: Workshop) -> None:
     assert seen["quick"] < 20.0, "one of ten; a loaded computer delays the others"
     assert seen["idleFrames"] == 0
     assert seen["changedFrames"] == [1, 1, 1]
-    assert seen["afterDestroy"] == [0, 0]

@@ -1,18 +1,17 @@
 // The view "More": colours, permissions of this page, and information about gateway and mount.
 
 import { BUTTONS, CHOICES, HEADINGS } from "./core/labels.js";
-import { button, byId, choice, el, say } from "./core/dom.js";
+import { button, byId, choice, el, group, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
-import { ask } from "./core/socket.js";
 import { mount, state, subscribe } from "./core/store.js";
-import { answered } from "./frame/notices.js";
+import { order } from "./frame/notices.js";
 import * as gamepad from "./control/gamepad.js";
 import * as awake from "./frame/awake.js";
 import { askForPin } from "./frame/banners.js";
 import { limitsButtons } from "./readings/limits.js";
+import { changingList } from "./readings/rows.js";
 import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 
-const group = (title, ...content) => el("section", { class: "group" }, el("h3", {}, title), ...content);
 const chips = (label) => el("div", { class: "chips", role: "radiogroup", "aria-label": label });
 
 function lightGroup() {
@@ -48,7 +47,7 @@ function pageGroup() {
 
 function guideGroup() {
   const box = el("div", { class: "chips", role: "group", "aria-label": HEADINGS.guide });
-  const rates = choice(box, CHOICES.guides, async (rate) => answered(await ask({ do: "guide_rate", rate: Number(rate) })));
+  const rates = choice(box, CHOICES.guides, (rate) => order({ do: "guide_rate", rate: Number(rate) }));
   const whole = group(HEADINGS.guide, box);
   subscribe(() => {
     const seen = mount();
@@ -59,26 +58,13 @@ function guideGroup() {
   return whole;
 }
 
-/** A list of sentences that is updated when it changes. */
-function list(title, lines, none, ...more) {
-  const box = el("ul", { class: "lines" });
-  let before = "";
-  subscribe(() => {
-    const now = mount() ? lines(mount()) : [];
-    if (JSON.stringify(now) === before) return;
-    before = JSON.stringify(now);
-    box.replaceChildren(...(now.length ? now : [none]).map((line) => el("li", {}, line)));
-  });
-  return group(title, box, ...more);
-}
-
 export function start() {
   byId("more").replaceChildren(
     lightGroup(),
-    list(HEADINGS.surfaces, (seen) => seen.surfaces, "nowhere"),
-    list(HEADINGS.allowed, (seen) => seen.allowed, "everything", ...limitsButtons()),
+    changingList(HEADINGS.surfaces, (seen) => seen.surfaces, "nowhere"),
+    changingList(HEADINGS.allowed, (seen) => seen.allowed, "everything", { below: limitsButtons() }),
     guideGroup(),
-    el("section", { class: "group", id: "keys" }, el("h3", {}, HEADINGS.keys), el("dl", { class: "keys" }, ...CHOICES.keys.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
+    group(HEADINGS.keys, el("dl", { class: "keys" }, ...CHOICES.keys.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
     pageGroup(),
   );
 }

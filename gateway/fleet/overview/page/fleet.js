@@ -1,6 +1,7 @@
 // Shows all mounts on a broker, reading them from the server once a second, and stops them at the press of a button.
 
 import { byId, button, el, say } from "./js/core/dom.js";
+import { angle, azimuth, declination, hours, span } from "./js/core/format.js";
 
 const EVERY = 1000;
 /** Timeout for an answer of the server, milliseconds. */
@@ -46,18 +47,6 @@ function stops(pressed, of) {
   pressed.addEventListener("click", (event) => event.detail === 0 && stop(pressed, of));
 }
 
-const two = (number) => String(number).padStart(2, "0");
-const hours = (value) => {
-  const seconds = Math.round(value * 3600) % 86400;
-  return `${two(Math.floor(seconds / 3600))}:${two(Math.floor(seconds / 60) % 60)}:${two(seconds % 60)}`;
-};
-const degrees = (value) => {
-  const minutes = Math.round(Math.abs(value) * 60);
-  return `${value < 0 ? "−" : "+"}${two(Math.floor(minutes / 60))}°${two(minutes % 60)}'`;
-};
-const age = (seconds) =>
-  seconds < 90 ? `${seconds} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${Math.round(seconds / 3600)} h`;
-
 function card(mount) {
   const parts = { name: el("span"), at: el("small"), does: el("p", { class: "does" }), where: el("p", { class: "where" }),
     more: el("p", { class: "more" }), said: el("p", { class: "said" }) };
@@ -74,12 +63,12 @@ function show({ whole, parts }, mount) {
   whole.dataset.is = lost(mount) ? "lost" : mount.held ? "held" : mount.moving ? "moves" : "rests";
   say(parts.name, mount.mount === "mount" ? mount.gateway : mount.mount);
   say(parts.at, mount.mount === "mount" ? "" : mount.gateway);
-  say(parts.does, !mount.available ? "gateway is gone" : !mount.online ? `mount does not answer` : mount.does);
-  const place = mount.ra === null ? "" : `RA ${hours(mount.ra)}  Dec ${degrees(mount.dec)}`;
-  const over = mount.alt === null ? "" : `  Alt ${mount.alt.toFixed(1)}°  Az ${mount.az.toFixed(1)}°`;
+  say(parts.does, !mount.available ? "gateway is gone" : !mount.online ? "mount does not answer" : mount.does);
+  const place = mount.ra === null ? "" : `RA ${hours(mount.ra * 15)}  Dec ${declination(mount.dec)}`;
+  const over = mount.alt === null ? "" : `  Alt ${angle(mount.alt)}  Az ${azimuth(mount.az)}`;
   say(parts.where, place + over);
   const programs = mount.programs ? `${mount.programs} program${mount.programs === 1 ? "" : "s"}` : "";
-  say(parts.more, [mount.model, programs, `told ${age(mount.age)} ago`].filter(Boolean).join(" · "));
+  say(parts.more, [mount.model, programs, `told ${span(mount.age)} ago`].filter(Boolean).join(" · "));
   say(parts.said, mount.said && mount.said_age < 60 ? mount.said : "");
 }
 

@@ -4,15 +4,12 @@
 import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
 import { angle, azimuth } from "../core/format.js";
-import { ask } from "../core/socket.js";
 import { state, mount, subscribe } from "../core/store.js";
 import { sync } from "../finding/place.js";
-import { answered } from "../frame/notices.js";
+import { order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { following, look } from "./look.js";
 import { search } from "./steps.js";
-
-const send = async (request) => answered(await ask(request));
 
 function row(title, ...content) {
   return el("div", { class: "row" }, el("h3", {}, title), ...content);
@@ -24,7 +21,7 @@ function group(label, choices, chosen) {
 }
 
 async function goFar(request, title, words) {
-  if (await question({ title: `${title}?`, words, yes: title })) send(request);
+  if (await question({ title: `${title}?`, words, yes: title })) order(request);
 }
 
 function parkWords() {
@@ -33,11 +30,11 @@ function parkWords() {
 }
 
 export function start() {
-  const [onOff, tracks] = group(HEADINGS.tracking, CHOICES.tracking, (value) => send({ do: "track", on: value === "on" }));
-  const [rates, follows] = group(NAMES.rates, CHOICES.rates, (rate) => send({ do: "track", on: true, rate }).then(look));
+  const [onOff, tracks] = group(HEADINGS.tracking, CHOICES.tracking, (value) => order({ do: "track", on: value === "on" }));
+  const [rates, follows] = group(NAMES.rates, CHOICES.rates, (rate) => order({ do: "track", on: true, rate }).then(look));
   const syncs = button(BUTTONS.sync, sync);
-  const wakes = button(BUTTONS.wake, () => send({ do: "wake" }));
-  const holds = button(BUTTONS.hold, () => send({ do: mount()?.held ? "release" : "hold" }));
+  const wakes = button(BUTTONS.wake, () => order({ do: "wake" }));
+  const holds = button(BUTTONS.hold, () => order({ do: mount()?.held ? "release" : "hold" }));
   const parks = button(BUTTONS.park, () => goFar({ do: "park" }, HEADINGS.park, parkWords()));
   const homes = button(BUTTONS.home, () => goFar({ do: "home" }, HEADINGS.home, "It slews to its home position."));
   const searches = button(BUTTONS.search, search);
@@ -45,7 +42,7 @@ export function start() {
   byId("orders").replaceChildren(
     tracking,
     followed,
-    row(HEADINGS.park, el("div", { class: "chips" }, parks, homes, button(BUTTONS.unpark, () => send({ do: "unpark" }).then(look)))),
+    row(HEADINGS.park, el("div", { class: "chips" }, parks, homes, button(BUTTONS.unpark, () => order({ do: "unpark" }).then(look)))),
     row(HEADINGS.mount, el("div", { class: "chips" }, wakes, holds, searches, syncs)),
   );
   subscribe(() => {

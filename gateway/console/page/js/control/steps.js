@@ -3,11 +3,10 @@
 
 import { BUTTONS, CHOICES, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
-import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { askOptics } from "../finding/details.js";
 import { field } from "../finding/kept.js";
-import { answered, notice } from "../frame/notices.js";
+import { notice, order } from "../frame/notices.js";
 import { angles, DEGREE, reversed, separation, turned, vector } from "../sky/sphere.js";
 
 /** Milliseconds of a guide pulse. */
@@ -57,13 +56,12 @@ function refuse() {
 
 async function go(goal, words) {
   if (!goal) return notice("So near to the pole a step leads nowhere: hold an arrow.", "refused");
-  const answer = await ask({ do: "goto", ...goal });
-  return answered(answer.ok ? { ...answer, words } : answer);
+  return order({ do: "goto", ...goal }, words);
 }
 
 /** Make one step in a direction. */
 export async function take(direction) {
-  if (mode === "pulse") return answered(await ask({ do: "guide", direction: direction[0], ms: PULSE }));
+  if (mode === "pulse") return order({ do: "guide", direction: direction[0], ms: PULSE });
   const why = refuse();
   if (why) return notice(why, "refused");
   const minutes = mode === "field" ? await asked() : Number(mode);

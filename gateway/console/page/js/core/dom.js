@@ -25,6 +25,9 @@ export function el(tag, attributes = {}, ...children) {
 /** A button that calls a function when it is clicked, tapped or activated by a key. */
 export const button = (words, does, attributes = {}) => el("button", { type: "button", on: { click: does }, ...attributes }, words);
 
+/** A card with a heading. */
+export const group = (title, ...content) => el("section", { class: "group" }, el("h3", {}, title), ...content);
+
 /** Set the text of an element, changing the page only if the text is different. */
 export function say(element, words) {
   if (element.textContent !== words) element.textContent = words;
@@ -66,5 +69,22 @@ export function choice(box, choices, chosen) {
         if (radio) one.tabIndex = chosen || (!any && index === 0) ? 0 : -1;
       }
     },
+  };
+}
+
+/**
+ * The same for choices that change: they are built again then, and hidden while there is but one.
+ * @param {any} box @param {(value: string) => void} chosen
+ * @returns {(choices: Array<[string, string]>, value: string) => void}  shows them, and which one is chosen
+ */
+export function changingChoice(box, chosen) {
+  let before = "", made = null;
+  return (choices, value) => {
+    if (JSON.stringify(choices) !== before) {
+      before = JSON.stringify(choices);
+      box.hidden = choices.length < 2;
+      made = choice(box, choices, chosen);
+    }
+    made.set(value);
   };
 }

@@ -5,32 +5,28 @@ const WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 const two = (value) => String(value).padStart(2, "0");
 
-/** Split a non-negative value into whole hours or degrees, minutes and seconds. */
-function parts(value) {
-  const seconds = Math.round(value * 3600);
-  return [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, seconds % 60];
+const HOURS = ["h", "m", "s"], ARC = ["°", "′", "″"];
+const sign = (value) => (value < 0 ? "−" : "+");
+
+/** A non-negative value as whole hours or degrees, minutes and seconds, each with its mark. */
+function sixtieths(value, marks, decimals = 0, wide = 2) {
+  const unit = 10 ** decimals, seconds = Math.round(value * 3600 * unit) / unit;
+  const parts = [String(Math.floor(seconds / 3600)).padStart(wide, "0"), two(Math.floor(seconds / 60) % 60), (seconds % 60).toFixed(decimals)];
+  return `${parts[0]}${marks[0]} ${parts[1]}${marks[1]} ${parts[2].padStart(decimals ? decimals + 3 : 2, "0")}${marks[2]}`;
 }
 
-/** 279.46 -> 18h 37m 51s */
-export function hours(degrees) {
+/** 279.46 -> 18h 37m 50s */
+export function hours(degrees, decimals = 0) {
   if (!known(degrees)) return UNKNOWN;
-  const [h, m, s] = parts((((degrees % 360) + 360) % 360) / 15);
-  return `${two(h % 24)}h ${two(m)}m ${two(s)}s`;
+  const value = (((degrees % 360) + 360) % 360) / 15, most = 24 - 0.5 / 3600 / 10 ** decimals;
+  return sixtieths(value < most ? value : 0, HOURS, decimals);
 }
 
-/** 38.808 -> +38° 48′ 30″ */
-export function declination(degrees) {
-  if (!known(degrees)) return UNKNOWN;
-  const [d, m, s] = parts(Math.abs(degrees));
-  return `${degrees < 0 ? "−" : "+"}${two(d)}° ${two(m)}′ ${two(s)}″`;
-}
+/** 38.808 -> +38° 48′ 29″ */
+export const declination = (degrees) => (known(degrees) ? sign(degrees) + sixtieths(Math.abs(degrees), ARC) : UNKNOWN);
 
 /** -3.2 -> −0h 12m 48s */
-export function hourAngle(degrees) {
-  if (!known(degrees)) return UNKNOWN;
-  const [h, m, s] = parts(Math.abs(degrees) / 15);
-  return `${degrees < 0 ? "−" : "+"}${h}h ${two(m)}m ${two(s)}s`;
-}
+export const hourAngle = (degrees) => (known(degrees) ? sign(degrees) + sixtieths(Math.abs(degrees) / 15, HOURS, 0, 1) : UNKNOWN);
 
 /** A speed in degrees a second: 4 -> , 4.0°/s; 0.27 -> , 16′/s; 0.0042 -> , 15″/s */
 export function speed(degrees) {

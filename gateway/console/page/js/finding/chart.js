@@ -16,15 +16,13 @@ function figures() {
 }
 
 export async function start() {
-  const { createSky } = await import("../sky/sky.js");
-  const canvas = byId("sky");
-  const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words), covered: figures });
-  const marks = CHOICES.up;
+  const { Sky } = await import("../sky/sky.js");
+  const sky = new Sky(byId("sky"), { onPick: showPicked, say: (words) => say(byId("sky-says"), words), covered: figures });
   byId("chart-up").addEventListener("click", turn);
   onTurn((up) => {
     sky.setUp(up);
-    say(byId("chart-up"), marks[up]);
-    byId("chart-up").setAttribute("aria-label", `${marks[up]}: ${up === "zenith" ? "down in the chart is where the telescope points" : `${up} is up in the chart`}`);
+    say(byId("chart-up"), CHOICES.up[up]);
+    byId("chart-up").setAttribute("aria-label", `${CHOICES.up[up]}: ${up === "zenith" ? "down in the chart is where the telescope points" : `${up} is up in the chart`}`);
   });
   byId("chart-in").addEventListener("click", () => sky.enlarge(1.5));
   byId("chart-out").addEventListener("click", () => sky.enlarge(1 / 1.5));

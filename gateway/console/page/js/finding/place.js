@@ -4,7 +4,7 @@
 import { BUTTONS, HEADINGS, NAMES, READINGS } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours, magnitude, timeOfDay, zone } from "../core/format.js";
-import { answered, notice } from "../frame/notices.js";
+import { notice, order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
@@ -89,9 +89,8 @@ async function go() {
   const name = chosen.found.name;
   asked = true;
   draw();
-  const answer = await ask({ do: "goto", ...aim() });
+  await order({ do: "goto", ...aim() }, name && `It goes to ${name}`);
   asked = false;
-  answered(answer.ok && name ? { ...answer, words: `It goes to ${name}` } : answer);
   draw();
 }
 
@@ -136,9 +135,7 @@ export async function sync() {
     title: `Sync on ${name}?`, yes: BUTTONS.centred,
     words: `${aside()}The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
   });
-  if (!agreed) return;
-  const answer = await ask({ do: "sync", ...aim() });
-  answered(answer.ok ? { ...answer, words: `Synced on ${name}` } : answer);
+  if (agreed) order({ do: "sync", ...aim() }, `Synced on ${name}`);
 }
 
 const withZone = (unix) => `${timeOfDay(unix)} ${zone(unix)}`;

@@ -1,5 +1,6 @@
 // What is up tonight, and in which order: pure functions of places, a sky and a night, without the page.
 
+import { lit } from "../sky/moon.js";
 import { angles, DEGREE, dot, precession, TURN, turned, vector } from "../sky/sphere.js";
 
 /** How far ahead a list looks, and its steps, seconds. */
@@ -33,7 +34,7 @@ export class Night {
 
   /** How much of the Moon is lit, from 0 to 1. */
   lit(unix) {
-    return (1 - dot(this.direction("sun", unix), this.direction("moon", unix))) / 2;
+    return lit(this.direction("moon", unix), this.direction("sun", unix));
   }
 }
 

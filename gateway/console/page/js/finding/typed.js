@@ -2,26 +2,15 @@
 // written so that it has only one. Right ascension and declination are of date, as at the shell and in Python, unless
 // J2000 stands behind them.
 
+import { declination, hours } from "../core/format.js";
+
 const SIGN = /[+\-−–]/;
 const PLACE = /^[\d\s.:hmsd°'′’"″”+\-−–,;]+$/i;
 const EQUINOX = /[\s(]*\b(?:(j ?2000(?:\.0)?|icrs)|(of date|j ?now))\)?\s*$/i;
 const LIKE = "05:34:32 +22:00:52";
-const two = (value) => String(value).padStart(2, "0");
 
 /** Say why a text is refused. */
 class Unclear extends Error {}
-
-/** 83.6333 -> 05h34m32.0s */
-function hours(degrees) {
-  const tenths = Math.round(degrees * 2400) % 864000;
-  return `${two(Math.floor(tenths / 36000))}h${two(Math.floor(tenths / 600) % 60)}m${((tenths % 600) / 10).toFixed(1).padStart(4, "0")}s`;
-}
-
-/** 22.0144 -> +22°00′52″ */
-function sexagesimal(degrees) {
-  const seconds = Math.round(Math.abs(degrees) * 3600);
-  return `${degrees < 0 ? "−" : "+"}${two(Math.floor(seconds / 3600))}°${two(Math.floor(seconds / 60) % 60)}′${two(seconds % 60)}″`;
-}
 
 /** The numbers of an angle as one; how many there were. */
 function angle(text, what) {
@@ -69,7 +58,7 @@ function equatorial(text, j2000) {
   if (meant.length === 1) return meant[0];
   const asked = [ras.length > 1 && "hours or degrees", decs.length > 1 && "north or south"].filter(Boolean).join(", ");
   const equinox = j2000 === null ? "" : j2000 ? " J2000" : " of date";
-  return { asks: `Which one: ${asked}?`, choices: meant.map((one) => `${hours(one.ra)} ${sexagesimal(one.dec)}${equinox}`) };
+  return { asks: `Which one: ${asked}?`, choices: meant.map((one) => `${hours(one.ra, 1)} ${declination(one.dec)}${equinox}`) };
 }
 
 function horizontal(alt, az) {

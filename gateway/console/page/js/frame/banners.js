@@ -4,15 +4,13 @@
 import { BUTTONS, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, el } from "../core/dom.js";
 import { sentence, span } from "../core/format.js";
-import { answered } from "./notices.js";
+import { order } from "./notices.js";
 import { question } from "./question.js";
-import { ask, silence } from "../core/socket.js";
+import { silence } from "../core/socket.js";
 import { mount, state, subscribe } from "../core/store.js";
 import { tellTime } from "../readings/site.js";
 
 let shown = "";
-
-const send = (request) => async () => answered(await ask(request));
 
 export async function askForPin() {
   const given = await question({
@@ -20,7 +18,7 @@ export async function askForPin() {
     fields: [{ name: "pin", label: NAMES.pin, type: "password" }],
   });
   if (!given) return;
-  const answer = answered(await ask({ do: "pin", pin: given.pin }));
+  const answer = await order({ do: "pin", pin: given.pin });
   state.pin = answer.ok ? given.pin : "";
   state.act = state.act || answer.ok;
 }
@@ -33,9 +31,9 @@ function now() {
   const rows = [];
   if (seen.state === "down") rows.push(["bad", `The mount does not answer${seen.reason ? `: ${seen.reason}` : ""}. Look at its cable and its power; the gateway goes on trying.`]);
   if (seen.state === "busy") rows.push(["note", `The mount is busy${seen.reason ? `: ${seen.reason}` : ""}.`]);
-  if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", BUTTONS.release, send({ do: "release" })]);
-  if (seen.asleep) rows.push(["note", "The mount is asleep.", BUTTONS.wake, send({ do: "wake" })]);
-  if (seen.parked) rows.push(["note", "The mount is parked: unpark it first. Many mounts refuse a goto before that.", BUTTONS.unpark, send({ do: "unpark" })]);
+  if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", BUTTONS.release, () => order({ do: "release" })]);
+  if (seen.asleep) rows.push(["note", "The mount is asleep.", BUTTONS.wake, () => order({ do: "wake" })]);
+  if (seen.parked) rows.push(["note", "The mount is parked: unpark it first. Many mounts refuse a goto before that.", BUTTONS.unpark, () => order({ do: "unpark" })]);
   if (seen.aligned === false) rows.push(["note", "The mount is not aligned, so it does not know where it points. Align it at its hand control."]);
   if (seen.clock_doubt) rows.push(["bad", sentence(seen.clock_doubt), BUTTONS.time, tellTime]);
   if (seen.site_doubt) rows.push(["bad", sentence(seen.site_doubt)]);

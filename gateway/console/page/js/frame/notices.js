@@ -4,6 +4,7 @@
 import { BUTTONS } from "../core/labels.js";
 import { button, byId, el } from "../core/dom.js";
 import { sentence } from "../core/format.js";
+import { ask } from "../core/socket.js";
 
 /** Milliseconds for which a success is shown: at least so many, or so many per word if that is longer. */
 const GONE = 4000, WORD = 400;
@@ -33,5 +34,12 @@ export function settled() {
 /** Show the answer to a request; returns it. */
 export function answered(answer) {
   notice(answer.words, answer.ok ? "done" : "refused");
+  return answer;
+}
+
+/** Ask for something and show the answer, with these `words` if it was done; returns the gateway's. */
+export async function order(request, words = "") {
+  const answer = await ask(request);
+  answered(answer.ok && words ? { ...answer, words } : answer);
   return answer;
 }

@@ -4,7 +4,7 @@ import { BUTTONS, HEADINGS } from "../core/labels.js";
 import { button, el, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { mount, state, subscribe } from "../core/store.js";
-import { answered, notice } from "../frame/notices.js";
+import { answered, notice, order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 
 /** Name, label, key in gateway.toml, and how many degrees its unit has. */
@@ -40,7 +40,7 @@ async function narrow() {
 export function limitsButtons() {
   const hint = el("p", { class: "hint" });
   const narrows = button(BUTTONS.narrow, narrow);
-  const back = button(BUTTONS.configured, async () => answered(await ask({ do: "narrow" })));
+  const back = button(BUTTONS.configured, () => order({ do: "narrow" }));
   subscribe(() => {
     const seen = mount(), narrowed = Boolean(seen?.limits.by_page);
     back.hidden = !narrowed;

@@ -1,7 +1,7 @@
 // The line to the mount: a plot of its answer times and failed exchanges.
 
 import { HEADINGS } from "../core/labels.js";
-import { el, say } from "../core/dom.js";
+import { el, group, say } from "../core/dom.js";
 import { onLight } from "../frame/night.js";
 import { on } from "../core/socket.js";
 import { gatewayNow, mount, state, subscribe } from "../core/store.js";
@@ -80,5 +80,5 @@ export function lineGroup() {
     canvas.setAttribute("aria-label", `Answer times of the last ${WINDOW} seconds. ${words}`);
   });
   setInterval(draw, 500);
-  return el("section", { class: "group" }, el("h3", {}, HEADINGS.line), canvas, figures);
+  return group(HEADINGS.line, canvas, figures);
 }

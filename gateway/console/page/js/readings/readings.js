@@ -1,12 +1,12 @@
 // All readings of the mount, in groups; one row is one value.
 
 import { HEADINGS, READINGS } from "../core/labels.js";
-import { byId, el } from "../core/dom.js";
+import { byId, group } from "../core/dom.js";
 import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../core/format.js";
 import { mount, subscribe } from "../core/store.js";
 import { lineGroup } from "./line.js";
 import { programsGroup } from "./programs.js";
-import { rows } from "./rows.js";
+import { changingList, rows } from "./rows.js";
 import { siteGroup } from "./site.js";
 
 const PIERS = { E: "east", W: "west" };
@@ -44,23 +44,11 @@ const GROUPS = [
 function groupOf(title, described) {
   const figures = rows(described);
   subscribe(() => figures.draw(mount()));
-  return el("section", { class: "group" }, el("h3", {}, title), figures.list);
+  return group(title, figures.list);
 }
 
 /** Refusals and the gateway's own actions in the last minutes, the newest first. */
-function latelyGroup() {
-  const list = el("ul", { class: "lines" });
-  const whole = el("section", { class: "group" }, el("h3", {}, HEADINGS.lately), list);
-  let before = "";
-  subscribe(() => {
-    const now = mount()?.lately ?? [];
-    whole.hidden = !now.length;
-    if (now.join() === before) return;
-    before = now.join();
-    list.replaceChildren(...now.toReversed().map((words) => el("li", {}, sentence(words))));
-  });
-  return whole;
-}
+const latelyGroup = () => changingList(HEADINGS.lately, (seen) => seen.lately.map(sentence).toReversed());
 
 export function start() {
   const [points, does, what] = GROUPS.map(([title, rows]) => groupOf(title, rows));

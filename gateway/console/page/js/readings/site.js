@@ -2,9 +2,9 @@
 // The gateway checks both like those of any other program.
 
 import { BUTTONS, HEADINGS, READINGS } from "../core/labels.js";
-import { button, el } from "../core/dom.js";
+import { button, el, group } from "../core/dom.js";
 import { sentence, span, utc, UNKNOWN } from "../core/format.js";
-import { answered, notice } from "../frame/notices.js";
+import { answered, notice, order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, state, subscribe } from "../core/store.js";
@@ -16,9 +16,7 @@ const offset = () => -new Date().getTimezoneOffset() / 60;
 const off = (ahead, of) => (Math.abs(ahead) < EXACT ? `agrees with ${of}` : `${span(ahead)} ${ahead > 0 ? "ahead of" : "behind"} ${of}`);
 
 /** One tap: the gateway checks the time like that of any program, and says where it differs from other sources. */
-export async function tellTime() {
-  answered(await ask({ do: "time", unix: Date.now() / 1000, offset: offset() }));
-}
+export const tellTime = () => order({ do: "time", unix: Date.now() / 1000, offset: offset() });
 
 /** The phone's own place, where the browser gives it; null otherwise. */
 const ownPlace = () => new Promise((resolve) => {
@@ -68,5 +66,5 @@ export function siteGroup() {
   };
   subscribe(draw);
   setInterval(draw, 1000);
-  return el("section", { class: "group" }, el("h3", {}, HEADINGS.site), figures.list, el("div", { class: "buttons" }, ...buttons));
+  return group(HEADINGS.site, figures.list, el("div", { class: "buttons" }, ...buttons));
 }

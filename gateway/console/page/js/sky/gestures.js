@@ -13,7 +13,6 @@ const REACH = { touch: 24, mouse: 14, pen: 14 };
  * @param {HTMLCanvasElement} canvas
  * @param {{tap: (x: number, y: number, reach: number) => void, drag: (right: number, down: number) => void,
  *   enlarge: (factor: number, x: number, y: number) => void, reset: () => void, enlarged: () => boolean}} acts
- * @returns {() => void} removes the listeners
  */
 export function gestures(canvas, acts) {
   /** @type {Map<number, {x: number, y: number}>} */
@@ -71,7 +70,4 @@ export function gestures(canvas, acts) {
 
   const heard = { pointerdown: press, pointermove: move, pointerup: release, pointercancel: cancel, wheel };
   for (const [name, act] of Object.entries(heard)) canvas.addEventListener(name, act, { passive: false });
-  return () => {
-    for (const [name, act] of Object.entries(heard)) canvas.removeEventListener(name, act);
-  };
 }

@@ -12,7 +12,6 @@ const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDo
  * @param {HTMLCanvasElement} canvas
  * @param {{move: (right: number, down: number) => void, pick: () => void, enlarge: (factor: number) => void,
  *   reset: () => void, leave: () => void}} acts
- * @returns {() => void} removes the listeners
  */
 export function keys(canvas, acts) {
   const simple = { Enter: acts.pick, "+": () => acts.enlarge(1.5), "=": () => acts.enlarge(1.5),
@@ -28,8 +27,4 @@ export function keys(canvas, acts) {
   };
   canvas.addEventListener("keydown", press);
   canvas.addEventListener("blur", acts.leave);
-  return () => {
-    canvas.removeEventListener("keydown", press);
-    canvas.removeEventListener("blur", acts.leave);
-  };
 }

@@ -33,13 +33,8 @@ const BOTTOM = { north: 180, south: 0 };
  *   the default `palette` is that of `css/sky.css`; `clock` returns seconds; `covered` are areas with other text
  */
 
-/** @param {HTMLCanvasElement} canvas @param {Options} options */
-export function createSky(canvas, options = {}) {
-  return new Sky(canvas, options);
-}
-
-class Sky {
-  #canvas; #options; #clock; #colours; #picture; #cross; #ends;
+export class Sky {
+  #canvas; #options; #clock; #colours; #picture; #cross;
   #view = new View();
   #trail = new Trail();
   #scene = new Scene(null, 0, 0);
@@ -55,13 +50,15 @@ class Sky {
   /** What the last picture shows. */
   #drawn = { shape: "", tube: null };
 
-  constructor(canvas, options) {
+  /** @param {HTMLCanvasElement} canvas @param {Options} options */
+  constructor(canvas, options = {}) {
     this.#canvas = canvas;
     this.#options = options;
     this.#clock = options.clock ?? (() => performance.now() / 1000);
     this.#picture = new Picture(canvas, this.#view);
     this.#cross = new Cross(this.#view);
-    this.#ends = [this.#hearFingers(), this.#hearKeys()];
+    this.#hearFingers();
+    this.#hearKeys();
     canvas.classList.add("sky");
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
@@ -130,13 +127,6 @@ class Sky {
     this.#changed();
   }
 
-  destroy() {
-    cancelAnimationFrame(this.#frame);
-    clearTimeout(this.#timer);
-    this.#frame = -1;
-    for (const end of this.#ends) end();
-  }
-
   // --- drawing ------------------------------------------------------------------------------------------------------
 
   get #density() {
@@ -189,7 +179,7 @@ class Sky {
   // --- gestures and keys --------------------------------------------------------------------------------------------
 
   #hearFingers() {
-    return gestures(this.#canvas, {
+    gestures(this.#canvas, {
       tap: (x, y, reach) => this.#choose(x, y, reach),
       drag: (right, down) => {
         this.#view.pan(right, down);
@@ -202,7 +192,7 @@ class Sky {
   }
 
   #hearKeys() {
-    return keys(this.#canvas, {
+    keys(this.#canvas, {
       move: (right, down) => {
         this.#cross.move(right, down);
         this.#changed();

@@ -1,26 +1,13 @@
 // Explains what happens with any command on this mount, in the words of `mount-gateway explain`.
 
-import { byId, choice, say } from "../core/dom.js";
+import { byId, changingChoice, say } from "../core/dom.js";
 import { ask } from "../core/socket.js";
 import { mount, subscribe } from "../core/store.js";
 
 let surface = "";
-let known = "";
 
 /** The kinds of the gateway's surfaces: that of `lx200:autostar@tcp://…` is `lx200:autostar`. */
 const kinds = (seen) => [...new Set(seen.surfaces.map((name) => name.split("@")[0]))];
-
-function offer() {
-  const seen = mount();
-  const now = seen ? kinds(seen) : [];
-  if (JSON.stringify(now) === known) return;
-  known = JSON.stringify(now);
-  surface = now[0] ?? "";
-  const box = byId("explain-surface");
-  box.hidden = now.length < 2;
-  const chosen = choice(box, now.map((kind) => [kind, kind]), (value) => chosen.set((surface = value)));
-  chosen.set(surface);
-}
 
 async function submit(event) {
   event.preventDefault();
@@ -36,5 +23,14 @@ async function submit(event) {
 
 export function start() {
   byId("explain").addEventListener("submit", submit);
-  subscribe(offer);
+  const show = changingChoice(byId("explain-surface"), (value) => {
+    surface = value;
+    draw();
+  });
+  const draw = () => {
+    const now = mount() ? kinds(mount()) : [];
+    if (!now.includes(surface)) surface = now[0] ?? "";
+    show(now.map((kind) => [kind, kind]), surface);
+  };
+  subscribe(draw);
 }

@@ -4,8 +4,8 @@
 import { BUTTONS } from "../core/labels.js";
 import { button, el, say } from "../core/dom.js";
 import { span } from "../core/format.js";
-import { answered } from "../frame/notices.js";
-import { ask, token } from "../core/socket.js";
+import { order } from "../frame/notices.js";
+import { token } from "../core/socket.js";
 import { changed, gatewayNow, state, subscribe } from "../core/store.js";
 
 /** The address of the report of the newest recording that ended; empty before. */
@@ -21,7 +21,7 @@ function fetchFile(address) {
 }
 
 async function press() {
-  const answer = answered(await ask({ do: "record", on: !running() }));
+  const answer = await order({ do: "record", on: !running() });
   if (!answer.ok || !answer.download) return;
   report = answer.report;
   fetchFile(answer.download);

@@ -1,7 +1,7 @@
 // The live conversation of both sides. The gateway sends it only while it is shown; the display can be paused.
 
 import { BUTTONS, CHOICES, NAMES } from "../core/labels.js";
-import { button, byId, choice, el } from "../core/dom.js";
+import { button, byId, changingChoice, choice, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { on, tell } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
@@ -21,7 +21,8 @@ let paused = false;
 /** @type {any[]} rows received while paused */
 let kept = [];
 let listening = false;
-let sides = "";
+/** Shows which programs can be chosen. */
+let showSides = null;
 
 const shows = (exchange) => exchange.mount === state.chosen && passes(exchange, filter);
 
@@ -75,16 +76,7 @@ function empty(box) {
 function offerSides() {
   const now = [...new Set(exchanges.all.filter((one) => !one.own && one.mount === state.chosen).map((one) => one.side))];
   if (filter.side && !now.includes(filter.side)) now.push(filter.side);
-  if (JSON.stringify(now) === sides) return;
-  sides = JSON.stringify(now);
-  const box = byId("talk-sides");
-  box.hidden = now.length < 2;
-  const chosen = choice(box, [["", NAMES.everyProgram], ...now.map((side) => [side, side])], (value) => {
-    filter.side = value;
-    chosen.set(value);
-    all();
-  });
-  chosen.set(filter.side);
+  showSides(now.length > 1 ? [["", NAMES.everyProgram], ...now.map((side) => [side, side])] : [], filter.side);
 }
 
 async function copy() {
@@ -132,6 +124,11 @@ function tools() {
   byId("talk-tools").replaceChildren(what, text,
     el("div", { class: "chips", id: "talk-sides", role: "radiogroup", "aria-label": NAMES.side, hidden: true }),
     el("div", { class: "chips right" }, pausing, button(BUTTONS.copy, copy), ...recordButtons()));
+  showSides = changingChoice(byId("talk-sides"), (side) => {
+    filter.side = side;
+    offerSides();
+    all();
+  });
 }
 
 export function start() {

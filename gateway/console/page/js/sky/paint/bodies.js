@@ -43,7 +43,7 @@ export function bodyNames(brush) {
   }
 }
 
-function disk(context, x, y, r, colour) {
+export function disk(context, x, y, r, colour) {
   context.fillStyle = colour;
   context.beginPath();
   context.arc(x, y, r, 0, 2 * Math.PI);

@@ -4,6 +4,7 @@
  */
 import { atRim, DEGREE, dot } from "../sphere.js";
 import { Trail } from "../trail.js";
+import { disk } from "./bodies.js";
 
 /** The opacity of the end of a trail; the number of shades of a trail. */
 const OLDEST = 0.12, SHADES = 8;
@@ -130,11 +131,4 @@ function ring(context, x, y, r, colour, shade, width) {
     context.arc(x, y, r, 0, 2 * Math.PI);
     context.stroke();
   });
-}
-
-function disk(context, x, y, r, colour) {
-  context.fillStyle = colour;
-  context.beginPath();
-  context.arc(x, y, r, 0, 2 * Math.PI);
-  context.fill();
 }
