@@ -25,9 +25,8 @@ from gateway.transport.http_server import HttpServer, addressed_here
 
 OWN = Path(__file__).parent / "page"
 #: Files of the console's page that are served here as well.
-SHARED = (
-    "css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js", "js/core/format.js", "icon.svg",
-)  # fmt: skip
+SHARED = ("css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js", "js/core/format.js",
+          "icon.svg")  # fmt: skip
 #: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
 ECHO_TIMEOUT, FLOOD = 3.0, 5000
 #: The message if a stop was not passed on.
