@@ -13,7 +13,7 @@ from gateway.fleet.client import Access
 from gateway.fleet.topics import Message
 
 NOWHERE = Access(Broker("broker.invalid", 1883, False))
-PATIENCE = 10.0
+PATIENCE = 60.0
 
 
 class FakeBroker:

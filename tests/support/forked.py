@@ -35,7 +35,7 @@ LEFT_OUT = ("gateway.astro.ephemeris.by_astropy", "gateway.app.watchdog.process"
 #: The longest command line that a child can show, and the longest request, in bytes.
 ROOM, REQUEST = 8000, 100_000
 PRODUCT = Path(__file__).with_name("mount-gateway")
-PATIENCE = 20.0
+PATIENCE = 120.0
 
 
 class Forked:

@@ -11,14 +11,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.support.forked import POSSIBLE, Forked
+from tests.support.forked import PATIENCE, POSSIBLE, Forked
 
 #: The product as a user starts it, and without a process that calculates the almanac, which takes longer than a start.
 WHOLE = [sys.executable, "-bb", "-m", "gateway"]
 #: The product, for an almanac that gives way to nothing: at the lowest priority it takes minutes beside other tests.
 EAGER = [sys.executable, "-bb", "-c", "import os, sys; os.nice = int; from gateway.cli import main; sys.exit(main())"]
 GATEWAY = [sys.executable, "-bb", "-P", str(Path(__file__).with_name("mount-gateway"))]
-PATIENCE = 20.0
 #: The processes that have been started and have not been ended yet.
 ALIVE: list[Running] = []
 

@@ -17,7 +17,7 @@ import pytest
 from tests.support.process import PATIENCE, Running, ask
 
 #: Seconds within which a process has to end that may stop its mount first.
-SOON = 8.0
+SOON = 30.0
 GOTO = b":Sr05:30:00#:Sd+80*00:00#:MS#"
 Port = tuple[str, int]
 

@@ -32,7 +32,7 @@ def watch(entry):
 opened = open_blocking_gateway("nexstar@sim", site=(48.1, 11.6), lowest=-90, sun=0, watch=watch)
 gateway = opened.__enter__()
 gateway.ready()
-gateway.goto(20.0, 10.0)
+gateway.goto(20.0, 80.0)
 print("ready on@its way", flush=True)
 """
 
@@ -83,7 +83,7 @@ def test_a_script_points_a_mount_that_serves_nobody() -> None:
 def test_a_stop_from_another_thread_is_told_to_who_waits() -> None:
     with open_blocking_gateway("nexstar@sim", **SIM) as gateway:
         gateway.ready()
-        gateway.goto(20.0, 10.0)
+        gateway.goto(20.0, 80.0)
         stopping = threading.Timer(0.5, gateway.stop)  # the goto takes many times as long
         stopping.start()
         with pytest.raises(Stopped):

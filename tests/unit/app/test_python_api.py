@@ -192,7 +192,7 @@ def test_a_stop_ends_a_goto_and_is_told_to_who_waits_for_it() -> None:
     async def stops() -> None:
         async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0) as running:
             await running.ready()
-            await running.goto(20.0, 10.0)
+            await running.goto(20.0, 80.0)
             waiting = asyncio.ensure_future(running.arrived(30))
             await asyncio.sleep(0)
             await running.stop()
@@ -227,7 +227,7 @@ def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(words: 
     async def program() -> None:
         async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0) as running:
             await running.ready()
-            await running.goto(20.0, 10.0)
+            await running.goto(20.0, 80.0)
             await ENDINGS[words](running)
             for _ in range(2):
                 with pytest.raises(Stopped, match=words.rstrip("+-")):
@@ -254,7 +254,7 @@ def test_a_goto_that_takes_too_long_is_told_in_words() -> None:
     async def program() -> None:
         async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
             await running.ready()
-            await running.goto(20.0, 10.0)
+            await running.goto(20.0, 80.0)
             with pytest.raises(TimeoutError, match=r"The goto has not ended within 0\.05 s; it goes on\."):
                 await running.arrived(0.05)
 

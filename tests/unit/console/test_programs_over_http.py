@@ -19,7 +19,7 @@ from gateway.clients.access import Access
 from gateway.console.server import Console
 from tests.unit.console.test_server import at_port
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 API = "api/v1/telescope/"
 #: Near the pole: it is up at any hour.
 PLACE = {"RightAscension": "5.5", "Declination": "80.0"}

@@ -21,7 +21,7 @@ from gateway.console.server import LONGEST, MOST_PAGES, Console
 from gateway.transport.room import KEPT
 from gateway.transport.web_port import WebPort
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 
 
 class Page:

@@ -15,7 +15,7 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.core.errors import UserError
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 
 
 def serve(program: Callable[[Gateway], Awaitable[None]], *surfaces: str, mount: str = "nexstar@sim") -> None:

@@ -24,7 +24,7 @@ from gateway.cli.serve.serving import with_loop
 from gateway.core.errors import UserError
 from gateway.transport.pty import PtyPort
 
-PATIENCE = 5.0
+PATIENCE = 60.0
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the end of a connection is told on Linux only")
 
 

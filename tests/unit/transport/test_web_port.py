@@ -15,7 +15,7 @@ from gateway.transport import web_port
 from gateway.transport.listening import split_address
 from gateway.transport.web_port import WebPort
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 
 class Server:

@@ -17,7 +17,7 @@ from gateway.transport.handler import Connected, ConnectionRefused, Write
 from gateway.transport.web_port import WebDevice
 from tests.support.each import each
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 API = "/api/v1/telescope/0/"
 
 
