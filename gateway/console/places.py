@@ -38,10 +38,9 @@ async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
 
 
-async def suggestions(text: str) -> list[dict[str, str]]:
-    """Return objects whose names begin with the text typed so far."""
-    names = await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
-    return [{"name": name} for name in names]
+async def suggestions(text: str) -> list[str]:
+    """Return names of objects that begin with the text typed so far."""
+    return await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
 
 
 def night(controller: MountController) -> dict[str, Any]:

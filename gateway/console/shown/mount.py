@@ -38,7 +38,8 @@ class AnswerTimes:
         self.faults = 0
         self._new: deque[Sample] = deque(maxlen=KEPT)
         self._asked = 0.0
-        self._rate = Rate()
+        #: That of the exchanges.
+        self.rate = Rate()
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
@@ -57,10 +58,6 @@ class AnswerTimes:
         self._new.clear()
         self.samples += new
         return new
-
-    def rate(self, now: float, answers: int) -> float:
-        """Return the recent rate of exchanges, per second."""
-        return round(self._rate.per_second(now, answers), 1)
 
 
 class ConnectedPrograms:
@@ -135,8 +132,8 @@ class ShownMount:
         for part in view.parts(self.gateway, self._index):
             state |= part
             await let_others_run()
-        rate = self.answer_times.rate(controller.now(), controller.line.answers)
-        state["line"] |= {"rate": rate, "faults": self.answer_times.faults}
+        rate = self.answer_times.rate.per_second(controller.now(), controller.line.answers)
+        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
         state["programs"] = await self._connected()
         state["bodies"] = await self._sky_bodies()
         return state

@@ -82,8 +82,10 @@ const answers = {
   },
   trail: (steps) => {
     const trail = new Trail();
-    const grew = steps.map(([azimuth, altitude, time]) => trail.add(azimuth, altitude, time));
-    return { grew, left: trail.points.length };
+    return steps.map(([azimuth, altitude, time]) => {
+      trail.add(azimuth, altitude, time);
+      return trail.points.length;
+    });
   },
   /** The list of a night: name, altitude, when, worth; and from when one looks. */
   tonight: (mount, unix, told, objects, limits) => {

@@ -7,7 +7,7 @@ import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { askOptics } from "../finding/details.js";
 import { field } from "../finding/kept.js";
 import { notice, order } from "../frame/notices.js";
-import { angles, DEGREE, reversed, separation, turned, vector } from "../sky/sphere.js";
+import { DEGREE, separation, vector } from "../sky/sphere.js";
 
 /** Milliseconds of a guide pulse. */
 const PULSE = 1000;
@@ -40,10 +40,9 @@ function beside({ ra, dec }, up, along) {
 
 /** The same over the horizon of an alt-azimuth mount, whose arrows are those of its axes. */
 function besideOver(at, up, along) {
-  const { ofDate } = skyAt(gatewayNow());
-  if (!ofDate || Math.abs(at.alt + up) > 89) return null;
-  const place = (az, alt) => angles(turned(reversed(ofDate), vector(az, alt)));
-  const [from, to] = [place(at.az, at.alt), place(at.az - along / Math.cos(at.alt * DEGREE), at.alt + up)];
+  const sky = skyAt(gatewayNow());
+  if (!sky.ofDate || Math.abs(at.alt + up) > 89) return null;
+  const from = sky.ofDateAt(at.az, at.alt), to = sky.ofDateAt(at.az - along / Math.cos(at.alt * DEGREE), at.alt + up);
   return { ra: (at.ra + to[0] - from[0] + 360) % 360, dec: at.dec + to[1] - from[1], j2000: false };
 }
 

@@ -9,7 +9,7 @@ import { question } from "../frame/question.js";
 import { ask } from "../core/socket.js";
 import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { culmination } from "./tonight.js";
-import { angles, reversed, separation, turned, vector } from "../sky/sphere.js";
+import { separation, vector } from "../sky/sphere.js";
 import { show } from "../core/views.js";
 
 const RENEW = 15000;
@@ -30,7 +30,7 @@ const aim = () => (({ name, ra, dec, j2000 }) => (name ? { name } : { ra, dec, j
 /** A request as it is sent: an altitude and azimuth are the place of the sky that is there now. */
 function requestNow({ alt, az, typed, ...request }) {
   if (alt === undefined) return request;
-  const [ra, dec] = angles(turned(reversed(skyAt(gatewayNow()).ofDate), vector(az, alt)));
+  const [ra, dec] = skyAt(gatewayNow()).ofDateAt(az, alt);
   return { ...request, ra, dec, j2000: false };
 }
 

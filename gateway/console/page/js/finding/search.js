@@ -57,7 +57,7 @@ async function suggest() {
   if (!text || (place && !place.choices)) return close();
   if (place) return offer(place.choices);
   const answer = await ask({ do: "search", text });
-  if (mine === latest && document.activeElement === byId("object")) offer((answer.found ?? []).map((one) => one.name));
+  if (mine === latest && document.activeElement === byId("object")) offer(answer.found ?? []);
 }
 
 /** Mark the next or the previous suggestion; null marks none. */

@@ -4,7 +4,7 @@
  * Between two messages the sky continues to turn. If site and sidereal time are unknown, `sky` is null; altitude and
  * azimuth reported by the mount are shown nevertheless.
  */
-import { TURN, horizon, precession, product, turned, vector } from "./sphere.js";
+import { TURN, angles, horizon, precession, product, reversed, turned, vector } from "./sphere.js";
 
 /** @typedef {{name: string, ra2000: number, dec2000: number, alt: number|null, at: number[]}} Body */
 
@@ -47,6 +47,11 @@ export class Scene {
   /** The direction over the horizon of a J2000 position; null while the sky is unknown. */
   place(ra2000, dec2000) {
     return this.sky && turned(this.sky, vector(ra2000, dec2000));
+  }
+
+  /** Right ascension and declination of date of an azimuth and altitude; null while the sky is unknown. */
+  ofDateAt(az, alt) {
+    return this.ofDate && angles(turned(reversed(this.ofDate), vector(az, alt)));
   }
 
   /** The direction over the horizon of an hour angle and declination of date. */

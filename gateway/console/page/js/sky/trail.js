@@ -12,15 +12,13 @@ export class Trail {
     this.points = [];
   }
 
-  /** Add the present direction of the tube. Returns whether the trail has grown. */
+  /** Add the present direction of the tube, if it has moved. */
   add(azimuth, altitude, time) {
     const at = vector(azimuth, altitude), last = this.points.at(-1);
     while (this.points.length && (time - this.points[0].time > REMEMBERED || this.points.length >= MOST)) {
       this.points.shift();
     }
-    if (last && separation(last.at, at) < APART) return false;
-    this.points.push({ time, at });
-    return true;
+    if (!last || separation(last.at, at) >= APART) this.points.push({ time, at });
   }
 
   clear() {

@@ -88,10 +88,7 @@ export function tube({ context, view, colours, scene, labels }) {
   const draw = () => {
     context.beginPath();
     context.arc(x, y, 10, 0, 2 * Math.PI);
-    for (const [right, down] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-      context.moveTo(x + right * 6, y + down * 6);
-      context.lineTo(x + right * 17, y + down * 17);
-    }
+    fourLines(context, x, y, 6, 17);
     context.stroke();
   };
   context.setLineDash(scene.tube[2] < 0 ? DASHES : []);
@@ -106,12 +103,17 @@ export function cursor({ context, view, colours, cursor: at }) {
   const [x, y] = view.point(at);
   twice(context, colours.letters, colours.shade, 1.5, () => {
     context.beginPath();
-    for (const [right, down] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-      context.moveTo(x + right * 4, y + down * 4);
-      context.lineTo(x + right * 13, y + down * 13);
-    }
+    fourLines(context, x, y, 4, 13);
     context.stroke();
   });
+}
+
+/** Add lines to the path that lead to a point from all sides. */
+function fourLines(context, x, y, inner, outer) {
+  for (const [right, down] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+    context.moveTo(x + right * inner, y + down * inner);
+    context.lineTo(x + right * outer, y + down * outer);
+  }
 }
 
 /** Draw with a dark edge, so that it is visible on any background. */
