@@ -216,6 +216,8 @@ async def open_gateway(
     keeping: asyncio.Task[None] | None = None
     try:
         await opened.open()
+        if guard is not None:
+            guard.start()
         for caution in opened.cautions():
             opened.warn(caution)
         keeping = asyncio.ensure_future(almanac.keep())

@@ -43,20 +43,36 @@ def available() -> bool:
 
 
 class Watchdog:
-    """The watchdog process of this gateway. ``warn`` gets a message if it cannot be kept running."""
+    """The watchdog process of this gateway. ``warn`` gets a message if it cannot be kept running.
+
+    It is started by ``start``, or by the first motion: its own start would delay the first answer by a tenth.
+    """
 
     def __init__(self, warn: Callable[[str], None] = lambda text: None) -> None:
         self.warn = warn
         self._mounts: list[WatchedMount] = []
         self._beating: asyncio.TimerHandle | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._began = -LASTED
+        self._began: float | None = None
         self._connection: socket.socket | None = None
         self.pid: int | None = None
-        self.start()
 
     def start(self) -> None:
-        """Start the process, without an event loop. If that fails, warn and run without a watchdog."""
+        """Start the process and tell it of every mount, unless it was started before."""
+        if self._began is None:
+            self._run()
+
+    def _run(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._began = self._loop.time()
+        self._spawn()
+        if self._connection is not None:
+            self._loop.add_reader(self._connection.fileno(), self._on_readable)
+        for mount in self._mounts:
+            mount.register()
+
+    def _spawn(self) -> None:
+        """Start the process. If that fails, warn and run without a watchdog."""
         here, there = socket.socketpair()
         here.setblocking(False)
         arguments = [*script_argv(str(PROGRAM)), str(THERE), str(os.getpid())]
@@ -88,11 +104,7 @@ class Watchdog:
         stopped: Callable[[], None],
         clear: Callable[[], bool] = lambda: False,
     ) -> WatchedMount:
-        """Add a mount to be watched; call this on the event loop on which all mounts run. See ``WatchedMount``."""
-        if self._loop is None:
-            self._loop = asyncio.get_running_loop()
-            self._began = self._loop.time()
-            self._listen()
+        """Add a mount to be watched. See ``WatchedMount``."""
         number = len(self._mounts)
         self._mounts.append(WatchedMount(self, number, title, lock, stop_commands, busy, stopped, clear))
         return self._mounts[-1]
@@ -117,10 +129,6 @@ class Watchdog:
             self.send("beat")
             self.beat()
 
-    def _listen(self) -> None:
-        if self._loop is not None and self._connection is not None:
-            self._loop.add_reader(self._connection.fileno(), self._on_readable)
-
     def _on_readable(self) -> None:
         """Read the messages of the process, or notice that it has ended."""
         assert self._connection is not None and self._loop is not None
@@ -138,7 +146,7 @@ class Watchdog:
 
     def _ended(self) -> None:
         """Restart the process after it was killed, unless it ended right after its start."""
-        assert self._loop is not None
+        assert self._loop is not None and self._began is not None
         self._disconnect()
         if self._loop.time() - self._began < LASTED:
             self.warn(
@@ -146,11 +154,7 @@ class Watchdog:
                 "until mount-gateway stop is run"
             )
             return
-        self._began = self._loop.time()
-        self.start()
-        self._listen()
-        for mount in self._mounts:
-            mount.register()
+        self._run()
 
     def _disconnect(self) -> None:
         connection, self._connection = self._connection, None
@@ -227,6 +231,7 @@ class WatchedMount:
 
     def begin(self) -> None:
         """Tell the process that a motion is about to begin."""
+        self._watchdog.start()
         self.moving = True
         self._report()
         self._watchdog.beat()

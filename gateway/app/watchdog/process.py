@@ -1,7 +1,7 @@
 """The watchdog process: it stops the mounts that its gateway has set moving if the gateway dies or hangs.
 
-It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts before
-anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
+It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts within
+milliseconds and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
 single lines of ASCII from a socket: ``line``, ``server``, ``gone``, ``moving``, ``clear``, ``rest``, ``beat`` (see
 ``client.py``). It connects to a server when a motion begins, and sends it requests that the gateway has prepared.
 While no mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean

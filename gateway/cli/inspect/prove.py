@@ -61,7 +61,7 @@ def add_prove(commands: Commands) -> None:
 
 
 def _prove(arguments: argparse.Namespace) -> int:
-    from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
+    from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
     from gateway.diagnostics.prove.findings import load, save
     from gateway.diagnostics.prove.guide import LOOKING, MOVING, Guide
 
@@ -91,7 +91,7 @@ def _prove(arguments: argparse.Namespace) -> int:
             if stages is MOVING:
                 terminal.say("The gateway begins anew: what passes on the line is recorded from here on.")
             here = checked(config, folder, record=stages is MOVING)
-            serve = partial(serve_mounts, here, watchdog=start_watchdog(here), guest=guest, screen=terminal)
+            serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
             code = with_loop(False, serve, stages is MOVING)
     findings = load(kept)
     if going is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
-from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
+from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
 EXAMPLES = """\
@@ -37,10 +37,9 @@ def add_run(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     config, _ = settings(arguments)
-    watchdog = start_watchdog(config)  # before large modules are imported
     return with_loop(
         arguments.loop == "fast",
-        lambda: serve_mounts(config, watchdog=watchdog),
+        lambda: serve_mounts(config, watchdog=make_watchdog(config)),
         any(mount.record for mount in config.mount),
     )
 

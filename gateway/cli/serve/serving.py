@@ -72,8 +72,8 @@ def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], r
         return runner.run(serve())
 
 
-def start_watchdog(config: Config) -> Watchdog | None:
-    """Start the watchdog process; return None if it is turned off, not needed or not possible."""
+def make_watchdog(config: Config) -> Watchdog | None:
+    """Return the watchdog, whose process is not started yet; None if it is turned off, not needed or not possible."""
     from gateway.app.watchdog.client import Watchdog, available
 
     real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
@@ -167,6 +167,8 @@ async def serve_mounts(
         to_be_ready = list(gateways)
 
         def ready(gateway: Gateway) -> None:
+            if watchdog is not None:
+                watchdog.start()
             for name in gateway.names():
                 screen.say(f"ready {name}")
             for line in phone.news(network_offers(gateway.names())):

@@ -196,15 +196,44 @@ class Process:
 
 def test_no_signal_ends_it_in_its_first_moment() -> None:
     """Ctrl-C reaches a whole group of processes: one that is not ready for it yet would leave the mount alone."""
-    watchdog = Watchdog()
-    assert watchdog.pid is not None
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
-        os.kill(watchdog.pid, number)
-    time.sleep(0.3)
-    assert os.waitpid(watchdog.pid, os.WNOHANG) == (0, 0)
-    watchdog.close()
-    with contextlib.suppress(ChildProcessError):  # it ends with its gateway all the same, perhaps at once
-        os.waitpid(watchdog.pid, 0)
+
+    async def gateway() -> None:
+        watchdog = Watchdog()
+        watchdog.start()
+        assert watchdog.pid is not None
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
+            os.kill(watchdog.pid, number)
+        time.sleep(0.3)
+        assert os.waitpid(watchdog.pid, os.WNOHANG) == (0, 0)
+        watchdog.close()
+        with contextlib.suppress(ChildProcessError):  # it ends with its gateway all the same, perhaps at once
+            os.waitpid(watchdog.pid, 0)
+
+    asyncio.run(gateway())
+
+
+def test_it_is_started_with_the_first_motion_at_the_latest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the first answer it would only be in the way. It learns of the line first, and once."""
+    processes: list[socket.socket] = []
+
+    def spawn(*_: Any, file_actions: list[tuple[Any, ...]], setsigmask: object) -> int:
+        processes.append(socket.socket(fileno=os.dup(file_actions[-1][1])))
+        return os.getpid()
+
+    async def gateway() -> None:
+        watchdog = Watchdog()
+        mount = watchdog.mount("pier", None, lambda: [b"M"], lambda: False, lambda: None)
+        mount.opened(0)
+        assert not processes
+        mount.begin()
+        watchdog.start()
+        watchdog.close()
+
+    monkeypatch.setattr(os, "posix_spawn", spawn)
+    asyncio.run(gateway())
+    [process] = processes
+    with process, process.makefile("rb") as told:
+        assert told.readlines()[:2] == [b"line 0 70696572 00\n", b"moving 0 4d\n"]
 
 
 @pytest.fixture
@@ -437,7 +466,9 @@ def test_a_path_beyond_a_limit_is_not_clear() -> None:
 
 def test_the_process_is_told_of_a_clear_path() -> None:
     told, clear = list[str](), [False]
-    watchdog: Any = SimpleNamespace(send=lambda text, descriptors=(): told.append(text), beat=lambda: None)
+    watchdog: Any = SimpleNamespace(
+        start=lambda: None, send=lambda text, descriptors=(): told.append(text), beat=lambda: None
+    )
     watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None, lambda: clear[0])
     watched.begin()
     clear[0] = True
