@@ -48,11 +48,8 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
     """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
-        return Finding(
-            "site",
-            NOT_MEASURABLE,
-            "nobody tells it; --site LATITUDE,LONGITUDE does, and without it no file can be made",
-        )
+        words = "nobody tells it; --site LATITUDE,LONGITUDE does, and without it no file can be made"
+        return Finding("site", NOT_MEASURABLE, words)
     zone = clock[0].offset if clock is not None else 0.0  # one that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:
