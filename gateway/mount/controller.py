@@ -87,14 +87,15 @@ class MountController:
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
-        context.run_on.changed.connect(self._hold_pulses)
-        watch.must_stop.connect(self._stop_now)
+        #: Guide pulses wait for a mount that runs on.
+        context.run_on.changed.connect(lambda until: reconciler.want(replace(reconciler.wanted, rests_by=until)))
+        watch.must_stop.connect(reconciler.begin_stop)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)
         reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
         reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
         # Supervision of motions, identification, polling.
-        TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(self._stop_now)
+        TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.perform)
         reconciler.unattended.connect(self.supervisor.start_watching)
@@ -109,13 +110,6 @@ class MountController:
         """Forget the sum of syncs if the mount is not aligned."""
         if not status.aligned:
             self.synced.forget()
-
-    def _hold_pulses(self, until: float) -> None:
-        """Let guide pulses wait for a mount that runs on."""
-        self.reconciler.want(replace(self.reconciler.wanted, rests_by=until))
-
-    def _stop_now(self, why: str) -> None:
-        self.reconciler.begin_stop(why)
 
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""

@@ -162,7 +162,8 @@ class Reconciler:
 
     def halt_is_pending(self, operation: op.Operation) -> bool:
         """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
-        if self._movement.slewing or self.wanted.waiting_gotos or self.wanted.arrows_wait:
+        begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
+        if begins or self._movement.slewing:
             return False
         wanted = changes.without_superseded(self.wanted, operation)
         same = changes.equal_pending_halt(wanted, operation)

@@ -252,11 +252,6 @@ class Wanted(Struct, frozen=True):
         """The gotos that were ordered and that the mount has not acknowledged."""
         return [order for order in self.pending if isinstance(order.operation, GOTOS)]
 
-    @property
-    def arrows_wait(self) -> bool:
-        """Whether a motion by hand was ordered that the mount has not acknowledged."""
-        return any(isinstance(order.operation, op.Move | op.MoveAxis) for order in self.pending)
-
     # --- what comes next ----------------------------------------------------------------------------------------------
 
     def next_order(self, now: float) -> Order | None:

@@ -197,12 +197,8 @@ def _goal(context: Context, kind: Kind) -> Pair | None:
 def _inside(context: Context, kind: Kind) -> Inside | None:
     if kind is op.Position:
         return on_the_sky(context)
-    unknown = kind is op.AxisPosition and equatorial(context)
-    return None if unknown else over_the_horizon(context)
-
-
-def over_the_horizon(context: Context) -> Inside:
-    """Return the test for an azimuth and an altitude, by the present limits."""
+    if kind is op.AxisPosition and equatorial(context):
+        return None
     limits = _limits(context)
     return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 

@@ -61,7 +61,8 @@ class Poller:
     ) -> None:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
-        self._axes_refused = self._status_refused = -1e9
+        #: The loop times at which a read has failed last.
+        self._failed = dict.fromkeys(POLL_PERIOD, -1e9)
         #: The loop time by which the status is read although it is not old.
         self._status_due = inf
         self._reading_own: asyncio.Task[None] | None = None
@@ -129,7 +130,7 @@ class Poller:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
-        if kind is op.AxisPosition and now - self._axes_refused > AXES_AGAIN and self._watch.axes_interval is not None:
+        if kind is op.AxisPosition and now - self._failed[kind] > AXES_AGAIN and self._watch.axes_interval is not None:
             return True
         if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
             return True
@@ -161,7 +162,7 @@ class Poller:
         """Return the seconds until the status is read that no client polls; in motion, positions have the line."""
         if self._watched:
             return STATUS_ALONE
-        old = min(self._cache.age(op.GetStatus, now), now - self._status_refused)
+        old = min(self._cache.age(op.GetStatus, now), now - self._failed[op.GetStatus])
         rests = now - self._watch.at_rest_since
         return max(min(STATUS_ALONE - old, self._status_due - now), AFTER_MOTION - rests)
 
@@ -178,9 +179,6 @@ class Poller:
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 self._context.note_once(f"{kind.__name__}: {fault}")
-            if kind is op.AxisPosition:
-                self._axes_refused = self._context.now()
-            if kind is op.GetStatus:
-                self._status_refused = self._context.now()
+            self._failed[kind] = self._context.now()
             if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
                 await asyncio.sleep(POLL_PERIOD[kind])

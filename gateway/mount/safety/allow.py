@@ -74,10 +74,6 @@ class StopTiming(Struct, frozen=True):
         """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
         return max(self.reaction, elapsed + EXCHANGES * self.exchange + self.run_on)
 
-    def between_axes(self, axes: int) -> float:
-        """Seconds between stopping one axis and stopping the other; 0 if at most one moves."""
-        return BETWEEN_AXES * self.exchange if axes > 1 else 0.0
-
 
 def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
@@ -159,8 +155,8 @@ class View(Struct, frozen=True):
 
     @property
     def _second_axis_alone(self) -> float:
-        """How far one of two axes moves the tube after the other has stopped, degrees."""
-        return self.seen.across * self.timing.between_axes(len(self.moving.by_hand))
+        """How far one of two axes moves the tube after the other has stopped, degrees; 0 if at most one moves."""
+        return self.seen.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
 
     def ahead(self, rate: float, earlier: float | None) -> float:
         """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""

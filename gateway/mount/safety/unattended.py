@@ -34,6 +34,8 @@ INTERVAL = 0.5
 #: Seconds for which the Sun is followed ahead, between two instants that are examined, and between two examinations;
 #: until the next one if the mount must be asked first.
 AHEAD, STEP, AGAIN, SOON = 900.0, 60.0, 30.0, 1.0
+#: Seconds after tracking was switched off during which readings of before still show it: two, five seconds apart.
+SHOWN_FOR = 12.0
 WAY_OUT = "cover the tube, or move it away."
 
 
@@ -132,6 +134,8 @@ class TrackingAtLimit:
         self._watch, self._switching = watch, False
         #: When it was found that tracking cannot be turned off, and that it is off and the mount drifts nevertheless.
         self._refused_at = self._drifts_since = NEVER
+        #: When tracking was last switched off here.
+        self._off_since = NEVER
         self.must_stop: Signal[str] = Signal()
         watch.carried_to_limit.connect(self.switch_off)
 
@@ -148,12 +152,14 @@ class TrackingAtLimit:
         context = self._context
         try:
             if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
-                context.note(
-                    f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
-                )
-                self._drifts_since = context.now()
+                if context.now() - self._off_since > SHOWN_FOR:
+                    context.note(
+                        f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
+                    )
+                    self._drifts_since = context.now()
                 return
             await self._perform(op.SetTracking(on=False))
+            self._off_since = context.now()
             context.note(f"tracking was switched off at {reason}")
         except Unsupported:
             self._refused_at = context.now()

@@ -58,8 +58,7 @@ class Setting(Struct, frozen=True):
 
 
 Pending = Mapping[Kind, Setting]
-
-
+#: The settings that a mount in motion must not be sent.
 SKY = (SetSite, SetClock)
 
 
@@ -100,11 +99,6 @@ class IncomingSettings:
         wait = max([SOON, *(CALCULATING,) * calculating, *(until - now for until in self.unfinished.values()),
                     *(one.due - now for one in coming)])  # fmt: skip
         return Busy(f"The mount is taking a new {what}. Try again in {ceil(wait)} seconds.")
-
-
-def without_sky(pending: Pending) -> Pending:
-    """Return the settings that a mount in motion may be sent: no site and no clock."""
-    return {kind: one for kind, one in pending.items() if kind[0] not in SKY}
 
 
 def added(pending: Pending, setting: Setting) -> Pending:

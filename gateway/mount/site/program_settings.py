@@ -87,7 +87,7 @@ class ProgramSettings:
 
     @property
     def newest_clock(self) -> Clock | None:
-        """The clock that a program has set last."""
+        """The clock that a program has set last, if the mount has not taken it."""
         return max((own.clock for own in self if own.clock is not None), key=lambda clock: clock[1], default=None)
 
     def set_site(self, program: Program, place: Place, unix: float) -> None:

@@ -137,7 +137,7 @@ class SiteAndClock:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
-        if self._site_clock.mount_site is None or self.sync.has_pending(own):
+        if self._site_clock.mount_site is None or kind_of(own) in self.sync.pending:
             return False
         return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
 

@@ -24,7 +24,7 @@ from gateway.mount.presence import NOBODY, Program
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning, site_text
 from gateway.mount.site import pending_settings
-from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, TRIES, Kind, Pending, Setting, kind_of
+from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
 
 _NAMES: dict[type[op.Operation], str] = {
     op.SetSite: "site",
@@ -100,10 +100,6 @@ class SyncSettings:
     @pending.setter
     def pending(self, pending: Pending) -> None:
         self._incoming.pending = pending
-
-    def has_pending(self, operation: op.Operation) -> bool:
-        """Whether a setting of this kind is pending or being sent."""
-        return kind_of(operation) in self.pending
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
@@ -187,7 +183,8 @@ class SyncSettings:
         """Send pending settings until there are none or the link is down; ``resume`` starts again."""
         while self._ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
-            now, pending = self._now(), pending_settings.without_sky(self.pending)
+            now = self._now()
+            pending: Pending = {kind: one for kind, one in self.pending.items() if kind[0] not in SKY}
             held_back = len(pending) < len(self.pending) and self._in_motion(CHECK_AFTER)
             pending = pending if held_back else self.pending
             step = pending_settings.next_setting(pending, now)

@@ -97,11 +97,6 @@ class SiteClock:
 
     # --- site and clock in force ------------------------------------------------------------------------------------
 
-    @property
-    def client_clock(self) -> tuple[Moment, float] | None:
-        """The clock that a program has set last, if the mount has not taken it."""
-        return self.programs.newest_clock
-
     def site_of_program(self) -> SiteOfProgram | None:
         """Return the site that a program has set last, also in an earlier run, if the mount has none of its own."""
         if self.mount_site is not None:
@@ -259,7 +254,7 @@ class BestSources:
         host = known.host()
         if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in found):
             return [*found, Time(host, COMPUTER)]
-        program = known.running(known.client_clock)
+        program = known.running(known.programs.newest_clock)
         told = [Time(program.unix, PROGRAM)] if program is not None else []
         return found or [*told, Time(host, COMPUTER, doubtful=True)]
 

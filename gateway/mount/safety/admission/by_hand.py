@@ -95,21 +95,17 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
     here, turned = start.seen, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
-        _check_step(mount, limits, start, here, soon)
+        _check_altitudes(mount, limits, start, here, soon)
+        for sun in start.suns:
+            distance = mount.suns.distance(soon, sun)
+            if distance < mount.suns.limit and distance < mount.suns.distance(here, sun):
+                raise too_near(mount.sources, sun)
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
             now, then = start.past(mount, here, turned), start.past(mount, soon, west)
             if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
                 raise PastMeridian
         here, turned = soon, west
-
-
-def _check_step(mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
-    _check_altitudes(mount, limits, start, seen, soon)
-    for sun in start.suns:
-        then = mount.suns.distance(soon, sun)
-        if then < mount.suns.limit and then < mount.suns.distance(seen, sun):
-            raise too_near(mount.sources, sun)
 
 
 def _check_altitudes(
