@@ -87,14 +87,17 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way since ``since`` (driver clock; infinite before it is acknowledged). ``then``: park at its end.
+    """A goto under way since ``since`` (driver clock; infinite before it is acknowledged: a mount that stands still
+    then has not ended it). ``then``: park at its end.
 
-    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
+    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun; ``seen``:
+    the mount has told that it slews.
     """
 
-    since: float
+    since: float = math.inf
     then: str | None = None
     unconfirmed: bool = False
+    seen: bool = False
 
 
 class Driver:
@@ -224,7 +227,6 @@ class Driver:
         If the acknowledgement is lost, ``moves`` finds out whether the mount slews. Raises NoAnswer if it does not.
         """
         self.parked, self.goto = False, state
-        state.since = math.inf  # a mount that stands still before the command is sent has not ended the goto
         try:
             yield from order
         except NoAnswer:

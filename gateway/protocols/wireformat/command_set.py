@@ -86,10 +86,7 @@ class CommandSet:
     def dialects(self) -> dict[str, str]:
         """Model -> its dialect, for the models of a dialect that has a file."""
         spoken = {model: row.get("dialect", "") for model, row in self.models.items()}
-        return {model: name for model, name in spoken.items() if self._has_file(name)}
-
-    def _has_file(self, dialect: str) -> bool:
-        return bool(dialect) and (self.folder / f"{dialect}.toml").exists()
+        return {model: name for model, name in spoken.items() if name and (self.folder / f"{name}.toml").exists()}
 
     @property
     def presented(self) -> list[str]:

@@ -16,9 +16,9 @@ from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wra
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState, device_state, told
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, told
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
+from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps
 
 #: Seconds that the answer to an order may take before the mount is looked at instead: a stop waits behind it.
 ORDER = 1.5
@@ -100,7 +100,7 @@ def _begin(mount: AlpacaDriver, steps: Steps, then: str | None = None, side: str
     only begin it after that.
     """
     try:
-        yield from mount.begin_goto(GotoState(since=mount.now(), then=then), steps, _slews)
+        yield from mount.begin_goto(GotoUnderWay(then=then), steps, _slews)
     except NoAnswer:
         with suppress(Fault):
             yield Send("abortslew", patience=ORDER)

@@ -12,7 +12,7 @@ from typing import Any
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
-from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Send, Step, Steps
+from gateway.protocols.base.driver import SLEWING, Driver, Handler, Send, Step, Steps
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
@@ -45,12 +45,6 @@ REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
 MODELS = ("altaz", "polar", "german")
 
 
-class GotoState(GotoUnderWay):
-    """A goto under way. ``seen``: the server has reported that the mount slews."""
-
-    seen: bool = False
-
-
 class AlpacaDriver(Driver):
     """A telescope of an Alpaca server. ``now`` is a monotonic clock, seconds."""
 
@@ -66,7 +60,6 @@ class AlpacaDriver(Driver):
         super().__init__(handlers)
         self.now, self.settings = now, settings
         self.model: str | None = settings.model
-        self.goto: GotoState | None = None
         self.home_state = 0
         #: Local time minus UTC, hours, as it was set last: no server has a zone.
         self.zone = 0.0

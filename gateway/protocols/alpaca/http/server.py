@@ -12,7 +12,6 @@ import html
 import socket
 import uuid
 from collections.abc import Awaitable, Callable, Sequence
-from typing import Any
 from urllib.parse import parse_qsl
 
 from aiohttp import web
@@ -62,9 +61,7 @@ class AlpacaServer:
         """Add the routes that ASCOM defines."""
         serve = self._guarded
         app.add_routes([
-            web.get("/management/apiversions", serve(self._versions)),
-            web.get("/management/v1/description", serve(self._description)),
-            web.get("/management/v1/configureddevices", serve(self._configured)),
+            web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._management)),
             web.get("/setup", serve(self._setup)),
             web.get("/setup/v1/{kind}/{number}/setup", serve(self._setup)),
             web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._member)),
@@ -129,21 +126,20 @@ class AlpacaServer:
 
     # --- management -------------------------------------------------------------------------------------------------
 
-    async def _versions(self, request: web.Request) -> web.StreamResponse:
-        return _value(request, [1])
-
-    async def _description(self, request: web.Request) -> web.StreamResponse:
-        return _value(request, {
+    async def _management(self, request: web.Request) -> web.StreamResponse:
+        server = {
             "ServerName": SERVER, "Manufacturer": "the mount-gateway developers",
             "ManufacturerVersion": version(), "Location": "", MEMBER: tokens(),
-        })  # fmt: skip
-
-    async def _configured(self, request: web.Request) -> web.StreamResponse:
-        return _value(request, [
+        }  # fmt: skip
+        devices = [
             {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
              "UniqueID": _unique_id(device.web.title)}
             for number, device in enumerate(self._devices)
-        ])  # fmt: skip
+        ]  # fmt: skip
+        told = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
+        _, transaction = client_numbers(list(request.query.items()), any_case=True)
+        value = told[request.match_info["about"]]
+        return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))
 
     async def _setup(self, request: web.Request) -> web.StreamResponse:
         if "kind" in request.match_info:
@@ -208,8 +204,3 @@ async def _body(request: web.Request) -> bytes:
         if len(body) > LONGEST:
             raise BadRequest(f"The body is longer than {LONGEST} bytes")
     return body
-
-
-def _value(request: web.Request, value: Any) -> web.StreamResponse:
-    _, transaction = client_numbers(list(request.query.items()), any_case=True)
-    return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))

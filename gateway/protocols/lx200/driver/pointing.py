@@ -166,7 +166,7 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send the command that begins a goto."""
     mount.must_move()
     count_motion(mount, *MOUNT)
-    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), _order(mount, command), _bars)
+    yield from mount.begin_goto(GotoState(then=then), _order(mount, command), _bars)
 
 
 def _order(mount: Lx200Driver, command: str) -> Steps:

@@ -259,7 +259,8 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from begin_guiding(mount, axis, sign, fraction)
-    return op.Pulsed(pulse_seconds(operation.ms, fraction, turns), ends=False, since=mount.sent_at)
+    longer = fraction / turns if turns > 0.0 else 1.0  # at its actual speed it moves as far as was requested
+    return op.Pulsed(operation.ms / 1000.0 * longer, ends=False, since=mount.sent_at)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------
@@ -325,11 +326,6 @@ def end_guiding(mount: NexStar, axis: int) -> Steps:
         yield from tracking.keep_rate(mount)
         return
     yield rate_zero(axis)
-
-
-def pulse_seconds(ms: int, asked: float, turns: float) -> float:
-    """Return the seconds a pulse must last at its actual speed to move as far as was requested."""
-    return ms / 1000.0 * (asked / turns if turns > 0.0 else 1.0)
 
 
 def motor_pulse(ms: int, fraction: float) -> tuple[int, int]:

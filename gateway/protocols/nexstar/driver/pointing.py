@@ -116,7 +116,7 @@ def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
     def sent() -> Steps:
         yield command
 
-    yield from mount.begin_goto(GotoState(since=mount.now(), then=then), sent(), _slews)
+    yield from mount.begin_goto(GotoState(then=then), sent(), _slews)
 
 
 def _slews(_: NexStar) -> Steps:

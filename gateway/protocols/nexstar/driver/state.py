@@ -28,10 +28,9 @@ UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "v
 
 
 class GotoState(GotoUnderWay):
-    """A goto under way. ``seen``: the mount has confirmed it by ``L``."""
+    """A goto under way. ``seeks``: the motors seek their home switches; only they report the end."""
 
-    seen: bool = False
-    seeks: bool = False  # the motors seek their home switches; only they report the end
+    seeks: bool = False
 
 
 class Stepping(Struct):

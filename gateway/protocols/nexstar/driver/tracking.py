@@ -26,11 +26,6 @@ _ASSUMED = (
 VERIFY_AFTER = 1.0
 
 
-def mode_of(mount: NexStar, code: int) -> op.Tracking:
-    """Return the mode for a code from ``t``. An unknown code (4 occurs on some mounts) counts as equatorial."""
-    return modes(mount.facts, mount.version).get(code) or mount.equatorial_mode
-
-
 def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """Send ``T``, after which the drive runs at the hand control's own rate."""
     yield Send("T", {"mode": code_of(mode, mount.facts, mount.version)})
@@ -168,9 +163,9 @@ def resume(mount: NexStar) -> Steps:
 
 
 def _read_mode(mount: NexStar) -> Steps:
-    """Read ``t`` and return the mode."""
-    answer = yield Send("t")
-    _learn(mount, mode_of(mount, answer["mode"]))
+    """Read ``t`` and return the mode. An unknown code (4 occurs on some mounts) counts as equatorial."""
+    code = (yield Send("t"))["mode"]
+    _learn(mount, modes(mount.facts, mount.version).get(code) or mount.equatorial_mode)
     return mount.tracking
 
 

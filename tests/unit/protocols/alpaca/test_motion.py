@@ -11,8 +11,8 @@ from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.identify import identity, read_status
 from gateway.protocols.alpaca.driver.motion import abort_motion, stop_axis
 from gateway.protocols.alpaca.driver.pointing import goto, position
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, GotoState
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.alpaca.driver.state import AlpacaDriver
+from gateway.protocols.base.driver import GotoUnderWay, Send, Steps
 
 ABSENT = Unsupported("not there")
 
@@ -83,10 +83,10 @@ def test_what_the_list_leaves_out_is_asked_for_and_else_stays_as_it_was(state: A
 def test_a_stop_that_is_not_there_once_is_no_stop() -> None:
     ranges = {1: ((0.0, 4.0),), 2: ((0.0, 4.0),)}
     with pytest.raises(Refused, match="stop was refused"):
-        play(abort_motion(driver(goto=GotoState(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
+        play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
     with pytest.raises(Refused, match="stop was refused"):
         play(abort_motion(driver(moving={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
-    play(abort_motion(driver(goto=GotoState(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
+    play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
     assert play(abort_motion(driver(ranges=ranges), op.AbortMotion()), moveaxis=None)[0][0] == "abortslew"
 
 
