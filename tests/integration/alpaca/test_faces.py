@@ -19,6 +19,7 @@ from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from tests.support.faces import FACES, Face, Refusal, face
 from tests.support.in_process_gateway import Bridge
+from tests.support.owner import Cable
 from tests.support.truth import altitude, moving, sampled
 
 KINDS = ("german", "altaz", "polar")
@@ -46,6 +47,7 @@ class Play:
 
     def __init__(self, bridge: Bridge, one: Face) -> None:
         self.bridge, self.sim, self.one = bridge, bridge.sim, one
+        self.cable = bridge.controller.line.wire = Cable(bridge.controller.line.wire)
 
     def high(self, east: float, height: float = 30.0) -> tuple[float, float]:
         """Return a place east of the meridian, in round seconds."""
@@ -248,6 +250,21 @@ class Play:
         must(off(self.sim.truth(), self.high(25.0)) < 3600.0, "the goto goes elsewhere")
         return f"{waited} s"
 
+    async def killed(self) -> str:
+        """The server's process is killed during a goto; the new one is not connected to the mount, which goes on."""
+        goal = self.high(-50.0)
+        await self.one.leave(*goal)
+        await asyncio.sleep(2.0)
+        self.cable.pull()
+        self.sim.connected_since = math.inf
+        await asyncio.sleep(2.0)
+        must(moving(self.sim), "it does not move")
+        self.cable.out = False
+        await asyncio.sleep(9.0)
+        must(not moving(self.sim), "it moves on")
+        must(off(self.sim.truth(), goal) > 3600.0, "it was not stopped")
+        return f"{await self.follows():.1f}″"
+
     async def site(self) -> str:
         sky = self.sim.mechanics.sky
         there = round(sky.latitude) + 1.25, round(sky.longitude) - 2.5
@@ -279,7 +296,8 @@ STEPS: dict[str, tuple[Callable[[Play], Awaitable[str]], tuple[str, ...]]] = {
     "position": (Play.position, ()), "goto": (Play.goto, ()), "abort": (Play.abort, ("stop",)),
     "sync": (Play.sync, ("sync",)), "arrows": (Play.arrows, ("arrow",)), "tap": (Play.tap, ("arrow",)),
     "pulses": (Play.pulses, ("pulse",)), "tracking": (Play.tracking, ("tracking",)),
-    "owner at the keypad": (Play.keypad, ()), "lost line": (Play.lost, ()), "park": (Play.park, ("park", "unpark")),
+    "owner at the keypad": (Play.keypad, ()), "lost line": (Play.lost, ()), "killed server": (Play.killed, ()),
+    "park": (Play.park, ("park", "unpark")),
     "limits": (Play.limits, ()), "site": (Play.site, ("set_site",)), "time": (Play.time, ("set_clock",)),
 }  # fmt: skip
 
@@ -294,8 +312,8 @@ async def judged(presented: str, kind: str, *, south: bool = False, **made: Any)
     found: dict[str, str] = {}
     async with bridge:
         one = face(presented, bridge)
-        await one.begin()
         play = Play(bridge, one)
+        await one.begin()
         for name, (step, needs) in STEPS.items():
             if any(getattr(one, word) is None for word in needs):
                 found[name] = "-"
