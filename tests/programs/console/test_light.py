@@ -74,6 +74,7 @@ def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -
 def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.show("more")
+    assert not page.page.locator(".keys").is_visible(), "a phone has none"
     page.page.emulate_media(reduced_motion="reduce")
     brightness = []
     for words in ("6, full", "5", "4", "3"):
