@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from gateway.core.errors import UserError
 from gateway.transport.handler import Accept, ConnectionHandler, Listener
-from gateway.transport.pty import PtyPort
 from gateway.transport.serial_port import SerialPort
 from gateway.transport.tcp import TcpPort
 
@@ -29,6 +28,8 @@ async def open_port(where: str, accept: Accept, baud: int | None = None) -> List
     if where.startswith("pty:"):
         if not where[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")
+        from gateway.transport.pty import PtyPort
+
         return PtyPort(where[4:], accept, baud)
     if "://" not in where and not where.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
         raise UserError(f"{where}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
