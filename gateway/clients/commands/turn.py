@@ -12,7 +12,6 @@ import asyncio
 from collections import deque
 from functools import partial
 from math import inf
-from typing import NamedTuple
 
 from msgspec import Struct
 
@@ -133,21 +132,12 @@ MAX_REPLIES = 32
 SAME_INSTANT = 1.0
 
 
-class _SentReading(NamedTuple):
-    """A reading as it was sent, its time, and the version at that time."""
-
-    value: object
-    at: float
-    version: int
-
-
 class ReplyCache:
-    """Caches replies by command and readings by kind. Times are those of the event loop, seconds."""
+    """Caches replies by command. Times are those of the event loop, seconds."""
 
     def __init__(self) -> None:
         self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
         self._version, self._until = -1, 0.0
-        self._readings: dict[type[Operation], _SentReading] = {}
 
     def reply(self, command: bytes, version: int, now: float) -> tuple[bytes, Kinds] | None:
         """Return the cached reply to this command and the kinds of readings it was made of; None if it is not valid."""
@@ -164,14 +154,6 @@ class ReplyCache:
     def clear(self) -> None:
         """Forget all replies, because something was changed or may have been."""
         self._replies.clear()
-
-    def remember_reading(self, operation: Operation, value: object, now: float, version: int) -> None:
-        self._readings[type(operation)] = _SentReading(value, now, version)
-
-    def recent_reading(self, operation: Operation, now: float) -> tuple[object, int] | None:
-        """Return the reading that was sent a moment ago, and the version at that time; None if that is too long ago."""
-        sent = self._readings.get(type(operation))
-        return None if sent is None or now - sent.at >= SAME_INSTANT else (sent.value, sent.version)
 
 
 #: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
@@ -231,6 +213,8 @@ class TurnRunner:
         self.rights, self.equinox = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
+        #: By kind: the last reading as it was sent, when, and the version at that time.
+        self._sent: dict[type[Operation], tuple[object, float, int]] = {}
 
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> Operation:
         """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
@@ -329,10 +313,9 @@ class TurnRunner:
 
     def _recent_reading(self, operation: Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        sent = self.cache.recent_reading(operation, self._controller.now())
-        if sent is None:
+        value, at, version = self._sent.get(type(operation), (None, -inf, 0))
+        if self._controller.now() - at >= SAME_INSTANT:
             return None
-        value, version = sent
         if version == self._controller.version:
             turn.readings.append(type(operation))
         else:
@@ -343,7 +326,7 @@ class TurnRunner:
         if self.equinox is not None:
             value = self.equinox.to_client(operation, value)
         if type(operation) in MAX_AGE:
-            self.cache.remember_reading(operation, value, self._controller.now(), self._controller.version)
+            self._sent[type(operation)] = value, self._controller.now(), self._controller.version
         return value
 
     async def reading(self, operation: Operation) -> object:

@@ -76,10 +76,6 @@ class ReplyTimes:
         if self.answers == 1:
             self.typical_rtt = max(self.typical_rtt, min(elapsed, FIRST_ANSWER))
 
-    def unanswered(self, elapsed: float) -> None:
-        """Record a timeout."""
-        self.last_rtt = elapsed
-
     def came_late(self, took: float) -> None:
         """Record a reply that arrived after its timeout."""
         self._late = took if took <= LATEST_COUNTED else self._late
@@ -332,7 +328,7 @@ class Transaction:
         return None
 
     def _unanswered(self, command: Send, expected: Expected, began: float) -> Fault:
-        self.times.unanswered(self._now() - began)
+        self.times.last_rtt = self._now() - began
         if self.lost:
             self.half = True
         elif command.patience is not None and not command.long and not self._buffer:

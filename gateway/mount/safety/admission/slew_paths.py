@@ -75,13 +75,6 @@ def sun_reading(astrometry: SiteAstrometry, there: op.Equatorial | Sun, equatori
     return seen.az, seen.alt
 
 
-def place_at(astrometry: SiteAstrometry, reading: Pair, equatorial: bool) -> op.Equatorial:
-    """Return the place at axis readings in the first way: the counterpart of ``sun_reading``."""
-    if not equatorial:
-        return astrometry.equatorial(op.Horizontal(*reading))
-    return astrometry.from_axes(op.GotoAxes(*reading))
-
-
 def possible_paths(
     astrometry: SiteAstrometry,
     german: bool,
@@ -291,8 +284,10 @@ async def _place_between(
     for first in range(STEPS[0] // 2, 360, STEPS[0]):
         await asyncio.sleep(0)  # some hundred places take a slow computer a tenth of a second
         for second in range(STEPS[1] // 2 - 90, 90, STEPS[1]):
-            middle = place_at(mount.astrometry, (float(first), float(second)), journey.equatorial)
-            seen = mount.astrometry.horizon(middle)
+            axes = op.GotoAxes(float(first), float(second))
+            seen = op.Horizontal(axes.az, axes.alt)
+            if journey.equatorial:  # these are the readings of the first way
+                seen = mount.astrometry.horizon(mount.astrometry.from_axes(axes))
             seen = op.Horizontal(round(seen.az) % 360, round(seen.alt))
             if not limits.lowest + WITHIN <= seen.alt <= limits.highest - WITHIN:
                 continue
