@@ -47,7 +47,7 @@ class Bridge(Stage):
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
         dialect = load(driven).of(mount).other
-        self._spoken = mount if dialect is not None and dialect.facts else driven
+        self._spoken = mount if dialect is not None else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 

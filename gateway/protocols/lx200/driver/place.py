@@ -14,6 +14,8 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 from gateway.protocols.lx200.nmea import fix
 
 ARCMINUTE = 1.0 / 60.0
+#: The forms of a longitude: an unknown controller that does not take the first one may take the other.
+LONGITUDES = ("Sg", "Sg360")
 #: Seconds by which a clock that was set may differ.
 CLOCK_DIFFERS = 10.0
 #: How many NMEA sentences to read until one has site and time, and seconds for each: they are sent in blocks.
@@ -34,12 +36,14 @@ def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):
         yield from ask(mount, "St", latitude=operation.latitude)
-    with suppress(Invalid):
-        yield from ask(mount, "Sg", longitude=-operation.longitude)
-    place = yield from get_site(mount, GetSite())
-    far = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - operation.longitude)))
-    if far > 1.01 * ARCMINUTE:
-        raise Refused(mount.dialect.get("site", {}).get("refused", "The mount refused the site."))
+    for form in filter(mount.supports, LONGITUDES):
+        with suppress(Invalid):
+            yield from ask(mount, form, longitude=-operation.longitude)
+        place = yield from get_site(mount, GetSite())
+        far = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - operation.longitude)))
+        if far <= 1.01 * ARCMINUTE:
+            return
+    raise Refused(mount.dialect.get("site", {}).get("refused", "The mount refused the site."))
 
 
 def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
