@@ -153,6 +153,46 @@ def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_what_a_person_did_at_the_keypad_a_moment_ago_is_seen_before_an_order(model: str) -> None:
+    """Within the time for which a reply about its state serves other questions."""
+
+    async def program() -> None:
+        async with bridge(model) as own:
+            await own.controller.read_now(op.GetStatus())
+            own.sim.feed(b":Td#")
+            await asyncio.sleep(1.0)
+            await own.controller.perform(op.SetTracking(on=True, heard=True))
+            assert own.sim.tracking
+            await own.controller.read_now(op.GetStatus())
+            own.sim.feed(b":Td#")
+            own.sim.parked = True
+            await own.controller.perform(op.Unpark())
+            assert own.sim.tracking
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str) -> None:
+    async def program() -> None:
+        async with bridge(model) as own:
+            await own.controller.perform(op.SetTracking(on=False, heard=True))
+            usual, command = own.sim._answer, own.driver.status_command.encode()
+            old, ordered = usual(b":" + command + b"#", False), list[float]()
+
+            def late(frame: bytes, later: bool) -> bytes:
+                ordered.extend([own.clock()] if frame == b":Te#" else [])
+                reply: bytes = usual(frame, later)
+                return old if command in frame and ordered and own.clock() - ordered[0] < 0.3 else reply
+
+            own.sim._answer = late
+            await own.controller.perform(op.SetTracking(on=True, heard=True))
+            assert own.sim.tracking and 0.3 < own.clock() - ordered[0] < 1.0
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(model: str) -> None:
     """A TeenAstro's own is +13.5, which it refuses."""
 

@@ -178,12 +178,13 @@ def read_status(mount: Lx200Driver) -> Steps:
     """Read :GW, or ACK if the telescope lacks it; without both it is assumed to be aligned and to track.
 
     In motion a Meade reports what its motors do: no tracking while a key is pressed, tracking for a moment of a goto.
-    What it reported at rest is therefore kept during a motion.
+    What it reported at rest is therefore kept during a motion. Another maker's is asked now, whatever it told before.
     """
     command = mount.status_command
     if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
         mount.tells_status = (yield from _probe(mount, command)) is not None
     if mount.dialect and mount.tells_status:
+        mount.told = None
         told = yield from tell(mount)
         _learn_letter(mount, told.build or mount.home_letter)
         mount.aligned, mount.land = True, False
@@ -234,7 +235,6 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
     """:GW, :GU or ACK -> Status. One without bars is not pushed: it was slewing when it was identified."""
-    mount.told = None
     try:
         mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)
