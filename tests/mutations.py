@@ -4,7 +4,7 @@
 
 Each row of ``MUTATIONS`` describes an error, the change of the source that makes it, and the tests that must fail. The
 source is found by a regular expression and not by a file's name, so that a module may move. Nothing is changed in
-place, only in copies in a temporary folder. A row whose expression matches nothing is reported like a survivor.
+place, only in copies in a temporary folder. ``tests/project/test_mutations.py`` finds a row that no longer matches.
 """
 
 from __future__ import annotations
@@ -32,13 +32,23 @@ PARTS, PATIENCE = (
 
 
 class Mutation(NamedTuple):
-    """``old`` is a regular expression, searched in ``files``; every match is replaced by ``new``."""
+    """``old`` is a regular expression with ``places`` matches in ``files``; ``new`` replaces each of them."""
 
     what: str
     old: str
     new: str
     tests: str
     files: str = "gateway/**/*.py"
+    places: int = 1
+
+    def applied(self, root: Path) -> dict[Path, tuple[str, int]]:
+        """Return the files below ``root`` that it changes: the text that each is to have, and how often it matched."""
+        changed = {}
+        for path in sorted(root.glob(self.files)):
+            text, matches = re.subn(self.old, self.new, path.read_text("utf-8"), flags=re.MULTILINE)
+            if matches:
+                changed[path] = text, matches
+        return changed
 
 
 def answer(command: str) -> tuple[str, str]:
@@ -132,7 +142,9 @@ MUTATIONS = [
         "key=lambda order: order.number",
         "tests/unit/mount/motion tests/integration/motion/test_goto_whole.py",
     ),
-    Mutation("a motion needs no client", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py"),
+    Mutation(
+        "a motion needs no client", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py", places=2
+    ),
     Mutation(
         "the mount is reported at rest without a reading",
         r"(^async def come_to_rest\(.*\n)",
@@ -169,6 +181,7 @@ MUTATIONS = [
         r"raise SyncTooFar\(",
         "return SyncTooFar(",
         "tests/unit/mount/safety/test_sync_sum.py",
+        places=3,
     ),
     Mutation(
         "a sync that makes the sum smaller is refused",
@@ -220,7 +233,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a goto at the mount's own keys counts as an order",
-        r"self\._own = not isinstance\(self\._wanted\.value\.motion, NotOrdered\).*",
+        r"self\._own = self\.ordered$",
         "self._own = self.anything",
         f"{SAFETY}/test_at_the_keys.py",
     ),
@@ -383,17 +396,12 @@ class Outcome(NamedTuple):
 @contextmanager
 def changed(copy: Path, mutation: Mutation) -> Iterator[int]:
     """Change the files and yield the number of places; restore the files afterwards."""
-    before: dict[Path, str] = {}
-    places = 0
-    for path in sorted(copy.glob(mutation.files)):
-        text = path.read_text("utf-8")
-        mutated, found = re.subn(mutation.old, mutation.new, text, flags=re.MULTILINE)
-        if found:
-            before[path] = text
-            path.write_text(mutated, "utf-8")
-            places += found
+    applied = mutation.applied(copy)
+    before = {path: path.read_text("utf-8") for path in applied}
+    for path, (text, _) in applied.items():
+        path.write_text(text, "utf-8")
     try:
-        yield places
+        yield sum(matches for _, matches in applied.values())
     finally:
         for path, text in before.items():
             path.write_text(text, "utf-8")
@@ -419,7 +427,9 @@ def play(mutation: Mutation, copies: SimpleQueue[Path]) -> Outcome:
     copy = copies.get()
     try:
         with changed(copy, mutation) as places:
-            return red(copy, mutation.tests) if places else Outcome(False, "its expression matches nothing")
+            if places != mutation.places:
+                return Outcome(False, f"its expression matches {places} places, not {mutation.places}")
+            return red(copy, mutation.tests)
     finally:
         copies.put(copy)
 
@@ -432,15 +442,14 @@ def main() -> int:
     chosen = [one for one in MUTATIONS if not arguments.only or any(word in one.what for word in arguments.only)]
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        copies: SimpleQueue[Path] = SimpleQueue()
-        for number in range(arguments.processes):
-            copies.put(_copy(Path(folder) / str(number)))
-        untouched = Mutation(
-            "nothing", r"\A", "", " ".join(sorted({test for one in chosen for test in one.tests.split()}))
-        )
-        if not play(untouched, copies).words.startswith("all tests pass"):
-            print("the tests fail before anything is broken: make them pass first", file=sys.stderr)
+        folders = [_copy(Path(folder) / str(number)) for number in range(arguments.processes)]
+        untouched = red(folders[0], " ".join(sorted({test for one in chosen for test in one.tests.split()})))
+        if untouched != Outcome(False, "all tests pass"):
+            print(f"the tests fail before anything is broken: {untouched.words}", file=sys.stderr)
             return 2
+        copies: SimpleQueue[Path] = SimpleQueue()
+        for copy in folders:
+            copies.put(copy)
         with ThreadPoolExecutor(arguments.processes) as pool:
             outcomes = list(pool.map(lambda one: play(one, copies), chosen))
     for mutation, outcome in zip(chosen, outcomes, strict=True):

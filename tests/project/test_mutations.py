@@ -1,0 +1,17 @@
+"""Every row of ``tests/mutations.py`` still finds the places of the source that it is to break."""
+
+from __future__ import annotations
+
+from tests.mutations import MUTATIONS, ROOT, Mutation
+from tests.support.each import each
+
+
+@each("mutation", MUTATIONS)
+def test_it_changes_as_many_places_as_it_says(mutation: Mutation) -> None:
+    matches = [number for _, number in mutation.applied(ROOT).values()]
+    assert sum(matches) == mutation.places, mutation.what
+
+
+@each("mutation", MUTATIONS)
+def test_its_tests_are_there(mutation: Mutation) -> None:
+    assert all((ROOT / test).exists() for test in mutation.tests.split()), mutation.tests
