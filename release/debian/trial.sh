@@ -35,7 +35,7 @@ systemctl enable --quiet mount-gateway@pier
 [ -n "$(ls /etc/systemd/system/multi-user.target.wants/mount-gateway@pier.service)" ]
 after "unit and rule are accepted, a gateway is enabled"
 
-mkdir -p /var/lib/mount-gateway/pier
+mkdir -p /var/lib/mount-gateway/pier /var/cache/mount-gateway
 echo kept >/var/lib/mount-gateway/pier/state
 dpkg-deb -R "$1" /tmp/next
 sed -i 's/^Version: .*/Version: 999.0-1/' /tmp/next/DEBIAN/control
