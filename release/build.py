@@ -1,8 +1,9 @@
 """Builds the wheel and the source distribution of a commit, so that the same commit gives the same bytes.
 
-The source is what the commit holds, with one more file that names it. All times are that of the commit; the source
-distribution is packed again, sorted and without owners, because setuptools writes the hour and the user into it. Both
-are built twice, in different folders, and compared.
+The source is what the commit holds, with one more file that names it. All times are that of the commit, and files may
+be read by everybody, whatever the umask of who builds; the source distribution is packed again, sorted and without
+owners, because setuptools writes the hour and the user into it. Both are built twice, in different folders and under
+different umasks, and compared.
 """
 
 from __future__ import annotations
@@ -27,9 +28,13 @@ def git(*words: str) -> str:
 def build(into: Path) -> list[Path]:
     """Build the present commit twice and return its wheel and its source distribution. Ends with a message."""
     with tempfile.TemporaryDirectory() as folder:
-        first, second = (_built(Path(folder) / name) for name in ("one", "another-folder"))
+        own = os.umask(0o022)
+        first = _built(Path(folder) / "one")
+        os.umask(0o002)
+        second = _built(Path(folder) / "another-folder")
+        os.umask(own)
         if {path.name: path.read_bytes() for path in first} != {path.name: path.read_bytes() for path in second}:
-            sys.exit("The two builds differ: some file of them depends on the folder or on the hour.")
+            sys.exit("The two builds differ: some file of them depends on the folder, the hour or the umask.")
         into.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.copy(path, into)) for path in first]
 
@@ -38,15 +43,17 @@ def _built(folder: Path) -> list[Path]:
     """Build the present commit once, in ``folder``."""
     source, made = folder / "source", folder / "made"
     source.mkdir(parents=True)
-    archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, check=True, capture_output=True).stdout
+    command = ["git", "-c", "tar.umask=0022", "archive", "HEAD"]
+    archive = subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout
     with tarfile.open(fileobj=io.BytesIO(archive)) as file:
         file.extractall(source, filter="data")
-    (source / "gateway" / "commit.txt").write_text(git("rev-parse", "HEAD") + "\n")
+    told = source / "gateway" / "commit.txt"
+    told.write_text(git("rev-parse", "HEAD") + "\n")
+    told.chmod(0o644)
     epoch = int(git("log", "-1", "--format=%ct"))
     command = [sys.executable, "-m", "build", "--outdir", str(made), str(source)]
-    done = subprocess.run(
-        command, env={**os.environ, "SOURCE_DATE_EPOCH": str(epoch)}, capture_output=True, text=True, timeout=600
-    )
+    fixed = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch)}
+    done = subprocess.run(command, env=fixed, umask=0o022, capture_output=True, text=True, timeout=600)
     if done.returncode:
         sys.exit(f"{' '.join(command)}\n{done.stdout}{done.stderr}")
     [wheel], [sdist] = made.glob("*.whl"), made.glob("*.tar.gz")
