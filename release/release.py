@@ -1,6 +1,6 @@
 """Makes a release: version, tests, files, proof that the files can be installed, and the next version.
 
-    python release/release.py 0.2.0 [--next 0.3.0.dev0] [--into dist] [--no-tests]
+    .venv/bin/python release/release.py 0.2.0 [--next 0.3.0.dev0] [--into dist] [--no-tests]
 
 It works on a clean checkout and commits twice: the release, and the beginning of the next version. The files are built
 from the first commit; the tag on it, and putting the files anywhere, are the owner's steps. With --check it changes
@@ -24,6 +24,7 @@ import threading
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -34,6 +35,8 @@ PROJECT, CHANGES = ROOT / "pyproject.toml", ROOT / "CHANGELOG.md"
 RELEASES, NUMBERS = ("bookworm", "trixie", "sid"), {"bookworm": "deb12", "trixie": "deb13"}
 #: Commands that may be Pythons of this machine.
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
+#: What builds and judges the files, by the names of their packages.
+TOOLS = ("build", "check-wheel-contents", "pyroma", "twine")
 #: What pyroma may complain of as long as the project has no address: it gives 8 of 10 points then.
 WITHOUT_ADDRESS = ("url", "email", "e-mail")
 #: The least that pyroma may give.
@@ -51,7 +54,14 @@ def main() -> int:
     if given.check == bool(given.version):
         words.error("write the version to release, or --check")
     began = time.monotonic()
+    if lacking := [name for name in TOOLS if not installed(name)]:
+        sys.exit(
+            f"{sys.executable} has no {', '.join(lacking)}. Type .venv/bin/pip install -e '.[test,dev]' "
+            "and give the command again with .venv/bin/python."
+        )
     if given.version:
+        if not roots():
+            sys.exit("The Debian packages are made in fresh roots of Debian: this needs root, and mmdebstrap.")
         if git("status", "--porcelain"):
             sys.exit("This checkout has changes that are not committed: commit them, or make the release in a clone.")
         if git("tag", "--list", f"v{given.version}"):
@@ -75,6 +85,18 @@ def main() -> int:
     if given.version:
         print(f"The owner's step: git tag -a v{given.version} {commit}")
     return 0
+
+
+def installed(package: str) -> bool:
+    """Whether this Python has a package."""
+    with contextlib.suppress(metadata.PackageNotFoundError):
+        return bool(metadata.version(package))
+    return False
+
+
+def roots() -> bool:
+    """Whether fresh roots of Debian can be made here."""
+    return os.geteuid() == 0 and shutil.which("mmdebstrap") is not None
 
 
 def step(what: str) -> None:
@@ -168,7 +190,7 @@ def tried(wheel: Path, releases: tuple[str, ...] | list[str]) -> list[str]:
         for python in own:
             subprocess.run([python, str(ROOT / "release" / "tried.py"), url, version], check=True)
         for release in releases:
-            if not (os.geteuid() == 0 and shutil.which("mmdebstrap")):
+            if not roots():
                 missing.append(f"Debian {release}: it needs root and mmdebstrap")
                 continue
             print(f"-- Debian {release}", flush=True)

@@ -107,6 +107,19 @@ def test_a_release_writes_version_date_and_heading_and_the_next_opens_anew(proje
     assert re.findall(r"(?m)^## (\S+)", (project / "CHANGES").read_text()) == ["Unreleased", "0.3.0"]
 
 
+@each("words", [["0.3.0", "--no-tests"], ["--check"]])
+def test_what_is_missing_is_told_before_anything_is_changed(
+    project: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    before = (project / "PROJECT").read_text()
+    monkeypatch.setattr("sys.argv", ["release.py", *words])
+    monkeypatch.setattr(making, "TOOLS", ("pytest", "no-such-package"))
+    monkeypatch.setattr(making, "build", None)
+    with pytest.raises(SystemExit, match=r"has no no-such-package.*\.venv/bin/pip install -e '\.\[test,dev\]'"):
+        making.main()
+    assert (project / "PROJECT").read_text() == before
+
+
 @each("version", ["0.3", "v0.3.0", "0.3.0.dev0", "three"])
 def test_what_is_no_version_is_refused(version: str) -> None:
     with pytest.raises(SystemExit, match="is no version"):
