@@ -170,11 +170,11 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
 
 
 def _order(mount: Lx200Driver, command: str) -> Steps:
-    """Send it. The number of an unknown controller is no refusal if the mount slews."""
+    """Send it. What looks like a refusal is none if the mount is judged by the effect, and slews."""
     try:
         yield from ask(mount, command)
     except (BelowHorizon, TooHigh, Refused):
-        if mount.model != "other" or not (yield from _bars(mount)):
+        if not mount.facts.get("by_effect") or not (yield from _bars(mount)):
             raise
 
 
@@ -218,13 +218,14 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     answer = yield from ask(mount, "CM")
     if not answer.get("text", "-").strip():
         raise Refused("The mount refused the sync.")
-    for _ in range(LOOKS if mount.model == "other" else 0):  # each maker has words of its own for a refusal
+    if not mount.facts.get("by_effect"):
+        return
+    for _ in range(LOOKS):  # each maker has words of its own for a refusal
         place = yield from position(mount, op.Position())
         if separation(place.ra, place.dec, operation.ra, operation.dec) < STANDS_WITHIN:
             return
         yield Wait(SETTLE_WAIT)
-    if mount.model == "other":
-        raise Refused("The mount did not take the sync: it reports another position.")
+    raise Refused("The mount did not take the sync: it reports another position.")
 
 
 # --- the side of the pier ---------------------------------------------------------------------------------------------
