@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from gateway.core.errors import Fault, MappingError
+from gateway.core.errors import Fault, MappingError, Unsupported
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
@@ -30,6 +30,10 @@ class Parked(Fault):
     """The request needs a mount that is not parked."""
 
     words = "The mount is parked: unpark it first."
+
+
+class Untold(Unsupported):
+    """The server may lack this member, or has failed to read it just now: what it answers tells neither."""
 
 
 @cache

@@ -11,7 +11,16 @@ from typing import Any
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import compare_equinox
-from gateway.protocols.alpaca.driver.state import FASTEST, MODELS, SIDEREAL, TOLD_BY, AlpacaDriver, device_state, told
+from gateway.protocols.alpaca.driver.state import (
+    FASTEST,
+    MODELS,
+    SIDEREAL,
+    TOLD_BY,
+    AlpacaDriver,
+    device_state,
+    insist,
+    told,
+)
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 
 #: The version of the interface from which a telescope is connected in two steps; seconds between two looks whether it
@@ -44,24 +53,23 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     """Return the Identity, after everything that depends on it was asked."""
     yield from contact(mount)
     for request, member in TOLD_BY.items():
-        if not (yield from told(mount, member, False)):
+        if not (yield from insist(mount, member, False)):
             mount.absent.add(request)
     mount.model = mount.settings.model or (yield from _kind(mount))
-    ranges: dict[int, tuple[tuple[float, float], ...]] = {}
-    for axis in (1, 2):  # half of it would leave an axis out of a stop
-        able = yield from told(mount, "canmoveaxis", False, axis=axis - 1)
-        ranges[axis] = _ranges((yield from told(mount, "axisrates", [], axis=axis - 1))) if able else ()
-    mount.ranges = ranges
-    mount.side_untold = bool(mount.german) and (yield from told(mount, "sideofpier", -1)) not in (0, 1)
-    system = yield from told(mount, "equatorialsystem", 0)
+    for axis in (1, 2):
+        able = yield from insist(mount, "canmoveaxis", axis=axis - 1)
+        mount.movable[axis] = able is not False  # a failure denies nothing
+        mount.ranges[axis] = () if able is False else _ranges((yield from insist(mount, "axisrates", axis=axis - 1)))
+    mount.side_untold = bool(mount.german) and (yield from insist(mount, "sideofpier")) not in (0, 1)
+    system = yield from insist(mount, "equatorialsystem", 0)
     mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
     fits = None if mount.compared else (yield from compare_equinox(mount))
     if not mount.declared:
         mount.equinox = fits or "jnow"
         yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount)).keys()
-    east = (yield from told(mount, "guideraterightascension", 0.0)) / SIDEREAL
-    north = (yield from told(mount, "guideratedeclination", 0.0)) / SIDEREAL
+    east = (yield from insist(mount, "guideraterightascension", 0.0)) / SIDEREAL
+    north = (yield from insist(mount, "guideratedeclination", 0.0)) / SIDEREAL
     mount.rates = (east if 0.0 < east < IMPOSSIBLE else 0.5, north if 0.0 < north < IMPOSSIBLE else 0.5)
     yield from read_status(mount)
     name, version = (yield from told(mount, "name", "")), (yield from told(mount, "driverversion", ""))
@@ -69,7 +77,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
 
 
 def _kind(mount: AlpacaDriver) -> Steps:
-    number = yield from told(mount, "alignmentmode")
+    number = yield from insist(mount, "alignmentmode")
     if number in range(len(MODELS)):
         return MODELS[number]
     yield Remark("the server does not tell what kind of mount this is: it counts as a German one; write alpaca:altaz@…")

@@ -116,7 +116,7 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
         except Parked:
             mount.moving.pop(axis, None)
         except Fault as fault:
-            if slewed or axis in mount.moving or not isinstance(fault, Unsupported):
+            if axis in mount.moving or not isinstance(fault, Unsupported) or (slewed and axis == 0):
                 failed[axis] = fault
     if any(isinstance(fault, NoAnswer | Silence) for fault in failed.values()):
         raise NoAnswer

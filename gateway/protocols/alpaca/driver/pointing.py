@@ -16,7 +16,7 @@ from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wra
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, told
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, insist, told
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps
 
@@ -67,7 +67,8 @@ def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
 
 def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
     """Return the side of the tube of a German mount. Raises Unsupported if it is unknown, or there are no sides."""
-    side = (yield from told(mount, "sideofpier", -1)) if mount.german else -1
+    ask = told if mount.side_untold else insist
+    side = (yield from ask(mount, "sideofpier")) if mount.german else None
     if side not in (0, 1):
         raise Unsupported("The server does not tell the side of the pier.")
     return "W" if side else "E"

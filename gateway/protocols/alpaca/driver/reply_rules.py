@@ -12,9 +12,9 @@ from functools import cache
 from typing import Any
 
 from gateway.core import errors
-from gateway.core.errors import Fault, Invalid, NoAnswer, Refused, Unsupported
+from gateway.core.errors import Fault, Invalid, NoAnswer, Refused
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.tables import NotConnected, Parked, numbers
+from gateway.protocols.alpaca.tables import NotConnected, Parked, Untold, numbers
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected
 from gateway.protocols.wireformat.command import Command
@@ -69,7 +69,7 @@ class AlpacaReplyRules:
 
     def _fault(self, command: Command, number: int, text: str) -> Fault:
         if number in (ANYTHING, INVALID) and command.question and not command.request.fields:
-            return Unsupported(text)  # nothing was given that could be invalid
+            return Untold(text)  # nothing was given that could be invalid
         kind = _faults().get(number, Refused)
         if kind is NotConnected:
             self._dropped = True
@@ -100,7 +100,7 @@ def _faults() -> dict[int, type[Fault]]:
 def _values(command: Command, value: Any) -> Values | Fault:
     """Return the value of an answer under the name that it has in the table. Raises ValueError for another kind."""
     if value is None and command.question:
-        return Unsupported("The server gives no value.")
+        return Untold("The server gives no value.")
     for name, codec in command.replies[0][1].fields.items():
         if codec is CODECS["truth"] and value in (0, 1):  # False and True are among these
             return {name: bool(value)}

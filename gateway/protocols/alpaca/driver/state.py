@@ -12,7 +12,8 @@ from typing import Any
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
-from gateway.protocols.base.driver import SLEWING, Driver, Handler, Send, Step, Steps
+from gateway.protocols.alpaca.tables import Untold
+from gateway.protocols.base.driver import SLEWING, Driver, Handler, Send, Step, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
@@ -43,6 +44,8 @@ FASTEST = 8.0
 REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
 #: ASCOM's numbers of alignment modes -> models.
 MODELS = ("altaz", "polar", "german")
+#: How often a question is asked on whose answer much depends, and the seconds between.
+TIMES, AGAIN = 2, 0.5
 
 
 class AlpacaDriver(Driver):
@@ -80,10 +83,12 @@ class AlpacaDriver(Driver):
 
     def line_was_lost(self) -> None:
         """Forget what the server has told of itself: another one may listen there now."""
-        #: Members that the server does not have, and requests that the mount cannot carry out.
+        #: Members that the server does not have, and requests that the mount cannot carry out; members that it has.
         self.absent: set[str] = set()
-        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST.
+        self.present: set[str] = set()
+        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; whether it may be moved by hand at all.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
+        self.movable: dict[int, bool] = {}
         #: Whether one answer lists all that is read often.
         self.lists_state = False
         self.rates: tuple[float, float] = (0.5, 0.5)
@@ -118,7 +123,7 @@ class AlpacaDriver(Driver):
 
     def may_move(self, axis: int) -> bool:
         """Whether this axis is moved by hand, or may be by another program: a stop includes it."""
-        return axis in self.moving or bool(self.ranges.get(axis, True))
+        return axis in self.moving or self.movable.get(axis, True)
 
     def supports(self, name: str) -> bool:
         """Whether the mount can carry out a request, as far as the server has told."""
@@ -173,7 +178,10 @@ class AlpacaDriver(Driver):
 
 
 def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
-    """Return the value of a member, or something else if the server does not have it."""
+    """Return the value of a member, or something else if the server does not have it, or fails to read it.
+
+    It is not asked for again if the server says that it does not have it, and has not told it before.
+    """
     if member in mount.absent:
         return otherwise
     try:
@@ -181,10 +189,23 @@ def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: obje
     except NoAnswer:
         raise
     except Fault as fault:
-        if isinstance(fault, Unsupported) and not values:
+        missing = isinstance(fault, Unsupported) and not isinstance(fault, Untold)
+        if missing and not values and member not in mount.present:
             mount.absent.add(member)
         return otherwise
+    mount.present.add(member)
     return next(iter(answer.values()), otherwise)
+
+
+def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
+    """Return the same as ``told``, but ask again after a failure: a server may fail for a moment."""
+    for left in reversed(range(TIMES)):
+        value = yield from told(mount, member, **values)
+        if value is not None:
+            return value
+        if left and member not in mount.absent:
+            yield Wait(AGAIN)
+    return otherwise
 
 
 def device_state(mount: AlpacaDriver) -> Steps:

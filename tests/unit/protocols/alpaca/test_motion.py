@@ -46,20 +46,20 @@ def driver(**facts: Any) -> AlpacaDriver:
 
 
 def test_a_moving_axis_is_stopped_first_whatever_is_known_of_its_speeds() -> None:
-    mount = driver(moving={2: 4.0}, ranges={1: (), 2: ()})
+    mount = driver(moving={2: 4.0}, movable={1: False, 2: False})
     assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
     mount.moving[1] = 4.0
     assert play(stop_axis(mount, op.StopAxis(1)), moveaxis=None)[0] == ["moveaxis0"]
 
 
-def test_an_axis_counts_as_one_that_moves_until_both_are_known() -> None:
-    mount, steps = driver(), None
-    steps = identity(mount, op.GetIdentity())
-    step: Any = next(steps)
-    while not (isinstance(step, Send) and step.command == "equatorialsystem"):
-        assert mount.may_move(1) and mount.may_move(2)
-        step = steps.send({"value": step.command == "connected"} if isinstance(step, Send) else None)
-    assert not mount.may_move(1)
+@pytest.mark.parametrize("able", [ABSENT, Refused("busy"), True])
+def test_an_axis_counts_as_one_that_moves_until_the_server_denies_it(able: Any) -> None:
+    mount = driver()
+    assert mount.may_move(1) and mount.may_move(2)
+    play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=able, axisrates=[])
+    assert mount.may_move(1) and mount.may_move(2) and not mount.supports("moveaxis")
+    play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=False)
+    assert not mount.may_move(1) and not mount.may_move(2)
 
 
 @pytest.mark.parametrize("place", [("NaN", "NaN"), (1.0, float("inf")), (25.0, 10.0), (-1.0, 10.0), (1.0, 90.5)])

@@ -1,0 +1,140 @@
+"""A server that once answers with an error what it has: what it can do, and what it reports, is not lost by that.
+
+INDI's Alpaca server has the number 1 for every error, also for one that is over a moment later.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from math import inf
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.alpaca.simulator.telescope import Refusal
+from tests.integration.alpaca.test_servers import arrive, goal, server
+from tests.support.in_process_gateway import Bridge
+from tests.support.truth import moving
+
+ANYTHING, INVALID, UNSPECIFIED = 1, 0x401, 0x500
+#: What a server may have failed to answer when it was identified, and the operation that it is needed for.
+ABILITIES = [
+    ("canslewasync", op.Goto(0.0, 40.0)), ("canpark", op.Park()),
+    ("canpulseguide", op.Pulse(op.Direction.EAST, 200)),
+    ("cansettracking", op.SetTracking(on=False, heard=True)),
+    ("canmoveaxis", op.Move(op.Direction.WEST, op.Rate(key=5))),
+    ("axisrates", op.Move(op.Direction.WEST, op.Rate(key=5))),
+]  # fmt: skip
+
+
+def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1, **given: str) -> None:
+    """Let the server answer the next requests for a member (with these parameters) with an error."""
+    usual, left = bridge.sim._respond, times
+
+    def respond(method: str, path: str, parameters: dict[str, str]) -> Any:
+        nonlocal left
+        if left and method == "GET" and path.endswith(f"/{member}") and given.items() <= parameters.items():
+            left -= 1
+            raise Refusal(number, "Something went wrong")
+        return usual(method, path, parameters)
+
+    bridge.sim._respond = respond  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("number", [ANYTHING, INVALID, UNSPECIFIED])
+@pytest.mark.parametrize("when", ["at the start", "later"])
+def test_tracking_is_read_again(number: int, when: str) -> None:
+    async def program() -> None:
+        one = server(platform=6)
+        if when == "at the start":
+            fails(one, "tracking", number)
+        async with one:
+            await asyncio.sleep(10.0)
+            if when == "later":
+                fails(one, "tracking", number)
+            one.sim.track(False)
+            await asyncio.sleep(20.0)
+            assert (await one.controller.perform(op.GetStatus())).tracking is op.Tracking.OFF
+
+    run(program())
+
+
+def test_a_park_by_another_program_is_noticed() -> None:
+    async def program() -> None:
+        async with server(platform=6) as one:
+            fails(one, "atpark")
+            await asyncio.sleep(20.0)
+            one.sim.park()
+            await asyncio.sleep(60.0)
+            assert one.sim.at == "park"
+            assert (await one.controller.perform(op.GetActivity())).parked
+
+    run(program())
+
+
+@pytest.mark.parametrize("when", ["at the start", "later"])
+def test_arrows_of_a_german_mount_keep_their_sense(when: str) -> None:
+    async def program() -> None:
+        one = server()
+        if when == "at the start":
+            fails(one, "sideofpier")
+        async with one:
+            assert not one.driver.side_untold
+            await one.controller.perform(goal(one, 30.0))
+            await arrive(one)
+            if when == "later":
+                fails(one, "sideofpier")
+            for _ in range(2):
+                before = one.sim.truth()[1]
+                await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
+                await asyncio.sleep(1.0)
+                await one.controller.perform(op.StopAxis(2))
+                await asyncio.sleep(2.0)
+                assert one.sim.truth()[1] > before + 0.2
+
+    run(program())
+
+
+@pytest.mark.parametrize(("member", "operation"), ABILITIES)
+@pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED])
+def test_an_ability_is_asked_for_again(member: str, operation: op.Operation[Any], number: int) -> None:
+    async def program() -> None:
+        one = server(config={"lowest": -90.0})
+        fails(one, member, number)
+        async with one:
+            await one.controller.perform(operation)
+            assert not any(b"slewtocoordinates " in line for line in one.sent())
+
+    run(program())
+
+
+@pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED, 0x400])
+def test_a_stop_includes_an_axis_of_which_nothing_is_known(number: int) -> None:
+    """Another program, or the hand control, may move it, and no AbortSlew ends that there."""
+
+    async def program() -> None:
+        one = server(config={"lowest": -90.0}, lacks=frozenset({"abortslew"}))
+        fails(one, "canmoveaxis", number, inf, Axis="1")
+        async with one:
+            one.sim.move_axis(2, 0.5)
+            await asyncio.sleep(1.0)
+            assert moving(one.sim)
+            await one.controller.stop()
+            await asyncio.sleep(1.0)
+            assert not moving(one.sim)
+
+    run(program())
+
+
+def test_an_axis_that_the_mount_does_not_have_is_left_out_of_a_stop() -> None:
+    async def program() -> None:
+        async with server(lacks=frozenset({"moveaxis"})) as one:
+            await one.controller.perform(goal(one))
+            await asyncio.sleep(1.0)
+            await one.controller.stop()
+            await asyncio.sleep(1.0)
+            assert not moving(one.sim) and not any(line.startswith(b"put moveaxis") for line in one.sent())
+
+    run(program())
