@@ -53,7 +53,7 @@ GLANCE = 0.4
 _STEP = 0.05
 
 
-class Event(NamedTuple):
+class PlayedStep(NamedTuple):
     """``kind`` is means, baud, act (changes the mount), look (queries it), answer (the mount's), note or reply."""
 
     kind: str
@@ -72,7 +72,7 @@ class Play(NamedTuple):
     """Everything that one frame caused, in order; ``wire`` are the received commands that change the mount."""
 
     frame: bytes
-    events: tuple[Event, ...]
+    events: tuple[PlayedStep, ...]
     reply: bytes
     wire: tuple[bytes, ...]
     #: Whether something kept for clients has changed, and whether the driver's knowledge has.
@@ -89,7 +89,7 @@ class Play(NamedTuple):
         """The commands shown by ``explain`` that change the mount."""
         return b"".join(event.data for event in self.of("act"))
 
-    def of(self, kind: str) -> tuple[Event, ...]:
+    def of(self, kind: str) -> tuple[PlayedStep, ...]:
         return tuple(event for event in self.events if event.kind == kind)
 
 
@@ -154,7 +154,7 @@ class Player:
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         self.driver: Driver = stage.driver
-        self._events: list[Event] = []
+        self._events: list[PlayedStep] = []
         self._visitors = 0
         self._session: Session | None = None
         #: What was kept when the frame arrived.
@@ -191,7 +191,7 @@ class Player:
         visitor.tell(frame)
         await self._settled(visitor, 0.0)
         reply = visitor.heard
-        self._events.append(Event("reply", "", reply))
+        self._events.append(PlayedStep("reply", "", reply))
         await asyncio.sleep(watching)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
@@ -234,10 +234,10 @@ class Player:
     def _ask(self, wanted: SurfaceStep) -> bool:
         """Note a request; return False, as it is carried out as well."""
         if isinstance(wanted, ChangeBaudRate):
-            self._events.append(Event("baud", str(wanted.baud)))
+            self._events.append(PlayedStep("baud", str(wanted.baud)))
         elif not isinstance(wanted, Defer | CheckPossible | Note):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
-            self._events.append(Event("means", meaning(operation)))
+            self._events.append(PlayedStep("means", meaning(operation)))
         return False
 
     def _ended(self, ending: Ending | None) -> Ending | None:
@@ -278,9 +278,9 @@ class Player:
     def _note(self, entry: Entry) -> None:
         """Note the entries of the wire log that belong to a command."""
         if entry.arrow == "!":
-            self._events.append(Event("note", entry.note))
+            self._events.append(PlayedStep("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":
             kind = "look" if is_look(self.driver.protocol, entry.data) else "act"
-            self._events.append(Event(kind, "", entry.data))
+            self._events.append(PlayedStep(kind, "", entry.data))
         elif entry.side == "mount" and entry.arrow == "<":
-            self._events.append(Event("answer", "", entry.data))
+            self._events.append(PlayedStep("answer", "", entry.data))

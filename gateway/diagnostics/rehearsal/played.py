@@ -53,7 +53,7 @@ class Scene(NamedTuple):
     aligned: bool = True
 
 
-class Seen(NamedTuple):
+class Shown(NamedTuple):
     """What one play has shown."""
 
     scene: Scene
@@ -134,27 +134,27 @@ def _source(function: Callable[..., Any] | None, sources: dict[Callable[..., Any
 
 def play_row(protocol: str, name: str) -> PlayedRow:
     """Play a row in all scenes and return what the plays have in common."""
-    seen: list[Seen] = []
+    plays: list[Shown] = []
     row = load(protocol).surface[name]
     for driven in (mount for client, mount in pairs() if client == protocol):
         for scene in _scenes(protocol, driven, row):
-            seen += run(_play(scene, name))
-    return _common(protocol, name, seen)
+            plays += run(_play(scene, name))
+    return _common(protocol, name, plays)
 
 
-async def _play(scene: Scene, name: str) -> list[Seen]:
+async def _play(scene: Scene, name: str) -> list[Shown]:
     protocol, driven = load(scene.face.protocol), load(scene.mount.protocol)
     command, row = protocol.commands[name], protocol.surface[name]
-    seen = []
+    plays = []
     for frame in examples(command) if command.asked else ():
         async with stage(scene.face, scene.mount, sky(), aligned=scene.aligned) as whole:
             if whole.face.surface.lacks(whole.face.model, frame):
                 continue
             play: Play = await Player(whole).play(frame, before(scene.face, row), watched(command, scene.aligned))
-            seen.append(
-                Seen(scene, play.asked, shown(play, command, row, whole.face.surface, driven), bool(play.reply))
+            plays.append(
+                Shown(scene, play.asked, shown(play, command, row, whole.face.surface, driven), bool(play.reply))
             )
-    return seen
+    return plays
 
 
 def _scenes(client: str, driven: str, row: SurfaceRow) -> Iterator[Scene]:
@@ -194,19 +194,19 @@ def _differing(protocol: str) -> list[Endpoint]:
     return sorted(chosen, key=lambda one: able[one], reverse=True) or [Endpoint(protocol, "-")]
 
 
-def _common(protocol: str, name: str, seen: list[Seen]) -> PlayedRow:
+def _common(protocol: str, name: str, plays: list[Shown]) -> PlayedRow:
     """Return what the plays of a row show that does not follow from how the mounts carry out its operations."""
     row = load(protocol).surface[name]
-    asks = list(dict.fromkeys(operation for one in seen for operation in _deciding(one.asked)))
+    asks = list(dict.fromkeys(operation for play in plays for operation in _deciding(play.asked)))
     if any(map(changes, asks)):
         asks = list(filter(changes, asks))
     bare = replace(row, asks=[] if row.ask else asks, outcome=None, without=None, elsewhere=None)
     required = replace(bare, asks=[*_required(protocol, row), *bare.asks])
-    if not row.ask and _contradictions(protocol, name, required, seen) < _contradictions(protocol, name, bare, seen):
+    if not row.ask and _contradictions(protocol, name, required, plays) < _contradictions(protocol, name, bare, plays):
         bare = required
     shows: dict[str, Counter[str]] = {"there": Counter(), "without": Counter(), "elsewhere": Counter()}
     follows = False
-    for scene, _, became, replied in seen:
+    for scene, _, became, replied in plays:
         here, said = _tabulated(protocol, name, bare, scene)
         place = "elsewhere" if not here else "without" if said == MISSING else "there"
         if became is None and place == "without":
@@ -226,9 +226,9 @@ def _required(protocol: str, row: SurfaceRow) -> list[str]:
     return [name for found in before if found for name in commands.surface[found[0].name].operations if changes(name)]
 
 
-def _contradictions(protocol: str, name: str, row: SurfaceRow, seen: list[Seen]) -> int:
+def _contradictions(protocol: str, name: str, row: SurfaceRow, plays: list[Shown]) -> int:
     """Return how many plays show another outcome than a row on the mounts that it is for."""
-    tabulated = ((*_tabulated(protocol, name, row, scene), became) for scene, _, became, _ in seen)
+    tabulated = ((*_tabulated(protocol, name, row, scene), became) for scene, _, became, _ in plays)
     return sum(here and became not in (None, said) for here, said, became in tabulated)
 
 

@@ -90,10 +90,10 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:
     if not isinstance(operation, ENDS):
         return None
     overtakes = not wanted.waiting_gotos
-    for one in wanted.pending:
-        equal = one.operation == operation and not one.follow_up and not one.unless
-        if equal and one.overtakes is overtakes and (overtakes or one.asked == wanted.asked):
-            return one
+    for other in wanted.pending:
+        equal = other.operation == operation and not other.follow_up and not other.unless
+        if equal and other.overtakes is overtakes and (overtakes or other.asked == wanted.asked):
+            return other
     return None
 
 
@@ -109,9 +109,9 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
         not_while_busy=later.not_while_busy,
     )
     others = tuple(
-        one
-        for one in wanted.pending
-        if not (one.follow_up and one.operation == order.operation and one.number != wanted.active)
+        other
+        for other in wanted.pending
+        if not (other.follow_up and other.operation == order.operation and other.number != wanted.active)
     )
     return replace(wanted, pending=(*others, order))
 
@@ -167,7 +167,7 @@ def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the arrow. It cancels gotos that are postponed: whoever presses it wants to move the mount himself."""
     axis = axis_moved(order.operation)
-    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _is_postponed(one))
+    pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _is_postponed(other))
     wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
     if order.by is not None and axis is not None:
         others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
@@ -177,9 +177,9 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the goto in place of postponed gotos, arrows and pulses, and count it: later arrows are newer."""
-    if any(isinstance(one.operation, op.Move | op.MoveAxis) for one in wanted.pending):
+    if any(isinstance(other.operation, op.Move | op.MoveAxis) for other in wanted.pending):
         wanted = without_presses(wanted)
-    pending = tuple(one for one in wanted.pending if one.number == wanted.active or not _replaced_by_goto(one))
+    pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _replaced_by_goto(other))
     return _append(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
 
 
@@ -208,13 +208,10 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if not wanted.waiting_gotos and (wanted.by_hand or not slewing) and (tapped := released(wanted, order)) is not None:
         return tapped
     axis = axis_ended(order.operation)
-    press = next(
-        (one for one in wanted.pressed if order.by is not None and (one.who, one.axis) == (order.by.who, axis)), None
-    )
-    wanted = replace(
-        wanted,
-        pressed=tuple(one for one in wanted.pressed if one is not press and (order.by is not None or one.axis != axis)),
-    )
+    presser = None if order.by is None else (order.by.who, axis)
+    press = next((arrow for arrow in wanted.pressed if (arrow.who, arrow.axis) == presser), None)
+    others = (arrow for arrow in wanted.pressed if arrow is not press)
+    wanted = replace(wanted, pressed=tuple(arrow for arrow in others if order.by is not None or arrow.axis != axis))
     gotos = wanted.waiting_gotos
     if not gotos and (wanted.by_hand or not slewing):  # motion by hand means that the goto has ended
         return _end(wanted, order, now, slewing)
@@ -227,12 +224,12 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Put an end first, but behind a goto that it may have to end, and in order if a client keeps repeating it."""
     axis = axis_ended(order.operation)
     wanted = without_superseded(
-        replace(wanted, pulses=tuple(one for one in wanted.pulses if one.axis != axis)), order.operation
+        replace(wanted, pulses=tuple(pulse for pulse in wanted.pulses if pulse.axis != axis)), order.operation
     )
     same = equal_pending_halt(wanted, order.operation)
     if same is not None:
         return interrupted(wanted, same)
-    before = next((one for one in wanted.halted if one.operation == order.operation), None)
+    before = next((halt for halt in wanted.halted if halt.operation == order.operation), None)
     again = before is not None and before.asked == wanted.asked and now - before.at <= AGAIN
     order = replace(
         order,
@@ -292,7 +289,7 @@ def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None)
         wanted = pulse_ended(wanted, answer)
     if not isinstance(order.operation, ENDS) or order.follow_up:
         return wanted
-    others = tuple(one for one in wanted.halted if one.operation != order.operation)
+    others = tuple(halt for halt in wanted.halted if halt.operation != order.operation)
     return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
 
 
@@ -300,7 +297,7 @@ def failed(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
     wanted = removed(wanted, order)
     if isinstance(order.operation, ENDS):
-        wanted = replace(wanted, halted=tuple(one for one in wanted.halted if one.operation != order.operation))
+        wanted = replace(wanted, halted=tuple(halt for halt in wanted.halted if halt.operation != order.operation))
     released = [other for other in wanted.pending if other.unless == order.number]
     if not released:
         return wanted
@@ -361,9 +358,9 @@ def arrived(wanted: Wanted) -> Wanted:
     return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
 
 
-def ended_short(wanted: Wanted, words: str) -> Wanted:
+def ended_short(wanted: Wanted, reason: str) -> Wanted:
     """Note that the mount ended a goto elsewhere than at its goal; not if a stop has ended it."""
-    return wanted if wanted.owed or wanted.short else replace(wanted, short=words)
+    return wanted if wanted.owed or wanted.short else replace(wanted, short=reason)
 
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
@@ -372,7 +369,7 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
         order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
     axis, until = order.pulse_axis, (now if pulse.since is None else pulse.since) + pulse.seconds
     assert axis is not None and isinstance(order.operation, op.Pulse | op.PulseAxis)
-    others = tuple(one for one in wanted.pulses if one.axis != axis)
+    others = tuple(other for other in wanted.pulses if other.axis != axis)
     wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until, order.operation)))
     if not pulse.ends:
         end = Order(number, op.StopAxis(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
@@ -389,7 +386,8 @@ def pulse_ended(wanted: Wanted, ended: PulseEnded) -> Wanted:
     return replace(
         wanted,
         pulses=tuple(
-            replace(one, excess=max(0.0, ended.late)) if one.axis == ended.axis else one for one in wanted.pulses
+            replace(pulse, excess=max(0.0, ended.late)) if pulse.axis == ended.axis else pulse
+            for pulse in wanted.pulses
         ),
     )
 
@@ -400,12 +398,15 @@ def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Or
     Later the program that guides has seen where the star is.
     """
     pulse, axis = order.operation, order.pulse_axis
-    last = next((one for one in wanted.pulses if one.axis == axis and now < one.until + SEEN_AFTER), None)
+    last = next(
+        (earlier for earlier in wanted.pulses if earlier.axis == axis and now < earlier.until + SEEN_AFTER), None
+    )
     if order.follow_up or not isinstance(pulse, op.Pulse | op.PulseAxis) or last is None or last.operation is None:
         return wanted, order
     taken = min(pulse.ms, round(1000.0 * last.excess)) if replace(last.operation, ms=pulse.ms) == pulse else 0
     pulses = tuple(
-        replace(one, excess=max(0.0, one.excess - taken / 1000.0)) if one is last else one for one in wanted.pulses
+        replace(earlier, excess=max(0.0, earlier.excess - taken / 1000.0)) if earlier is last else earlier
+        for earlier in wanted.pulses
     )
     return replace(wanted, pulses=pulses), replace(order, operation=replace(pulse, ms=pulse.ms - taken))
 
@@ -429,4 +430,4 @@ def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
 def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
     """Remove the guide pulses of an axis, and their ends, which would end the motion by hand that replaces them."""
     pending = tuple(order for order in wanted.pending if order.pulse_axis != axis or order.number == wanted.active)
-    return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))
+    return replace(wanted, pending=pending, pulses=tuple(pulse for pulse in wanted.pulses if pulse.axis != axis))

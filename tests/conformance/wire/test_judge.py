@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from gateway.app.config import Endpoint
 from gateway.diagnostics.command_outcomes import Kind
-from gateway.diagnostics.rehearsal.play import Event, Play
+from gateway.diagnostics.rehearsal.play import Play, PlayedStep
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Implementation, SurfaceRow
@@ -54,15 +54,15 @@ def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
     surface = Surface(protocol, {})
     request = bytes((80, 2, 17, 36, 9, 0, 0, 0))  # P: move the altitude motor by key 9, no reply byte asked for
 
-    def words(answer: bytes, *notes: Event) -> list[str]:
-        events = (Event("act", "", request), Event("answer", "", answer), *notes, Event("reply", ""))
+    def words(answer: bytes, *notes: PlayedStep) -> list[str]:
+        events = (PlayedStep("act", "", request), PlayedStep("answer", "", answer), *notes, PlayedStep("reply", ""))
         row = protocol.commands["Mn"], protocol.surface["Mn"]
         case = Case(*row, frozenset(), nexstar, Kind("cpc", (4, 21), aligned=True), False)
         return list(differences(case, Play(b":Mn#", events, b"", (request,), False, True), surface, frozenset()))
 
     assert words(b"#") == []
     assert words(b"\x00#") == ["the mount says no, and nobody is told"]  # one byte too many: no such device
-    assert words(b"\x00#", Event("note", "Move: No such device on the mount.")) == []
+    assert words(b"\x00#", PlayedStep("note", "Move: No such device on the mount.")) == []
 
 
 def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
