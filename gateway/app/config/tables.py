@@ -102,8 +102,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     wait: Annotated[
         bool | None,
         key(
-            "keep looking for a mount that does not answer; programs can connect meanwhile. false: give up after a few "
-            "seconds (default: after 40 s, because some hand controls take 25 s to start)",
+            "keep looking for a mount that does not answer; programs can connect meanwhile. false: give up after about "
+            "10 s (default: after 40 s, because some hand controls take 25 s to start)",
             "true|false",
             True,
         ),

@@ -74,24 +74,29 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], silence: float =
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
-    """Wait for the mount. Raises UserError that says what was found instead."""
-    began, line = asyncio.get_running_loop().time(), gateway.controller.line
+    """Wait for the mount. Raises UserError that says what was found instead.
+
+    If no byte comes, the user is told, another mount is looked for once, and the port is asked again until ``longest``
+    seconds after the start.
+    """
+    now, line = asyncio.get_running_loop().time, gateway.controller.line
+    end = now() + longest
     if await _found(gateway, warn):
         return
-    if not line.transaction.heard_ever and not line.unopened:
+    silent = not line.transaction.heard_ever and not _unsupported(gateway.mount.where)
+    if not line.unopened:
+        if silent and longest:
+            warn(not_found_message(gateway, longest))
         await line.close()
         await _check_for_another(gateway)
-        left = began + longest - asyncio.get_running_loop().time()
-        if left > 0 and not _unsupported(gateway.mount.where):
-            warn(not_found_message(gateway, longest))
+        if silent and longest:
             line.start()
-            if await _found(gateway, warn, left):
+            if await _found(gateway, warn, end - now()):
                 return
     words = not_found_message(gateway)
     if line.unopened:
         raise UserError(f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened)}")
     await line.close()
-    await _check_for_another(gateway)
     raise UserError(words)
 
 
@@ -158,7 +163,8 @@ def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     if not transaction.heard_ever and longest:
         return (
             f"{gateway.title}: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait gives up now"
+            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait gives up "
+            "after 10 s"
         )
     if not transaction.heard_ever:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"

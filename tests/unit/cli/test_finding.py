@@ -122,12 +122,18 @@ class Slow:
 
     def __init__(self, bridge: Bridge, after: float) -> None:
         self.said: list[str] = []
+        self.times: list[float] = []
+        self._began = asyncio.get_running_loop().time()
         self._wire: Any = bridge.controller.line.wire
-        self._feed, self._from = self._wire._feed, asyncio.get_running_loop().time() + after
+        self._feed, self._from = self._wire._feed, self._began + after
         self._wire._feed = self._answer
 
     def _answer(self, data: bytes) -> bytes:
         return bytes(self._feed(data)) if asyncio.get_running_loop().time() > self._from else b""
+
+    def warn(self, words: str) -> None:
+        self.said.append(words)
+        self.times.append(asyncio.get_running_loop().time() - self._began)
 
 
 async def nobody(where: str, baud: int) -> None:
@@ -139,12 +145,13 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
         bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
         began, slow = now(), Slow(bridge, 25.0)
         bridge.controller.start()
-        await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.said.append)
+        await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
         assert 25.0 < now() - began < 30.0
         assert slow.said[-1] == (
             "nexstar@/dev/ttyUSB0: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up now"
+            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up after 10 s"
         )
+        assert 4.0 < slow.times[-1] < 4.5
         assert await bridge.client().ask(b":GR#", until=b"#")
         await bridge.controller.close()
 
@@ -152,18 +159,36 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
     run(program())
 
 
-@pytest.mark.parametrize(("longest", "least", "most"), [(finding.GIVE_UP, 40.0, 50.0), (0.0, 8.0, 15.0)])
+@pytest.mark.parametrize(
+    ("longest", "least", "most", "hints"), [(finding.GIVE_UP, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
+)
 def test_a_port_that_stays_silent_is_given_up(
-    longest: float, least: float, most: float, monkeypatch: pytest.MonkeyPatch
+    longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def program() -> None:
         bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
         began, slow = now(), Slow(bridge, 1000.0)
         bridge.controller.start()
-        with pytest.raises(UserError, match=r"no mount answers .* --wait keeps trying"):
-            await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.said.append, longest)
+        with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
+            await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
         assert least < now() - began < most
-        assert len(slow.said) == (2 if longest else 1)
+        assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
+        await bridge.controller.close()
+
+    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    run(program())
+
+
+@pytest.mark.parametrize("longest", [finding.GIVE_UP, 0.0])
+def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
+        began, slow = now(), Slow(bridge, 1000.0)
+        bridge.controller.start()
+        with pytest.raises(UserError, match="Celestron's AUX protocol: that is not supported"):
+            await finding._find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
+        assert 8.5 < now() - began < 9.5
+        assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
         await bridge.controller.close()
 
     monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
