@@ -22,7 +22,7 @@ from gateway.mount.motion.left_moving import LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
-from gateway.system.files import flush_folder, open_plain
+from gateway.system.files import flush_folder, open_plain, plain_file
 
 FORMAT: Final = 1
 #: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
@@ -126,7 +126,9 @@ def is_held(folder: Path) -> bool:
 def hold_folder(folder: Path) -> None:
     """Hold the mounts of a folder, even over a power failure as far as the disk allows. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    number = os.open(folder / HOLD, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    if is_held(folder):
+        return
+    number = plain_file(folder / HOLD, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
     with contextlib.suppress(OSError):  # on a full disk an empty file is enough
         os.write(number, _HELD)
         os.fsync(number)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError, about_file
+from gateway.system.files import NOT_PLAIN
 
 if TYPE_CHECKING:
     from gateway.diagnostics.detect import Finding
@@ -125,6 +126,8 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         if not force:
             path.open("x").close()
             reserved = True
+        elif path.exists() and not (path.is_file() or path.is_dir()):
+            raise OSError(errno.EINVAL, NOT_PLAIN)
         draft.write_text(text, "utf-8")
         os.replace(draft, path)
     except FileExistsError:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess
+from gateway.system.files import open_plain
 
 if TYPE_CHECKING:
     from gateway.diagnostics.decode import Capture
@@ -147,7 +148,7 @@ def _report(arguments: argparse.Namespace) -> int:
 def _is_report(path: Path) -> bool:
     """Whether a file is an older report, which may be replaced."""
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             return b"<title>The night of " in file.read(400)
     except OSError:
         return False

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.config import parse_device, parse_site
@@ -18,6 +19,7 @@ from gateway.cli.serve.signals import unless, until_signal
 from gateway.core.errors import UserError, about_file, told
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
+from gateway.system.files import plain_file
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
@@ -174,7 +176,7 @@ async def _answer_discovery(offers: list[Offer]) -> Callable[[], None]:
 def _open(path: str) -> TextIO:
     """Open a new or emptied file that is flushed after each line, for programs that follow it. Raises UserError."""
     try:
-        return open(path, "w", encoding="ascii", buffering=1)
+        return open(path, "w", encoding="ascii", buffering=1, opener=lambda _, how: plain_file(Path(path), how, 0o666))
     except OSError as error:
         raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -189,12 +190,15 @@ def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) 
     run(program())
 
 
-@pytest.mark.parametrize(
-    "make", [lambda path: path.write_text(""), lambda path: path.mkdir(), lambda path: path.symlink_to("nowhere")]
-)
+@pytest.mark.parametrize("make", [
+    Path.touch, Path.mkdir, lambda path: path.symlink_to("nowhere"),
+    *([os.mkfifo] if hasattr(os, "mkfifo") else []),
+])  # fmt: skip
 def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any]) -> None:
     assert not on_disk.is_held(tmp_path)
     make(tmp_path / "hold")
+    assert on_disk.is_held(tmp_path)
+    on_disk.hold_folder(tmp_path)  # needs no other file, and waits for no other end of a pipe
     assert on_disk.is_held(tmp_path)
 
 

@@ -12,6 +12,8 @@ from gateway.app.config.reading import read_tables
 from gateway.app.recording.format import is_recording
 from gateway.app.recording.recorder import Recorder
 from gateway.app.state.file import MarkerContent, read_marker, read_state
+from gateway.cli.inspect.detect import write_whole
+from gateway.cli.serve import sim
 from gateway.core.errors import UserError
 from gateway.system.files import replace_file
 from tests.support.each import each
@@ -21,6 +23,14 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where th
 
 def record(path: Path) -> object:
     return Recorder(path, lambda: 0.0, {"began": 0.0})
+
+
+def truth(path: Path) -> object:
+    return sim._open(str(path))
+
+
+def write(path: Path) -> object:
+    return write_whole(path, "", force=True)
 
 
 def replace(path: Path) -> object:
@@ -37,7 +47,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 @each(("does", "name"), [
-    (does, name) for does in (read_tables, is_recording, record, read_state) for name in ("pipe", "zero", "folder")
+    (does, name) for does in (read_tables, is_recording, record, read_state, truth, write)
+    for name in ("pipe", "zero", "folder")
 ])  # fmt: skip
 def test_it_is_refused_in_a_sentence(folder: Path, does: Callable[[Path], object], name: str) -> None:
     with pytest.raises(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -281,3 +282,13 @@ def test_no_file_of_somebody_elses_is_overwritten(
     assert run(capsys, short, "-o", there, "--force")[0] == 0
     code, _, errors = run(capsys, short, "-o", short, "--force")
     assert code == 2 and "the recording itself" in errors and "mount-gateway recording" in short.read_text()[:30]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where there are pipes among files")
+@pytest.mark.parametrize(("more", "words"), [([], "--force replaces it"), (["--force"], "a plain file is needed")])
+def test_a_pipe_is_not_replaced(
+    more: list[str], words: str, short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(pipe := tmp_path / "pipe")
+    code, said, errors = run(capsys, short, "-o", pipe, *more)
+    assert (code, said) == (2, "") and words in errors and pipe.is_fifo()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -375,6 +376,9 @@ def test_a_file_that_cannot_be_written_is_said_at_once(tmp_path: Path, capsys: p
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only where there is a full device")
-def test_a_file_that_takes_no_more_ends_the_mount(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_takes_no_more_ends_the_mount(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gateway.cli.serve.sim.plain_file", os.open)
     assert main(["sim", "nexstar:cge", "--at", "tcp://127.0.0.1:0", "--truth", "/dev/full"]) == 2
     assert "the simulated mount has ended" in capsys.readouterr().err
