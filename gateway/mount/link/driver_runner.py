@@ -19,13 +19,13 @@ from msgspec import Struct
 
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Asleep, Busy, Fault, Garbled, NoAnswer, Refused, Silence
-from gateway.core.operations import Operation, Read
+from gateway.core.operations import Operation, Read, Values
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
 from gateway.mount.link.transaction import GAP
-from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Steps, Wait
+from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 
 #: Degrees by which a position may differ from the last one and be accepted at once.
 NEAR = 0.05
@@ -63,7 +63,7 @@ _T = TypeVar("_T")
 class Reply(Struct):
     """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
 
-    values: Mapping[str, Any]
+    values: Values
     fault: Fault | None
     asked: float
     came: float
@@ -75,7 +75,7 @@ class ReplyVerifier:
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
         self._late_replies = line.transaction.late
-        self._known: dict[tuple[Any, ...], Reply] = {}
+        self._known: dict[tuple[object, ...], Reply] = {}
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, command: Send, priority: int) -> tuple[Reply, int]:
@@ -122,14 +122,14 @@ class ReplyVerifier:
             raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
         return reply, times
 
-    def _remember(self, key: tuple[Any, ...], reply: Reply) -> None:
+    def _remember(self, key: tuple[object, ...], reply: Reply) -> None:
         """Remember the last reply; if there are too many, forget the oldest."""
         self._known.pop(key, None)
         self._known[key] = reply
         if len(self._known) > REMEMBERED:
             del self._known[next(iter(self._known))]
 
-    async def _send_order(self, command: Send, priority: int) -> Mapping[str, Any]:
+    async def _send_order(self, command: Send, priority: int) -> Values:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
         A stop never waits: it is sent until one of its acknowledgements must be its own.
@@ -153,7 +153,7 @@ class ReplyVerifier:
     async def _ask(self, command: Send, priority: int) -> Reply:
         """Return one reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
         for attempt in range(GARBLED_TRIES):
-            values: Mapping[str, Any] = {}
+            values: Values = {}
             fault: Fault | None = None
             try:
                 values, took = await self._line.timed(command, priority)
@@ -224,7 +224,7 @@ class ReplyVerifier:
         return math.sqrt(total)
 
 
-def _seconds(values: Mapping[str, Any]) -> float:
+def _seconds(values: Values) -> float:
     if "time" in values:
         return float(values["time"])
     return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
@@ -299,19 +299,19 @@ class DriverRunner:
         #: The loop time at which the last operation's first command was written.
         self.began_at = 0.0
 
-    async def perform(self, operation: Operation, priority: int) -> Any:
+    async def perform(self, operation: Operation[_T], priority: int) -> _T:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
         steps = self._context.driver.perform(operation)
         return await self.drive(steps, priority, changes=not isinstance(operation, Read))
 
     async def drive(
         self,
-        steps: Steps,
+        steps: Generator[Step, Any, _T],
         priority: int,
         since: float | None = None,
         may_begin: Callable[[], None] = lambda: None,
         changes: bool = True,
-    ) -> Any:
+    ) -> _T:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
         ``may_begin`` is called before a motion by hand begins, and may raise a Fault instead. What ``changes`` the
@@ -325,7 +325,7 @@ class DriverRunner:
         if priority == MOTION:
             self.may_move.emit(None)
 
-        async def exchange(command: Send) -> Mapping[str, Any]:
+        async def exchange(command: Send) -> Values:
             nonlocal exchanges, late
             if late and (command.prompt or not exchanges):
                 raise Busy(STARTED_TOO_LATE)

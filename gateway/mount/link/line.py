@@ -8,9 +8,9 @@ lost, the line reopens it with growing pauses, for ever; a port on which the mou
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
+from gateway.core.operations import Values
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import READ, STOP, RequestQueue
@@ -49,7 +49,7 @@ class MountLink:
         self.lost = self.transaction.wire_lost
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
-        self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
+        self.exchanged: Signal[Values | Fault] = Signal()
         #: Emitted when the port is open again, and each time when replies are missing: listeners add requests that go
         #: out before all others, as an owed stop.
         self.reopened: Signal[list[bytes]] = Signal()
@@ -132,11 +132,11 @@ class MountLink:
         self._used_by_others = True
         self.queue.wake()
 
-    async def exchange(self, command: Send, priority: int = READ) -> dict[str, Any]:
+    async def exchange(self, command: Send, priority: int = READ) -> Values:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
         return (await self.timed(command, priority))[0]
 
-    async def timed(self, command: Send, priority: int) -> tuple[dict[str, Any], float]:
+    async def timed(self, command: Send, priority: int) -> tuple[Values, float]:
         """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
             unheard = NoAnswer()

@@ -14,9 +14,9 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.core.operations import Values
 from gateway.core.signals import Signal
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
@@ -50,7 +50,7 @@ FIRST_ANSWER = 1.0
 WEIGHT, FACTOR, MARGIN = 0.2, 3.0, 0.01
 
 #: The fields of a reply or the fault that it is, and the same with the length in bytes.
-Answer = dict[str, Any] | Fault
+Answer = Values | Fault
 Taken = tuple[Answer, int]
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from math import inf
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
@@ -62,7 +62,7 @@ class Reader:
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
         self._runner = runner
         #: The exchanges under way: by kind, or by request and the number of orders before it.
-        self._sharing: dict[object, asyncio.Task[Any]] = {}
+        self._sharing: dict[object, asyncio.Task[object]] = {}
         #: The number of exchanges that the last read of each kind took.
         self.exchanges: dict[Kind, int] = {}
         self._moment = -1e9
@@ -86,14 +86,14 @@ class Reader:
 
     # --- answers from the cache -------------------------------------------------------------------------------------
 
-    def fresh(self, kind: Kind) -> Any:
+    def fresh(self, kind: Kind) -> object:
         """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
         run_on = self._context.run_on.value
         if kind is op.Slewing and (self._wanted.goto_waits or (run_on is not None and run_on.goto)):
             return True
         return self._cache.poll(kind, self._now())
 
-    def peek(self, kind: Kind) -> Any:
+    def peek(self, kind: Kind) -> object:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         value = self.fresh(kind)
         if kind not in POSITIONS:
@@ -112,7 +112,7 @@ class Reader:
         reply: bytes = self._cache.own(operation, self._now())
         return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
 
-    def last(self, kind: Kind) -> Any:
+    def last(self, kind: Kind) -> object:
         """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_waits or self._context.run_on.of_goto
@@ -151,7 +151,7 @@ class Reader:
             self._cache.version += 1
         return self._moment
 
-    def _going_on(self, kind: Kind, entry: Entry, moment: float) -> Any:
+    def _going_on(self, kind: Kind, entry: Entry, moment: float) -> object:
         """Return where a moving mount is at a moment."""
         return type(entry.value)(*place(course_of(self._context, kind, entry), moment))
 
@@ -164,9 +164,9 @@ class Reader:
         entry = self._cache.entries.get(kind)
         return None if entry is None else entry.source
 
-    def _calculate(self, kind: Kind, position: Any) -> Any:
+    def _calculate(self, kind: Kind, position: object) -> object:
         """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
-        if position is NOT_CACHED or isinstance(position, op.Horizontal):
+        if not isinstance(position, op.Equatorial):
             return position
         try:
             if kind is op.HorizontalPosition:
@@ -208,7 +208,7 @@ class Reader:
 
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
-    async def answer(self, operation: op.Operation) -> Any:
+    async def answer(self, operation: op.Operation) -> object:
         """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
         kind = type(operation)
         try:
@@ -223,7 +223,7 @@ class Reader:
         self.gives_last_position = self.gives_last_position and kind not in POSITIONS
         return answer
 
-    async def _newest(self, operation: op.Operation) -> Any:
+    async def _newest(self, operation: op.Operation) -> object:
         """Return the mount's answer, from the cache or by an exchange. Raises Fault.
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
@@ -262,7 +262,7 @@ class Reader:
         """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
         return cast(_T, await result_of(self.shared(operation)))
 
-    async def _shared_answer(self, operation: op.Operation) -> Any:
+    async def _shared_answer(self, operation: op.Operation) -> object:
         """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
         identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
@@ -278,7 +278,7 @@ class Reader:
 
     # --- exchanges --------------------------------------------------------------------------------------------------
 
-    def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
+    def shared(self, operation: op.Operation) -> asyncio.Task[object]:
         """Return the task that reads this now, or start one. It is shared: no caller may cancel it."""
         own = isinstance(operation, op.Own)
         key = (operation, self._cache.orders) if own else type(operation)
@@ -289,7 +289,7 @@ class Reader:
             task.add_done_callback(lambda done: self._unshare(key, done))
         return task
 
-    def _unshare(self, key: object, task: asyncio.Task[Any]) -> None:
+    def _unshare(self, key: object, task: asyncio.Task[object]) -> None:
         self._sharing.pop(key, None)
         mark_retrieved(task)
 
@@ -310,7 +310,7 @@ class Reader:
         self._cache.keep_own(operation, answer, lasts, orders, self._now())
         return answer
 
-    async def _ask(self, operation: op.Operation) -> Any:
+    async def _ask(self, operation: op.Operation) -> object:
         kind = type(operation)
         if not self._precondition(operation).is_set():
             await self._precondition(operation).wait()
@@ -345,10 +345,10 @@ class Reader:
         self.exchanges[type(operation)] = self._runner.exchanges
         return self._arrived(operation, value)
 
-    def _arrived(self, operation: op.Operation, value: Any) -> Entry:
+    def _arrived(self, operation: op.Operation, value: object) -> Entry:
         """Return the entry for an answer that has just arrived: a position in the equinox of date, with its times."""
         if isinstance(operation, op.Position):
-            value = self._astrometry.from_mount(value)
+            value = self._astrometry.from_mount(cast(op.Equatorial, value))
         if not isinstance(value, op.Equatorial | op.Horizontal):
             return Entry(value)
         half = self._link.typical_rtt / 2.0
@@ -356,7 +356,7 @@ class Reader:
         reading = Reading(angles(value), (first - half, second - half))
         return Entry(value, asked=self._runner.asked_at, reading=reading)
 
-    def take(self, operation: op.Operation, value: Any) -> None:
+    def take(self, operation: op.Operation, value: object) -> None:
         """Take a reading that the mount reported in an exchange of another part."""
         self._publish(type(operation), self._arrived(operation, value))
 

@@ -269,8 +269,10 @@ class SyncSettings:
     async def _settled_by_reading(self, setting: Setting) -> bool:
         """Read the mount's value. Return whether it equals the setting or was changed at the mount. Raises Fault."""
         running = setting.running(self._now())
-        kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
-        changed = self.take_value(await self._runner.perform(kind, READ))
+        if isinstance(running, op.SetClock):
+            changed = self.take_value(await self._runner.perform(op.GetClock(), READ))
+        else:
+            changed = self.take_value(await self._runner.perform(op.GetSite(), READ))
         same = self._is_set(running)
         if same and not changed:
             self._finish(setting)
