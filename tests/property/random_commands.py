@@ -174,6 +174,11 @@ def _nexstar_motion(random: Random, judge: Judge) -> list[Step]:
     return [Step(bytes((80, random.randrange(1, 5), device, random.randrange(256))) + asked, 0)]
 
 
+def version(model: str) -> Step:
+    """The question for the version: Sky-Watcher's hand control writes its three numbers as six digits."""
+    return Step(b"V", 7 if model.startswith("synscan") else REPLIES["V"])
+
+
 def nexstar(random: Random, judge: Judge, model: str, wild: bool, synced: bool) -> list[Step]:
     """What a program says next to a hand control of version 4.21."""
     kind = random.randrange(20)
@@ -181,7 +186,7 @@ def nexstar(random: Random, judge: Judge, model: str, wild: bool, synced: bool) 
         steps = _nexstar_motion(random, judge)
     elif kind < 17:
         data = raw(random.choice(NEXSTAR_FORMS)[1])
-        steps = [Step(data, 0 if data[:1] == b"P" else REPLIES[chr(data[0])])]
+        steps = [version(model) if data == b"V" else Step(data, 0 if data[:1] == b"P" else REPLIES[chr(data[0])])]
     else:
         steps = [Step(noise(random, raw(random.choice(NEXSTAR_FORMS)[1])), None)]
     return [

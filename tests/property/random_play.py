@@ -20,6 +20,7 @@ from gateway.core.errors import Fault, NotAligned
 from gateway.core.wire_log import show
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import parse_version
 from tests.property import random_commands
 from tests.property.random_judge import MOTION, Judge, TrueJudge, sidereal, sun, turned
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -35,8 +36,8 @@ MOUNTS: list[tuple[str, str, str | None]] = [
     *(("lx200", model, None) for model in load("lx200").models),
 ]
 PRESENTED = {protocol: load(protocol).presented for protocol in ("lx200", "nexstar")}
-#: 2026-06-21 10:00 UTC: day at 45 N 10 E; 2026-01-15 22:00 UTC: night.
-DAY, NIGHT = 1782036000.0, 1768514400.0
+#: 2026-06-21 10:00 UTC: day at 45 N 10 E; 2026-01-15 22:00 UTC: night. At 35 S 150 E it is so 14 hours later.
+DAY, NIGHT, LATER = 1782036000.0, 1768514400.0, 14 * 3600.0
 #: How long a reply may take; how long the noise of a program spoils what it says next; how long a play may take.
 PATIENCE, SPOILT, WALL = 20.0, 5.0, 60.0
 STEP = 0.1
@@ -85,6 +86,7 @@ class Scene(Struct):
     highest: float
     latency: float
     face: str
+    day: bool
 
 
 def scene(random: Random, mount: tuple[str, str, str | None], presented: str, aligned: bool, highest: float) -> Scene:
@@ -97,7 +99,7 @@ def scene(random: Random, mount: tuple[str, str, str | None], presented: str, al
     config: dict[str, Any] = {"lowest": lowest, "highest": highest, "site": site}
     german = driven == "nexstar" and NEXSTAR[model]["mount"] == "german"
     config["mode"] = ("eq-south" if south else "eq-north") if german else "alt-az"
-    start = (DAY + (14 * 3600.0 if south else 0.0)) if day else NIGHT
+    start = (DAY if day else NIGHT) + LATER * south
     latency = random.choice((0.02, 0.05, 0.2))
     if version in ("1.2", "101.0"):
         latency = min(latency, 0.1)  # small gotos and looks fill a slower line, and reads wait long
@@ -117,7 +119,7 @@ def scene(random: Random, mount: tuple[str, str, str | None], presented: str, al
         "presented": presented,
         "start": start,
     }
-    return Scene(name, bridge, lowest, highest, latency, face)
+    return Scene(name, bridge, lowest, highest, latency, face, day)
 
 
 def wrong_sources(random: Random, here: Scene, mount: tuple[str, str, str | None]) -> set[str]:
@@ -128,7 +130,7 @@ def wrong_sources(random: Random, here: Scene, mount: tuple[str, str, str | None
     """
     driven, model, version = mount
     starsense = str(version).startswith("starsense")
-    tells = driven == "lx200" or version is None or starsense or 2.3 <= float(version) < 100.0
+    tells = driven == "lx200" or version is None or starsense or (2, 3) <= parse_version(version) < (100,)
     if driven == "lx200":  # what a program sets there is the mount's
         wrong = random.choice(({"program"}, {"configuration"}, {"computer"}, {"configuration", "computer"}))
     elif tells and not starsense and model != "skywatcher" and random.random() < 0.3:
@@ -178,7 +180,7 @@ async def _play(
                 player.judge.complain(f"{done} steps took more than {WALL:.0f} s")
                 break
         await player.end()
-        if wrong and here.bridge["start"] == NIGHT:
+        if wrong and not here.day:
             await player.nights_lost()
         return Play(
             f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said
@@ -359,7 +361,7 @@ class _Player:
             stop, wake, proof = [b"#", b":Q#"], b":hW#", random_commands.Step(b":GVP#", "[^#]+#")
         else:
             still = [bytes((80, 2, axis, 36, 0, 0, 0, 0)) for axis in (16, 17)]
-            stop, wake, proof = [b"M", *still], b"y", random_commands.Step(b"V", 3)
+            stop, wake, proof = [b"M", *still], b"y", random_commands.version(self.face)
         await self.rest(0.5)
         for data in (wake, *stop):
             self.visitors[0].tell(data)

@@ -12,7 +12,7 @@ import pytest
 from gateway.app.config.endpoints import parse_device
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
-from gateway.astro.spherical import separation
+from gateway.astro.spherical import fold_declination, separation
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.diagnostics.virtual_time import run
@@ -103,6 +103,20 @@ def test_its_coordinates_are_those_of_2000(model: str) -> None:
             assert separation(*bridge.sim.mechanics.believed(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
             seen = await bridge.controller.perform(op.Position())
             assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
+
+    run(session())
+
+
+def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
+    async def session() -> None:
+        async with Bridge("synscan") as bridge:
+            bridge.sim.mechanics.move(bridge.clock(), 2, 4.0)
+            await asyncio.sleep(3.0)
+            bridge.sim.mechanics.move(bridge.clock(), 2, 0.0)
+            await asyncio.sleep(2.0)
+            seen, (ra, dec) = await bridge.controller.read_now(op.Position()), bridge.sim.truth()
+            assert bridge.sim.mechanics.axes(bridge.clock())[1] > 95.0
+            assert separation(seen.ra, seen.dec, *fold_declination(ra, dec)) * 3600.0 < 60.0
 
     run(session())
 

@@ -47,7 +47,7 @@ def position(sim: SimulatedMount, _: Values) -> Values:
     """``E`` ``e``: right ascension and declination."""
     ra, dec = sim.mechanics.believed(sim.now)
     if sim.row.get("equinox") == "j2000":
-        ra, dec = SKY.to_j2000(ra, fold_declination(ra, dec)[1], sim.utc())
+        ra, dec = SKY.to_j2000(*fold_declination(ra, dec), sim.utc())
     return {"ra": ra, "dec": dec}
 
 
