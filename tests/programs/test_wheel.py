@@ -16,15 +16,22 @@ import sysconfig
 import tarfile
 import venv
 import zipfile
+from email import message_from_bytes
+from email.message import Message
 from pathlib import Path
 
 import pytest
+
+from tests.support.each import each
+from tests.support.pages import without_code
 
 ROOT = Path(__file__).parents[2]
 #: Prints where the installed package finds its tables.
 FOLDER = "from gateway.protocols.wireformat.command_set import mappings_folder as f; print(f())"
 
-
+#: What stands in a template until somebody writes the real thing, and what else does in a short field.
+PLACEHOLDER = r"example\.(?:com|org|net)|\bTODO\b|\bFIXME\b|change-?me|<[a-z -]+>|\bOWNER\b"
+IN_A_FIELD = rf"{PLACEHOLDER}|your[-_ ]|\bUSER\b"
 #: What lies beside the source where somebody works on it.
 BESIDES = ("*.egg-info", "__pycache__", "build", "dist")
 
@@ -92,6 +99,44 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return unpacked
 
 
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of that source distribution."""
+    leave_behind(source)
+    return built(source, "wheel", tmp_path_factory.mktemp("wheel"))
+
+
+def placeholders(about: Message) -> list[str]:
+    """The placeholders in the fields and in the description of a package; code in the latter is not meant."""
+    fields = [f"{name}: {value}" for name, value in about.items()]
+    found = [field for field in fields if re.search(IN_A_FIELD, field, re.IGNORECASE)]
+    found += [field for field in fields if field.startswith("Project-URL:") and "https://" not in field]
+    return found + re.findall(PLACEHOLDER, without_code(str(about.get_payload())), re.IGNORECASE)
+
+
+def test_no_placeholder_is_installed(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as file:
+        [name] = [name for name in file.namelist() if name.endswith(".dist-info/METADATA")]
+        about = message_from_bytes(file.read(name))
+    assert about["Name"] == "mount-gateway" and "# mount-gateway" in about.get_payload()
+    assert placeholders(about) == []
+
+
+@each(
+    "text",
+    [
+        "Author: Your name",
+        "Project-URL: Home, https://example.com",
+        "Project-URL: Home, to come",
+        "Home-page: <address of the project>",
+        "Name: a\n\nTODO",
+        "Name: a\n\nSee <address of the project>.",
+    ],
+)
+def test_placeholders_are_noticed(text: str) -> None:
+    assert placeholders(message_from_bytes(text.encode()))
+
+
 def test_tests_run_from_a_source_distribution(source: Path) -> None:
     some = ["tests/unit/core", "tests/project/test_docs_links.py"]
     done = subprocess.run(
@@ -113,9 +158,7 @@ def environment() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "PYTEST"))}
 
 
-def test_the_wheel_of_a_source_distribution_runs_the_demo(source: Path, tmp_path: Path) -> None:
-    leave_behind(source)
-    wheel = built(source, "wheel", tmp_path)
+def test_the_wheel_of_a_source_distribution_runs_the_demo(wheel: Path, tmp_path: Path) -> None:
     assert content(wheel) == installed_files()
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)

@@ -1,4 +1,4 @@
-"""What a release consists of: files that say the same as the program, and no placeholder in what people install."""
+"""What a release consists of: its version, and files that say the same as the program."""
 
 from __future__ import annotations
 
@@ -18,24 +18,6 @@ sys.path.insert(0, str(ROOT / "release"))
 import build
 
 import release as making
-
-#: What stands in a template until somebody writes the real thing.
-PLACEHOLDER = re.compile(
-    r"example\.(com|org|net)|\bTODO\b|\bFIXME\b|change-?me|your[-_ ]|<[a-z -]+>|\bOWNER\b|\bUSER\b", re.I
-)
-
-
-def test_nothing_that_is_installed_holds_a_placeholder() -> None:
-    """The project's fields and the readme, which become the wheel's metadata; code in the readme is not meant."""
-    fields = (ROOT / "pyproject.toml").read_text("utf-8").partition("[project.scripts]")[0]
-    assert PLACEHOLDER.findall(fields) == []
-    assert "urls" not in fields or "https://" in fields.partition("urls")[2]
-
-
-@each("text", ["homepage = 'https://example.com'", "name = 'Your name'", "url = '<address of the project>'", "# TODO"])
-def test_placeholders_are_noticed(text: str) -> None:
-    assert PLACEHOLDER.search(text)
-
 
 #: What a unit says of its own program, user and folders; two units agree about all else.
 OWN = ("Description", "Condition", "User", "Supplementary", "Exec", "State", "Syslog", "ReadWrite")

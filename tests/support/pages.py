@@ -16,6 +16,7 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").r
 _FENCED = re.compile(r"(?ms)(?:<!-- not run: ([^>]*) -->\n)?^( *)```(\w*)\n(.*?)^ *```$")
 _INDENTED = re.compile(r"(?m)^Run the (\w+):\n\n    (.+)$")
 _FENCE = re.compile(r"(?ms)^ *```.*?^ *```$")
+_CODE = re.compile(r"(?m)^    .*$|`[^`]*`")
 _SPAN = re.compile(r"`(mount-gateway [^`]+)`")
 
 
@@ -35,6 +36,11 @@ class Block(NamedTuple):
 def prose(page: Path) -> str:
     """Return what a page says, without its fenced blocks."""
     return _FENCE.sub("", page.read_text("utf-8"))
+
+
+def without_code(text: str) -> str:
+    """Return what a text of a page says, without blocks, indented lines and words of code."""
+    return _CODE.sub("", _FENCE.sub("", text))
 
 
 def blocks() -> list[Block]:
