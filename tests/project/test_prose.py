@@ -13,6 +13,8 @@ from tests.support.pages import PAGES, ROOT, prose
 LONG = 40
 #: How many lines below a line are compared with it, and from which likeness on they count as the same.
 BELOW, ALIKE = 3, 0.9
+#: The same of the items of a list, which are meant to be alike.
+ITEMS_ALIKE = 0.97
 
 
 def doubled(text: str) -> list[str]:
@@ -22,13 +24,13 @@ def doubled(text: str) -> list[str]:
         line
         for number, line in enumerate(lines)
         for other in lines[number + 1 : number + 1 + BELOW]
-        if min(len(line), len(other)) > LONG and line[0] not in "|<[-" and _alike(line, other)
+        if min(len(line), len(other)) > LONG and line[0] not in "|<[" and _alike(line, other)
     ]
 
 
 def _alike(line: str, other: str) -> bool:
-    matcher = SequenceMatcher(None, line, other)
-    return matcher.quick_ratio() > ALIKE and matcher.ratio() > ALIKE
+    matcher, enough = SequenceMatcher(None, line, other), ITEMS_ALIKE if line[0] == "-" else ALIKE
+    return matcher.quick_ratio() > enough and matcher.ratio() > enough
 
 
 @each("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "mappings" / "README.md"])
@@ -40,6 +42,12 @@ def test_an_old_and_a_new_wording_are_noticed() -> None:
     old = "`pytest tests/unit` takes less than a minute and tells whether the set-up works."
     new = "`pytest tests/unit` takes less than a minute and shows whether the set-up works."
     assert doubled(f"{old}\nThe page on testing says more.\n{new}\n") == [old]
+
+
+def test_an_item_that_stands_twice_is_noticed_and_one_that_resembles_another_is_not() -> None:
+    old = "- Recordings, state files, `gateway.toml` and flags of earlier versions continue to work."
+    assert doubled(f"{old}\n- Warnings are errors.\n{old.replace('continue to', 'go on')}\n") == []
+    assert doubled(f"{old}\n- Warnings are errors.\n{old.replace('continue', 'continues')}\n") == [old]
 
 
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
