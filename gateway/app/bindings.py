@@ -28,7 +28,6 @@ from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
-from gateway.transport.handler import Accept
 from gateway.transport.http_wire import HttpWire, written
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
@@ -116,14 +115,14 @@ def make_surface(
     )
 
 
-async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accept, title: str) -> Listener:
-    """Open the port of a surface; HTTP clients see the mount under its ``title``. Raises UserError."""
+async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, device: WebDevice) -> Listener:
+    """Open the port of a surface, which offers this ``device``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
         return SharedWebPort()
     if spec is None or spec.web is None:
-        return await open_port(endpoint.where, accept, surface.baud)
-    return await spec.web().open_port(endpoint.where, WebDevice(accept, title), surface.names)
+        return await open_port(endpoint.where, device.accept, surface.baud)
+    return await spec.web().open_port(endpoint.where, device, surface.names)
 
 
 #: Accepts the connections of one surface.

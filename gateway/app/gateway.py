@@ -113,8 +113,7 @@ class Gateway:
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
-                accept = self.entrance.accept(acceptor)
-                self.ports.append(await open_surface(endpoint, surface, accept, self.title))
+                self.ports.append(await open_surface(endpoint, surface, self._device(acceptor)))
             except UserError:
                 await self.close()
                 raise
@@ -244,11 +243,11 @@ class Gateway:
 
     def served(self) -> dict[str, WebDevice]:
         """Return the devices that another web server (the console's) is to serve, by protocol."""
-        return {
-            endpoint.protocol: WebDevice(self.entrance.accept(acceptor), self.title)
-            for endpoint, acceptor in zip(self.endpoints, self.acceptors, strict=True)
-            if endpoint.where == SERVED
-        }
+        pairs = zip(self.endpoints, self.acceptors, strict=True)
+        return {endpoint.protocol: self._device(acceptor) for endpoint, acceptor in pairs if endpoint.where == SERVED}
+
+    def _device(self, acceptor: Acceptor) -> WebDevice:
+        return WebDevice(self.entrance.accept(acceptor), self.title, self.wire_log)
 
     @property
     def prepared(self) -> bool:

@@ -27,7 +27,7 @@ from gateway.core.errors import UserError
 from gateway.core.waiting import BackgroundTasks
 from gateway.diagnostics.metrics import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.http_server import HttpServer, addressed_here, local_address
+from gateway.transport.http_server import OTHER_NAME, HttpServer, addressed_here, local_address, turned_away
 from gateway.transport.room import Guest, Room, Use
 from gateway.transport.web_port import NONE
 
@@ -107,10 +107,12 @@ class Console:
 
     def _refusal(self, request: web.Request) -> str:
         """Return why a request is refused; an empty string if it is served."""
-        headers = request.headers
+        headers, logs = request.headers, [gateway.wire_log for gateway in self._mounts.gateways]
         if not self._access.admits(request.remote or ""):
+            turned_away(request, "it is not in the console's allow", logs)
             return "This address is not in the console's allow list."
         if not addressed_here(request, self._names):
+            turned_away(request, OTHER_NAME, logs)
             return "This gateway does not know that name; if it leads here, add it to names of [console] or a surface."
         if not from_own_page(headers, request.path):
             return "Only the console's own page may request this."

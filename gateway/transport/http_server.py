@@ -13,6 +13,7 @@ from typing import cast
 
 from aiohttp import HttpVersion11, web
 
+from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room
 from gateway.system.own_names import known_host
 from gateway.system.web_log import web_log
@@ -134,6 +135,17 @@ async def _answering(request: web.Request, handler: Handler) -> web.StreamRespon
     connection = request.transport.get_protocol() if request.transport is not None else None
     assert isinstance(connection, HttpConnection)
     return await connection.answer(request, handler)
+
+
+#: Why a request is refused that is not ``addressed_here``. The name itself is left out: many would hide all else.
+OTHER_NAME = "it calls this computer by a name that is not in names"
+
+
+def turned_away(request: web.Request, why: str, logs: Iterable[WireLog]) -> None:
+    """Tell ``status`` and the log of each mount that a request is refused, in the log once per host."""
+    host = request.remote or "?"
+    for log in logs:
+        log.turned_away(host, f"request from {host} over HTTP refused: {why}", host)
 
 
 def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, Protocol, cast
 
 from msgspec import Struct
 
+from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room
 from gateway.transport.handler import Accept, Listener
 from gateway.transport.listening import SERVED, listen
@@ -168,10 +169,12 @@ def answer_of(status: str, words: str) -> bytes:
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name."""
+    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` is told
+    whose requests are refused."""
 
     accept: Accept
     title: str
+    log: WireLog
 
 
 class Web(Protocol):

@@ -62,7 +62,7 @@ class Telescope:
         self.own = own
         self.late: dict[str, float] = {}
         self.can: dict[str, bool] = {}
-        self._device = Device(WebDevice(own.acceptor.accept, "a mount"))
+        self._device = Device(WebDevice(own.acceptor.accept, "a mount", own.controller.wire_log))
 
     async def _ask(self, method: str, member: str, parameters: dict[str, Any], target: float) -> Any:
         pairs = [(name, str(value)) for name, value in parameters.items()] + [("ClientID", "1")]

@@ -92,7 +92,7 @@ def test_no_page_asks_for_it_not_even_the_consoles_own(tmp_path: Path, headers: 
             assert await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE, headers=headers) == 403
             assert await ask("GET", f"{API}0/name", headers=headers) == 403
             assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-            assert len(gateways[0].wire_log.recent) == before
+            assert len(gateways[0].wire_log.recent) == before + ("Host" in headers)  # of that ``status`` tells
 
     asyncio.run(work())
 

@@ -16,6 +16,7 @@ import pytest
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
+from gateway.app.mount_state import mount_state
 from gateway.clients.access import Access, networks
 from gateway.console.server import LONGEST, MOST_PAGES, Console
 from gateway.transport.room import KEPT
@@ -105,6 +106,12 @@ async def opened(state: Path, access: Access = Access(), pin: str = "", **mount:
         await gateway.close()
 
 
+def told(gateway: Gateway) -> list[str]:
+    """Return what ``status`` tells of refused requests, without the time."""
+    lately = mount_state(gateway.controller).drawn().lately
+    return [line.partition("ago, ")[2] for line in lately if "over HTTP" in line]
+
+
 def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
@@ -159,8 +166,27 @@ def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
 def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
     async def work() -> None:
         access = Access(allow=networks(["192.0.2.0/24"]))
-        async with opened(tmp_path, access) as there, there.http.get(there.where) as response:
-            assert response.status == 403
+        async with opened(tmp_path, access) as there:
+            for _ in range(3):
+                async with there.http.get(there.where) as response:
+                    assert response.status == 403
+            assert told(there.gateway) == [
+                "127.0.0.1: request from 127.0.0.1 over HTTP refused: it is not in the console's allow"
+            ]
+
+    play(work())
+
+
+def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            for name in ("pier.example", "other.example"):  # not repeated: a flood of names would hide all else
+                async with there.http.get(there.where, headers={"Host": name}) as response:
+                    assert response.status == 403
+            assert told(there.gateway) == [
+                "127.0.0.1: request from 127.0.0.1 over HTTP refused: "
+                "it calls this computer by a name that is not in names"
+            ]
 
     play(work())
 

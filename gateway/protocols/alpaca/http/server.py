@@ -23,7 +23,7 @@ from gateway.protocols.alpaca.http.programs import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
 from gateway.protocols.alpaca.tables import empty_value, member, refused
 from gateway.transport.handler import ConnectionRefused
-from gateway.transport.http_server import HttpServer, addressed_here
+from gateway.transport.http_server import OTHER_NAME, HttpServer, addressed_here, turned_away
 from gateway.transport.web_port import WebDevice
 
 #: The longest body of a request, bytes.
@@ -92,6 +92,7 @@ class AlpacaServer:
     def _refused(self, request: web.Request) -> str:
         """Return why a request is refused, or an empty string."""
         if not addressed_here(request, self._names):
+            turned_away(request, OTHER_NAME, [device.web.log for device in self._devices])
             return NOT_HERE
         if "Origin" in request.headers or request.headers.get("Sec-Fetch-Site", "none") != "none":
             return "Requests from web pages are refused."

@@ -15,6 +15,7 @@ from aiohttp import web
 
 from gateway.app.simulated import serve_simulator
 from gateway.cli import main
+from gateway.core.wire_log import WireLog
 from gateway.diagnostics.detect import ask_servers
 from gateway.diagnostics.detect.report import block, command, toml
 from gateway.protocols.alpaca.http import chain, finding
@@ -117,7 +118,8 @@ def test_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_gateway_is_named_as_one() -> None:
     async def program() -> str:
         app = web.Application()
-        AlpacaServer([WebDevice(lambda connected: None, "nexstar@sim")]).add_to(app)  # type: ignore[arg-type,return-value]
+        device = WebDevice(lambda connected: None, "nexstar@sim", WireLog(lambda: 0.0))  # type: ignore[arg-type,return-value]
+        AlpacaServer([device]).add_to(app)
         server = await HttpServer.start(app)
         port = await server.listen("127.0.0.1", 0)
         try:

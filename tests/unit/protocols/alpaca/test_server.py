@@ -11,6 +11,7 @@ from typing import Any
 import aiohttp
 import pytest
 
+from gateway.core.wire_log import WireLog
 from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.face import AlpacaWeb
 from gateway.transport.handler import Connected, ConnectionRefused, Write
@@ -48,6 +49,7 @@ class Mount:
         self.answers: dict[bytes, bytes | None] = {b"get slewing\n": b"false\n"}
         self.guests: list[Guest] = []
         self.refuses = False
+        self.log = WireLog(lambda: 0.0)
 
     def accept(self, connected: Connected) -> Guest:
         if self.refuses:
@@ -71,7 +73,7 @@ class Served:
 @contextlib.asynccontextmanager
 async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     mount = Mount()
-    device = WebDevice(mount.accept, "a mount")
+    device = WebDevice(mount.accept, "a mount", mount.log)
     port = await AlpacaWeb().open_port("tcp://127.0.0.1:0", device, names)
     try:
         async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:
@@ -229,6 +231,10 @@ def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str],
                 assert response.status == status, path
                 assert not [name for name in response.headers if name.lower().startswith("access-control")]
         assert len(own.mount.said) == (2 if status == 200 else 0)
+        by_name = status == 403 and "Host" in headers
+        assert [notice.text for notice in own.mount.log.recent] == by_name * [
+            "request from 127.0.0.1 over HTTP refused: it calls this computer by a name that is not in names"
+        ]
 
     run(test, names=("pier.example.org", "203.0.113.7"))
 
