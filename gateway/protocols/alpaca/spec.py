@@ -40,7 +40,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     handlers = load(NAME).functions("driver", identify, motion, place, pointing)
     driver = AlpacaDriver(now, settings, handlers)
     follow_ups: FollowUps = {
-        motion.KeepTracking: motion.keep_tracking,
+        pointing.KeepTracking: pointing.keep_tracking,
         contradictions.CompareEquinox: contradictions.compare_equinox,
     }
     return MadeDriver(driver, follow_ups, AlpacaReplyRules())

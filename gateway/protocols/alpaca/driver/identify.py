@@ -96,8 +96,8 @@ def _ranges(told: Any) -> tuple[tuple[float, float], ...]:
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether it tracks and is parked. What it tells during a motion by hand is the motion's, and not kept;
-    what it does not tell stays as it was.
+    """Read whether it tracks and is parked. What it tells during a motion is the motion's, and not kept; what it does
+    not tell stays as it was.
     """
     state = (yield from device_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")
@@ -105,7 +105,7 @@ def read_status(mount: AlpacaDriver) -> Steps:
         tracks = yield from told(mount, "tracking")
     if parked is None:
         parked = yield from told(mount, "atpark")
-    if tracks is not None and not mount.moving:
+    if tracks is not None and not mount.moving and mount.goto is None and mount.now() >= mount.doubted_until:
         mount.tracks = bool(tracks)
     if parked is not None and mount.goto is None:
         mount.parked = bool(parked)
@@ -115,5 +115,5 @@ def status(mount: AlpacaDriver, _: op.GetStatus) -> Steps:
     """Return the Status: no server tells whether its mount is aligned, so it counts as aligned."""
     yield from read_status(mount)
     own = mount.equatorial_mode if mount.equatorial else op.Tracking.ALTAZ
-    mode = own if mount.tracks else op.Tracking.OFF
+    mode = op.Tracking.OFF if mount.tracks is False else own
     return op.Status(tracking=mode, aligned=True, equatorial=mount.equatorial, wedge=mount.model == "polar")

@@ -15,15 +15,15 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import expect
 from gateway.protocols.alpaca.driver.identify import read_status
-from gateway.protocols.alpaca.driver.pointing import ORDER, order, pier_side, stop_current_motion
+from gateway.protocols.alpaca.driver.pointing import ORDER, look_at_tracking, order, pier_side, stop_current_motion
 from gateway.protocols.alpaca.driver.state import SIDEREAL, AlpacaDriver, told
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
+from gateway.protocols.base.driver import SLEWING, Remark, Send, Steps, Wait
 
-#: Seconds after a motion at which tracking is looked at, and between two looks whether an order had an effect.
-LOOK_AFTER, LOOK_AGAIN = 1.0, 0.5
-#: How often that is looked at; a deviation from a speed by more than this fraction is remarked in the log.
-LOOKS, REMARK_FROM = 4, 0.1
+#: How often, and how many seconds apart, it is looked whether an order had an effect.
+LOOKS, LOOK_AGAIN = 4, 0.5
+#: A deviation from a speed by more than this fraction is remarked in the log.
+REMARK_FROM = 0.1
 #: The longest guide pulse that is sent at once, milliseconds: no request ends one.
 LONGEST_PULSE = 500
 #: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
@@ -97,7 +97,7 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
         return
     yield Send("moveaxis", {"axis": operation.axis - 1, "rate": 0.0})
     if mount.moving.pop(operation.axis, None) is not None and not mount.moving:
-        yield Schedule(LOOK_AFTER, KeepTracking(), not_while_busy=True)
+        yield from look_at_tracking(mount)
 
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
@@ -122,27 +122,11 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
         raise NoAnswer
     if failed and (failed.keys() & mount.moving.keys() or (yield from told(mount, "slewing", True))):
         raise Refused(f'The stop was refused. The server says: "{next(iter(failed.values()))}"')
-    yield Schedule(LOOK_AFTER, KeepTracking(), not_while_busy=True)
+    yield from look_at_tracking(mount)
 
 
 def _at_rest(axis: int) -> Send:
     return Send("moveaxis", {"axis": axis - 1, "rate": 0.0}, patience=ORDER)
-
-
-class KeepTracking(op.Operation, frozen=True):
-    """Internal: turn tracking on again if the end of a motion has turned it off."""
-
-    survives_abort = True
-
-
-def keep_tracking(mount: AlpacaDriver, _: KeepTracking) -> Steps:
-    if mount.moving or mount.goto is not None or mount.parked or not mount.tracks:
-        return
-    yield from read_status(mount)
-    if not (mount.tracks or mount.parked) and mount.supports("set_tracking"):
-        yield from order(mount, "set_tracking", on=True)
-        mount.tracks = True
-        yield Remark("the end of a motion has turned tracking off: it is turned on again")
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------------
@@ -202,7 +186,7 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
         yield from order(mount, "unpark")
         mount.parked = False
     yield from order(mount, "set_tracking", on=operation.on)
-    mount.tracks = operation.on
+    mount.tracks, mount.doubted_until = operation.on, mount.now()
     for _look in range(LOOKS if operation.heard else 0):
         yield from read_status(mount)
         if mount.tracks is operation.on:

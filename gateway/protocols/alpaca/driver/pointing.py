@@ -16,9 +16,10 @@ from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wra
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
+from gateway.protocols.alpaca.driver.identify import read_status
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, insist, told
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps
+from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps, Wait
 
 #: Seconds that the answer to an order may take before the mount is looked at instead: a stop waits behind it.
 ORDER = 1.5
@@ -26,10 +27,18 @@ ORDER = 1.5
 START_GRACE = 2.0
 #: Seconds after a goto at which its equinox is compared, once.
 COMPARE_AFTER = 3.0
+#: Seconds after a motion at which tracking is looked at, and within which it should have been.
+LOOK_AFTER, LOOKED_AT = 1.0, 3.0
+#: Seconds that a motion may take to end before a newer goto is sent all the same, and between two looks.
+ENDS_WITHIN, LOOK_AGAIN = 10.0, 0.5
 #: Degrees from the meridian within which a German mount may use either side of the pier.
 EITHER_SIDE = 10.0
-#: What a program is told of a parked mount.
+#: Orders that ASCOM allows only while the mount tracks; those whose refusal is not explained by a parked mount.
+WHILE_TRACKING = ("slewtocoordinates", "slewtocoordinatesasync", "synctocoordinates")
+OF_PARKED = ("unpark", "set_tracking")
+#: What a program is told of a parked mount, and of a refusal for which no reason is found.
 PARKED = "The mount is parked: unpark it first (mount-gateway unpark)."
+REFUSED = "The mount refused this."
 
 
 def position(mount: AlpacaDriver, _: op.Position) -> Steps:
@@ -93,6 +102,8 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
         yield Schedule(COMPARE_AFTER, CompareEquinox())
     if state.then == "home":
         mount.home_state = int(bool((yield from told(mount, "athome", True))))
+    elif state.then is None:
+        yield from look_at_tracking(mount, 0.0)
     return False
 
 
@@ -124,17 +135,17 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
         raise NoAnswer from None
     except Parked as fault:
         mount.parked = True
-        raise Parked(_with_text(PARKED, fault)) from None
+        raise Parked(_with_text(REFUSED if command == "unpark" else PARKED, fault)) from None
     except (Refused, Invalid) as fault:
-        raise (yield from _reason(mount, fault, goal)) from None
+        raise (yield from _reason(mount, command, fault, goal)) from None
 
 
-def _reason(mount: AlpacaDriver, fault: Fault, goal: op.Equatorial | None) -> Steps:
+def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
     """Return the refusal of an order with its reason, by what the mount tells of itself now."""
-    if (yield from told(mount, "atpark", False)):
+    if command not in OF_PARKED and (yield from told(mount, "atpark", False)):
         mount.parked = True
         return Parked(_with_text(PARKED, fault))
-    if not (yield from told(mount, "tracking", True)):
+    if command in WHILE_TRACKING and not (yield from told(mount, "tracking", True)):
         return Refused(_with_text("The mount does not track: turn tracking on first.", fault))
     if goal is not None:
         sidereal = yield from told(mount, "siderealtime")
@@ -143,7 +154,7 @@ def _reason(mount: AlpacaDriver, fault: Fault, goal: op.Equatorial | None) -> St
             altitude = hour_angle_to_horizon(wrap180(sidereal - goal.ra), goal.dec, latitude)[1]
             if altitude < 0.0:
                 return BelowHorizon(_with_text("The goal is below the horizon.", fault))
-    return type(fault)(_with_text("The mount refused this.", fault))
+    return type(fault)(_with_text(REFUSED, fault))
 
 
 def _with_text(words: str, fault: Fault) -> str:
@@ -153,7 +164,9 @@ def _with_text(words: str, fault: Fault) -> str:
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
     """Slew, by a request that is answered at once if the mount has it; tracking is turned on before if possible."""
     yield from stop_current_motion(mount)
-    if operation.track and not mount.tracks and not mount.parked and mount.supports("set_tracking"):
+    if mount.now() < mount.doubted_until:
+        yield from keep_tracking(mount)
+    if operation.track and mount.tracks is False and not mount.parked and mount.supports("set_tracking"):
         yield from order(mount, "set_tracking", on=True)
         mount.tracks = True
     goal = op.Equatorial(operation.ra, operation.dec)
@@ -175,24 +188,38 @@ def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
 
 
 def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -> Steps:
-    """Slew over the horizon, for which ASCOM wants tracking off. Raises Unsupported for axes of an equatorial mount."""
+    """Slew over the horizon, for which ASCOM wants tracking off; it is turned on again on arrival, and at once if the
+    server refuses. Raises Unsupported for axes of an equatorial mount.
+    """
     if mount.equatorial and isinstance(operation, op.GotoAxes):
         raise Unsupported("Only an alt-az mount can be sent to readings of its axes.")
     yield from stop_current_motion(mount)
-    if mount.tracks and mount.supports("set_tracking"):
+    suspends = mount.tracks is not False and mount.supports("set_tracking")
+    if suspends:
         yield from order(mount, "set_tracking", on=False)
-        mount.tracks = False
     command = "slewtoaltazasync" if mount.supports("slewtoaltazasync") else "slewtoaltaz"
-    yield from _begin(mount, order(mount, command, None, az=operation.az % 360.0, alt=operation.alt))
+    try:
+        yield from _begin(mount, order(mount, command, None, az=operation.az % 360.0, alt=operation.alt))
+    except Fault:
+        if suspends and mount.tracks:
+            with suppress(Fault):
+                yield Send("set_tracking", {"on": True}, patience=ORDER)
+        raise
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
-    """End a goto or a motion by hand before a newer goto begins."""
+    """End a goto or a motion by hand before a newer goto begins, and wait until the mount stands still: until then some
+    servers refuse it.
+    """
+    moves = bool(mount.moving) or mount.goto is not None
     for axis in sorted(mount.moving):
         yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
         mount.moving.pop(axis, None)
     if mount.goto is not None:
         yield from abort_slew(mount, op.AbortSlew())
+    until = mount.now() + ENDS_WITHIN
+    while moves and mount.now() < until and (yield from told(mount, "slewing", False)):
+        yield Wait(LOOK_AGAIN)
 
 
 def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
@@ -200,6 +227,31 @@ def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
     mount.give_up_goto()
     yield Send("abortslew")
     mount.moving.clear()
+    yield from look_at_tracking(mount)
+
+
+class KeepTracking(op.Operation, frozen=True):
+    """Internal: turn tracking on again if it is off after a motion."""
+
+    survives_abort = True
+
+
+def look_at_tracking(mount: AlpacaDriver, after: float = LOOK_AFTER) -> Steps:
+    """Look at tracking some seconds after a motion, which may have turned it off."""
+    mount.doubted_until = mount.now() + LOOKED_AT
+    yield Schedule(after, KeepTracking(), not_while_busy=True)
+
+
+def keep_tracking(mount: AlpacaDriver, _: KeepTracking | None = None) -> Steps:
+    """Turn tracking on again if it is off after a motion, unless the mount moves again."""
+    if mount.moving or mount.goto is not None or mount.parked or not mount.tracks:
+        return
+    mount.doubted_until = mount.now()
+    yield from read_status(mount)
+    if not (mount.tracks or mount.parked) and mount.supports("set_tracking"):
+        yield from order(mount, "set_tracking", on=True)
+        mount.tracks = True
+        yield Remark("tracking was off after a motion: it is turned on again")
 
 
 def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:

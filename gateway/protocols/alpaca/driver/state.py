@@ -66,8 +66,10 @@ class AlpacaDriver(Driver):
         self.home_state = 0
         #: Local time minus UTC, hours, as it was set last: no server has a zone.
         self.zone = 0.0
-        #: Whether it tracks, as told or ordered last.
-        self.tracks = True
+        #: Whether it tracks when nothing moves it, as told or ordered last; None until it is told. Until the end of a
+        #: motion has been looked at, or at the latest until this time, what is told may be the motion's.
+        self.tracks: bool | None = None
+        self.doubted_until = -math.inf
         #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
         self.moving: dict[int, float] = {}
         #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
