@@ -288,3 +288,32 @@ def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> None:
             assert not moving(one.sim)
 
     run(program())
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["reversed first", "reversed later"])
+def test_another_server_at_the_same_address_is_looked_at_anew(first: bool) -> None:
+    """The sense of its arrows and its equinox are its own."""
+
+    async def north(one: Bridge) -> float:
+        before = one.sim.truth()[1]
+        await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
+        await asyncio.sleep(3.0)
+        await one.controller.perform(op.StopAxis(2))
+        await asyncio.sleep(2.0)
+        return one.sim.truth()[1] - before
+
+    async def program() -> None:
+        async with server("polar", senses=(-1, -1) if first else (1, 1), tells={"equatorialsystem": 1}) as one:
+            await one.controller.perform(goal(one))
+            await arrive(one)
+            await asyncio.sleep(5.0)
+            await north(one)
+            assert await north(one) > 0.5
+            one.sim.senses, one.sim.tells["equatorialsystem"] = (1, 1) if first else (-1, -1), 2
+            one.controller.line.transaction.connection_lost("another server")
+            await asyncio.sleep(10.0)
+            assert (await north(one) > 0.5) is first
+            assert await north(one) > 0.5
+            assert "declares j2000 coordinates, but" in notes(one)
+
+    run(program())

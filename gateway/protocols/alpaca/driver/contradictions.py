@@ -12,9 +12,11 @@ from gateway.core import operations as op
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, told
 from gateway.protocols.base.driver import Remark, Steps
 
-#: Degrees: altitudes at which refraction and the azimuth leave no doubt; how near one equinox must fit, how much worse
-#: the other one.
+#: Degrees: altitudes at which refraction and the azimuth leave little doubt; how near one equinox must fit, how much
+#: worse the other one.
 HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
+#: Degrees by which refraction raises what stands 30 degrees high.
+REFRACTION = 0.03
 #: Degrees by which an arrow must have moved the tube, and the least speed, degrees a second; near a pole it tells
 #: nothing.
 MOVED, SLOWEST, NEAR_POLE = 0.1, 0.05, 80.0
@@ -40,7 +42,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
         away[equinox] = separation(*calculated, azimuth, altitude)
     fits = min(away, key=lambda equinox: away[equinox])
-    if away[fits] > FITS or max(away.values()) < away[fits] + WORSE:
+    if away[fits] > FITS + (REFRACTION if mount.refracts else 0.0) or max(away.values()) < away[fits] + WORSE:
         return None
     mount.compared = True
     if mount.declared and fits != mount.equinox:

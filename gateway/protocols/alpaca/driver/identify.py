@@ -62,6 +62,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         mount.ranges[axis] = () if able is False else _ranges((yield from insist(mount, "axisrates", axis=axis - 1)))
     mount.side_untold = bool(mount.german) and (yield from insist(mount, "sideofpier")) not in (0, 1)
     system = yield from insist(mount, "equatorialsystem", 0)
+    mount.refracts = bool((yield from insist(mount, "doesrefraction", False)))
     mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
     fits = None if mount.compared else (yield from compare_equinox(mount))
     if not mount.declared:

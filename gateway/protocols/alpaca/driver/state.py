@@ -74,13 +74,6 @@ class AlpacaDriver(Driver):
         self.moving: dict[int, float] = {}
         #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
         self.reversed = REVERSED.get(settings.reversed_axes or "")
-        #: (axis, side of the pier) -> -1 where a motion has shown that; where one has shown the sense at all; and axis
-        #: -> the sense on the sky, the side, and the first position of the motion that is compared now.
-        self.senses: dict[tuple[int, str], int] = {}
-        self.proven: set[tuple[int, str]] = set()
-        self.expected: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
-        #: Whether the server declares an equinox, and whether that was compared with what it sends.
-        self.declared = self.compared = False
         self.line_was_lost()
 
     def line_was_lost(self) -> None:
@@ -97,6 +90,16 @@ class AlpacaDriver(Driver):
         #: Whether it is a German mount that does not tell the side of the pier; the side of the last goto's goal by its
         #: hour angle, empty if that is not known either.
         self.side_untold, self.goto_side = False, ""
+        #: (axis, side of the pier) -> -1 where a motion has shown that MoveAxis counts the other way; where one has
+        #: shown the sense at all; and axis -> the sense on the sky, the side, and the first position of the motion that
+        #: is compared now.
+        self.senses: dict[tuple[int, str], int] = {}
+        self.proven: set[tuple[int, str]] = set()
+        self.expected: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
+        #: Whether the server declares an equinox, and whether that was compared with what it sends.
+        self.declared = self.compared = False
+        #: Whether its altitudes may be raised by refraction.
+        self.refracts = False
 
     @property
     def facts(self) -> Model:

@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+from gateway.astro.spherical import hour_angle_to_horizon
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
+from gateway.protocols.alpaca.driver.contradictions import compare_equinox
 from gateway.protocols.alpaca.driver.identify import identity, read_status
 from gateway.protocols.alpaca.driver.motion import abort_motion, stop_axis
 from gateway.protocols.alpaca.driver.pointing import goto, position
@@ -88,6 +90,18 @@ def test_a_stop_that_is_not_there_once_is_no_stop() -> None:
         play(abort_motion(driver(moving={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
     play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
     assert play(abort_motion(driver(ranges=ranges), op.AbortMotion()), moveaxis=None)[0][0] == "abortslew"
+
+
+@pytest.mark.parametrize("refracts", [True, False])
+def test_refraction_in_its_altitudes_does_not_hide_a_wrong_equinox(refracts: bool) -> None:
+    """It raises the tube by 1.6' at 31 degrees; the clock is 12 s wrong besides, and more is no agreement."""
+    mount = driver(equinox="j2000", declared=True)
+    place = {"siderealtime": 100.0, "rightascension": 100.0, "declination": -14.0, "sitelatitude": 45.0}
+    azimuth, altitude = hour_angle_to_horizon(0.05, -14.0, 45.0)
+    place |= {"azimuth": azimuth, "altitude": 10.0, "utcdate": 1768514400.0}
+    play(identity(mount, op.GetIdentity()), connected=True, equatorialsystem=2, doesrefraction=refracts, **place)
+    place["altitude"] = altitude + 0.027
+    assert play(compare_equinox(mount), **place)[1] == ("jnow" if refracts else None)
 
 
 def test_no_speed_is_greater_than_the_fastest() -> None:
