@@ -130,7 +130,7 @@ def _port_advice(gateway: Gateway, reason: str) -> str:
     """Return what to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
         return port_advice(gateway.mount.where)
-    from gateway.diagnostics.detect.ports import holder
+    from gateway.diagnostics.detect.ports import gateway_of_another, holder
 
     store = gateway.store
     if store is not None and not store.held and (other := read_pid(store.lock_path)):
@@ -138,7 +138,10 @@ def _port_advice(gateway: Gateway, reason: str) -> str:
             f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
             "need another --surface, end it and start it with that one, too"
         )
-    return f"{holder(gateway.mount.where) or 'it'} has to be ended first"
+    who = holder(gateway.mount.where)
+    if not who and (theirs := gateway_of_another()):
+        return f"{theirs}: sudo mount-gateway status shows that, and where programs connect"
+    return f"{who or 'it'} has to be ended first"
 
 
 def waiting_message(gateway: Gateway) -> str:

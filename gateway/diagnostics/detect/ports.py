@@ -10,12 +10,13 @@ from urllib.parse import urlsplit
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint, suggest_address
-from gateway.app.control.reach import Scope, search
+from gateway.app.control.reach import Scope, reachable, search
 from gateway.app.state.mount_claim import address
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, mounts
 from gateway.system.files import directory
-from gateway.system.processes import is_gateway, openers
+from gateway.system.processes import gateways, is_gateway, openers
+from gateway.system.runtime_folders import user_name
 
 #: The folder in which Linux keeps names of USB ports that do not depend on the socket.
 LASTING = Path("/dev/serial/by-id")
@@ -87,6 +88,12 @@ def serving_gateway(url: str) -> int | None:
         if same and where != SIMULATED and is_gateway(gateway.pid):
             return gateway.pid
     return None
+
+
+def gateway_of_another() -> str:
+    """Return which gateway of another user, whose ports are hidden, may have a port that is in use; empty if none."""
+    found = next((process for process in gateways() if not reachable(process)), None)
+    return f"perhaps by the gateway of {user_name(found.user)} (process {found.pid})" if found else ""
 
 
 def unsupported_device(where: str) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.ports import is_usb_or_named, unsupported_device
-from gateway.diagnostics.detect.scan_port import BUSY, MUTE, SERVED, UNOPENED, USUAL, Finding
+from gateway.diagnostics.detect.scan_port import BUSY, FOREIGN, MUTE, SERVED, UNOPENED, USUAL, Finding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
@@ -26,6 +26,7 @@ WORDS = {
     "stranger": "something answers here, but not as a mount does",
     "garbled": "something answers here, unintelligibly at every rate: no mount",
     "busy": "not examined",
+    "foreign": "not examined",
     "served": "a mount that a gateway has already",
     "unopened": "cannot be opened",
     "vanished": "the port vanished while it was looked at",
@@ -56,6 +57,7 @@ SILENT = (
 )
 OF_OTHERS = {
     BUSY: "{port} is in use: end that program, or have it connect to the gateway in place of the port",
+    FOREIGN: "{port}: sudo mount-gateway status shows whether that gateway has this mount, and where programs connect",
     SERVED: "{port}: mount-gateway status shows this mount, and the addresses where programs connect to its gateway",
     UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at all that there are",
     MUTE: "{port}: switch the mount off and on, and look again",

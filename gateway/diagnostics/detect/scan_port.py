@@ -26,7 +26,7 @@ from pynmea2 import NMEASentence
 from gateway.core.errors import Fault
 from gateway.diagnostics.detect.identify import Mount, identify
 from gateway.diagnostics.detect.port_listener import PortListener, Tunable
-from gateway.diagnostics.detect.ports import SerialPortInfo, holder, serving_gateway
+from gateway.diagnostics.detect.ports import SerialPortInfo, gateway_of_another, holder, serving_gateway
 from gateway.protocols.base.spec import Question
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
@@ -163,15 +163,16 @@ OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
 EAVESDROP = 1.6
 #: Verdicts after which other rates are tried.
 OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
-#: Another program has the port; and that program is a gateway. A gateway in the network offers the mount.
-BUSY, SERVED, OFFERED = "busy", "served", "offered"
+#: Another program has the port; and that program is a gateway; or may be the one of another user. A gateway in the
+#: network offers the mount.
+BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class Finding(Struct, frozen=True):
-    """The result for one port. ``state`` is a verdict, or why there is none: ``served``, ``busy``, ``unopened``,
-    ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says more; it took
-    ``seconds``."""
+    """The result for one port. ``state`` is a verdict, or why there is none: ``served``, ``busy``, ``foreign``,
+    ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says
+    more; it took ``seconds``."""
 
     place: SerialPortInfo
     state: str
@@ -218,6 +219,8 @@ async def look(
         await ear.begin()
     except Exception as error:  # pyserial has more kinds of failure than OSError
         state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
+        if state == BUSY and (who := gateway_of_another()):
+            return Finding(place, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
         return Finding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
         verdict, baud, rates = await _at_every_rate(ear, place, first, others)

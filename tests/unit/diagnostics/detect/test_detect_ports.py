@@ -23,9 +23,10 @@ from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
 from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
+from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named, ports
 from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.scan_port import Patience
+from gateway.system.processes import Process
 from gateway.transport.baud import misread
 from gateway.transport.pty import speed
 from tests.support.process import Running
@@ -220,6 +221,31 @@ def test_who_has_a_port_without_a_lock_is_named(tmp_path: Path) -> None:
         finding = asyncio.run(look(at(str(link))))
     assert (finding.state, finding.seconds) == ("busy", 0.0)
     assert "in use by" in finding.reason
+
+
+@pytest.mark.parametrize("theirs", [True, False])
+def test_a_gateway_of_another_user_may_have_a_port_that_is_in_use(
+    theirs: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gateway.app.control.reach.user", lambda: 1000)
+    monkeypatch.setattr(ports, "gateways", lambda: [Process(4711, 0 if theirs else 1000)])
+    master, slave = os.openpty()
+    try:
+        with serial.Serial(port := os.ttyname(slave), exclusive=True):
+            assert main(["detect", port]) == 1
+            told = capsys.readouterr()
+            assert main(["run", "--mount", f"nexstar@{port}", "--surface", "lx200@tcp://127.0.0.1:0"]) == 2
+            run = capsys.readouterr().err
+    finally:
+        os.close(master)
+        os.close(slave)
+    if theirs:
+        assert "not examined: in use, perhaps by the gateway of the user root (process 4711)" in told.out
+        assert f"  - {port}: sudo mount-gateway status shows whether that gateway has this mount" in told.err
+        assert "in use by another program; perhaps by the gateway of the user root (process 4711): sudo mount-" in run
+    else:
+        assert "not examined: the port is in use by another program" in told.out
+        assert "end that program" in told.err and "it has to be ended first" in run
 
 
 def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
