@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.app.config import Source, make_config
+from gateway.astro.ephemeris import keeper
 from gateway.cli import main
 from gateway.cli.serve.service import program, unit, word
 from tests.support.each import each
@@ -37,6 +38,7 @@ def test_it_runs_and_stops_this_program() -> None:
     assert lines(text, "ExecStart") == ['"/opt/a b/python" -m gateway run --wait --config "/etc/gate way.toml"']
     assert lines(text, "ExecStopPost") == ['"/opt/a b/python" -m gateway stop']
     assert lines(text, "Type") == ["notify"]
+    assert int(lines(text, "TimeoutStartSec")[0]) > keeper.LONGEST, "a site in minutes is translated first"
     assert lines(text, "User") == ["daemon"]
     assert lines(text, "StateDirectory") == lines(text, "CacheDirectory") == ["mount-gateway"]
     assert lines(made(state="/srv/state"), "ExecStopPost") == ["/usr/bin/mount-gateway stop --state /srv/state"]

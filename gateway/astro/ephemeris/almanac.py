@@ -94,6 +94,8 @@ def read(path: Path) -> Almanac:
     number = plain_file(path)
     with open(number, "rb") as file:
         seen = os.fstat(number)
-        if user() is not None and (seen.st_uid not in (0, user()) or stat.S_IMODE(seen.st_mode) & 0o022):
+        if user() is not None and seen.st_uid not in (0, user()):
+            raise ValueError("it belongs to another user, who can change it; make a copy of it, and name that")
+        if user() is not None and stat.S_IMODE(seen.st_mode) & 0o022:
             raise ValueError("other users can write it; chmod go-w, as its owner")
         return decoded(file.read(LONGEST))

@@ -2,7 +2,8 @@
 
 The process serving mounts imports neither astropy nor numpy. All gateways of a user share one file, which is replaced
 as a whole by whoever holds its lock; the next then finds there what it wanted. Where it cannot be stored, it is kept in
-memory. What fails is told once and tried again after an hour, at most three times a day.
+memory. What fails is told once and tried again after an hour, at most three times a day. For dates that programs set
+there are six processes an hour.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from gateway.system.runtime_folders import user
 AHEAD, LEFT, OTHERS, STORED = 40, 10, 4, 32
 #: Seconds that the process may take; that a failed attempt is not repeated; between two looks, and two processes.
 LONGEST, AGAIN, LOOK, PAUSE = 120.0, 3600.0, 60.0, 2.0
-#: Attempts that may fail in a day.
-ATTEMPTS = 3
+#: Attempts that may fail in a day; processes for other dates than the next ones in an hour.
+ATTEMPTS, ON_DEMAND = 3, 6
 #: One thread, which gives way to everything else, and no modules from the folder it was started in.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: The same on Windows, and no window.
@@ -171,7 +172,9 @@ class AlmanacKeeper:
         self._enter = enter or (lambda act: act())
         self._clock = clock
         self._almanac = Almanac()
+        #: When an attempt failed, and when one for another date began: monotonic time.
         self._failed: list[float] = []
+        self._on_demand: list[float] = []
         self._told: set[str] = set()
         self._asked = asyncio.Event()
 
@@ -196,9 +199,11 @@ class AlmanacKeeper:
 
     async def _renew(self, days: list[int]) -> None:
         today = self._today
+        if self._others.intersection(days):
+            self._on_demand.append(time.monotonic())
         try:
             newer, trouble = await _on_daemon(lambda: renewed(today, days))
-        except (OSError, ValueError) as error:
+        except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
             self._failed.append(time.monotonic())
             self._tell_once(
                 f"the almanac could not be calculated: {error}. Where it has no tables, simpler formulas are used: the "
@@ -216,14 +221,37 @@ class AlmanacKeeper:
         if not known and self._today in almanac.days:
             self._exact()
 
+    @property
+    def _ahead(self) -> range:
+        return range(self._today, self._today + AHEAD)
+
+    @property
+    def _others(self) -> set[int]:
+        """The days without tables that are needed and are not among the next ones: a program has set another date."""
+        return self._sky.missing.difference(self._ahead)
+
     def _wanted(self) -> list[int]:
         """Return the days to calculate now."""
-        held, today = self._almanac.days, self._today
-        left = self._almanac.days_from(today)
-        wanted = {day + more for day in self._sky.missing for more in range(OTHERS)}
+        held, missing = self._almanac.days, self._sky.missing
+        if self._others and not self._may_serve_others():
+            missing = missing - self._others
+        wanted = {day + more for day in missing for more in range(OTHERS)}
+        left = self._almanac.days_from(self._today)
         if left < LEFT and (not left or self._quiet()):
-            wanted.update(range(today, today + AHEAD))
+            wanted.update(self._ahead)
         return sorted(day for day in wanted if day not in held and FROM <= day * DAY < TO)
+
+    def _may_serve_others(self) -> bool:
+        """Whether another date may be calculated for; tell it if not."""
+        now = time.monotonic()
+        self._on_demand = [at for at in self._on_demand if now - at < AGAIN]
+        if len(self._on_demand) < ON_DEMAND:
+            return True
+        self._tell_once(
+            f"programs have set {ON_DEMAND} other dates within an hour: for the next ones, simpler formulas are used "
+            "until the hour is over (the Sun within 0.01 degrees, the Moon within 0.04, no planets)"
+        )
+        return False
 
     def _may_try(self) -> bool:
         now = time.monotonic()

@@ -53,6 +53,8 @@ SyslogIdentifier={name}
 WatchdogSec=20
 Restart=on-failure
 RestartSec=5
+# A start translates a site that is written in minutes; on a small computer that takes up to two minutes, once.
+TimeoutStartSec=150
 # Before it ends, the gateway stops motion and resumes tracking; a hand control answers within seconds.
 TimeoutStopSec=30
 

@@ -113,8 +113,12 @@ def test_a_file_that_another_user_can_write_is_not_trusted(tmp_path: Path, monke
         monkeypatch.setattr(file, "user", lambda: 4711)
     else:
         os.chown(path, 4711, 4711)
-    with pytest.raises(ValueError, match="other users can write it"):
+    with pytest.raises(ValueError, match="belongs to another user"):
         read(path)
+    copy = tmp_path / "copy"
+    monkeypatch.undo()
+    copy.write_bytes(path.read_bytes())
+    assert read(copy).days, "a copy is this user's own"
 
 
 def test_the_rehearsals_days_are_in_the_package() -> None:
@@ -341,6 +345,44 @@ def test_what_fails_is_tried_again_after_an_hour_three_times_a_day_and_told_once
             asyncio.run(kept._renew([TODAY]))
     assert tried == [start + hour for start in (0, 1440, 2880) for hour in (0, 60, 120)]
     assert len(told) == 1 and "No module named 'astropy'" in told[0] and "an hour" in told[0]
+
+
+def test_other_dates_are_calculated_six_times_an_hour_and_that_is_told_once(
+    process: Process, clock: list[float]
+) -> None:
+    sky, told = Sky(), list[str]()
+    kept = AlmanacKeeper(sky, told.append, clock=today)
+    kept._use(made(range(TODAY, TODAY + 40)))
+
+    for number in range(9):  # a program sets one date after another
+        sky.sun((15000 + 10 * number) * DAY)
+        if days := kept._wanted():
+            asyncio.run(kept._renew(days))
+    assert len(process.asked) == 6 and sky.source(15090 * DAY) == "closed form"
+    assert len(told) == 1 and "6 other dates within an hour" in told[0]
+    kept._use(Almanac())
+    assert kept._wanted() == [*range(TODAY, TODAY + 40)], "what is needed today is calculated all the same"
+    kept._use(made(range(TODAY, TODAY + 40)))
+    clock[0] += 3600.0
+    assert len(kept._wanted()) == 4 * keeper.OTHERS, "those that were left"
+    assert len(told) == 1
+
+
+def test_a_keeper_without_room_for_a_thread_says_so_and_goes_on(
+    process: Process, clock: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    told = list[str]()
+    kept = AlmanacKeeper(Sky(), told.append, clock=today)
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", refuse)
+        asyncio.run(kept._renew([TODAY]))
+    assert len(told) == 1 and "can't start new thread" in told[0] and not kept._may_try()
+    clock[0] += 3600.0
+    asyncio.run(kept._renew([TODAY]))
+    assert TODAY in kept._almanac.days
 
 
 def test_it_is_exact_as_soon_as_it_can_be_and_that_is_told_once(process: Process) -> None:
