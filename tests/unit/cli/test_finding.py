@@ -123,12 +123,14 @@ class Slow:
     def __init__(self, bridge: Bridge, after: float) -> None:
         self.said: list[str] = []
         self.times: list[float] = []
+        self.heard = b""
         self._began = asyncio.get_running_loop().time()
         self._wire: Any = bridge.controller.line.wire
         self._feed, self._from = self._wire._feed, self._began + after
         self._wire._feed = self._answer
 
     def _answer(self, data: bytes) -> bytes:
+        self.heard += data
         return bytes(self._feed(data)) if asyncio.get_running_loop().time() > self._from else b""
 
     def warn(self, words: str) -> None:
@@ -189,6 +191,7 @@ def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monk
             await finding._find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
         assert 8.5 < now() - began < 9.5
         assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
+        assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
         await bridge.controller.close()
 
     monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)

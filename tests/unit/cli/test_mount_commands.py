@@ -105,6 +105,10 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
             "Jupiter"
         ),
     )
+    code, out, err = say("goto", "Sun", *which)
+    assert (code, out) == (1, "")  # refused as any goal: 2 is for what is mistyped
+    assert "the Sun is no goal here: without a solar filter" in err
+    assert "With a filter, start the gateway with --sun 0 and write its place: mount-gateway goto RA DEC" in err
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
     outcome = replay(read(tmp_path / "night.rec"))
