@@ -2,13 +2,14 @@
 
 `TimedEvent` waits with a timeout cheaply, because every exchange does so several times. `result_of` shares work between
 several callers: it continues if one of them is cancelled, and `shared_result` tells them if it is itself cancelled.
-`BackgroundTasks` keeps references to tasks and ends them at shutdown.
+`BackgroundTasks` keeps references to tasks and ends them at shutdown. `in_thread` also works when Python ends.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+import functools
+from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from gateway.core.errors import NoAnswer
@@ -69,6 +70,16 @@ async def _done(work: asyncio.Future[_T]) -> None:
         except asyncio.CancelledError:
             work.add_done_callback(mark_retrieved)
             raise
+
+
+async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
+    """Call a function on a thread; at the end of Python, which begins no work on threads any more, call it here."""
+    working = functools.partial(function, *arguments)
+    try:
+        future = asyncio.get_running_loop().run_in_executor(None, working)
+    except RuntimeError:
+        return working()
+    return await future
 
 
 def mark_retrieved(outcome: asyncio.Future[_T]) -> None:

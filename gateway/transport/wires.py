@@ -16,6 +16,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
 
+from gateway.core.waiting import in_thread
+
 if TYPE_CHECKING:
     from serial import Serial
 
@@ -137,7 +139,7 @@ class SerialTransport:
         if port is not None:
             if self._watcher is not None:
                 self._watcher.closed()
-            await asyncio.get_running_loop().run_in_executor(None, self._close_port, port)
+            await in_thread(self._close_port, port)
 
     def _close_port(self, port: Serial) -> None:
         cancel = getattr(port, "cancel_read", None)

@@ -84,13 +84,15 @@ class _Thread(threading.Thread):
         #: in the middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
         self._opened, self._closed = SimpleQueue[None](), SimpleQueue[None]()
         self._over = False
+        self._served = False
         self._failure: BaseException | None = None
 
     def run(self) -> None:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
-            self._failure = error
+            # Python 3.12 begins no thread at its end, and asyncio wants one to end its own: everything is closed then.
+            self._failure = None if self._served else error
         self._over = True
         self._closed.put(None)
 
@@ -104,6 +106,7 @@ class _Thread(threading.Thread):
                 async with self._opening as self.gateway:
                     self._opened.put(None)
                     await asyncio.Event().wait()
+        self._served = True
 
     def wait_until_open(self) -> None:
         """Wait until the gateway is open. Raises what opening it raises."""

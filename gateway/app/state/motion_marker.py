@@ -8,7 +8,6 @@ and it never delays a motion by more than ``PATIENCE``.
 from __future__ import annotations
 
 import asyncio
-import functools
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import msgspec
 
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import told
+from gateway.core.waiting import in_thread
 from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
@@ -24,16 +24,6 @@ PATIENCE = 0.02
 LOOK, QUIET = 1.0, 5.0
 
 InThread = Callable[..., Awaitable[Any]]
-
-
-async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
-    """Call a function on a thread; at the end of Python, which begins no work on threads any more, call it here."""
-    working = functools.partial(function, *arguments)
-    try:
-        future = asyncio.get_running_loop().run_in_executor(None, working)
-    except RuntimeError:
-        return working()
-    return await future
 
 
 class MotionMarker:

@@ -14,9 +14,10 @@ from msgspec import Struct
 
 from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
-from gateway.app.state.motion_marker import InThread, MotionMarker, in_thread
+from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file, told
 from gateway.core.operations import Values
+from gateway.core.waiting import in_thread
 from gateway.mount.controller import MountController
 from gateway.mount.motion.left_moving import RECENT, LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import json
+import os
 import signal
 import sys
 import threading
@@ -131,6 +132,24 @@ def test_the_end_of_a_program_saves_what_it_has_changed_last(tmp_path: Path, mon
     assert (said.returncode, said.stderr) == (0, "")
     (state,) = tmp_path.glob("*.json")
     assert json.loads(state.read_text())["synced"]["east"] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
+def test_the_end_of_a_program_stops_a_mount_at_a_serial_port_and_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state, port, script = tmp_path / "state", tmp_path / "mount", tmp_path / "script.py"
+    monkeypatch.setenv("STATE_DIRECTORY", str(state))
+    script.write_text(SCRIPT.replace("nexstar@sim", f"nexstar@{port}"))
+    sim = Running("sim", "nexstar", "--at", f"pty:{port}")
+    try:
+        sim.ready()
+        said = Running(str(script), by=[sys.executable, "-bb", "-W", "error"]).finish()
+    finally:
+        assert sim.end() == 0
+    assert (said.returncode, said.stderr) == (0, "")
+    assert said.stdout.endswith("the mount got M\n")
+    assert [path.suffix for path in state.iterdir()] == [".lock"]
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no signals at a chosen moment")
