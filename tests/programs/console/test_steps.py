@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+
+import pytest
 
 from ..sky import Spot, separation
 from .page import Console, Visit
@@ -14,6 +17,12 @@ HALF_A_DEGREE = '{"telescope": 2000, "eyepiece": 20, "apparent": 50}'
 def is_away(console: Console, start: Spot, minutes: float) -> bool:
     """Whether the mount itself points so far from where it pointed, to 1.5 minutes of arc."""
     return abs(separation(console.truth.position(), start) * 60.0 - minutes) < 1.5
+
+
+def offsets(now: Spot, before: Spot) -> tuple[float, float]:
+    """How far the mount itself has gone north and east, in seconds of arc."""
+    along = (now.ra - before.ra + 180.0) % 360.0 - 180.0
+    return (now.dec - before.dec) * 3600.0, along * math.cos(math.radians(now.dec)) * 3600.0
 
 
 def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
@@ -35,6 +44,26 @@ def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
         console.at_rest()
         assert is_away(console, before, minutes)
         page.page.mouse.up()
+
+
+def test_a_guide_pulse_goes_as_its_arrow_is_called(console: Console, visit: Callable[..., Visit]) -> None:
+    """By the sky, also on an alt-azimuth mount, whose other arrows turn the tube."""
+    page = visit()
+    page.show("control")
+    console.at_rest()
+    page.until("it tracks", lambda: page.does("Tracking"))
+    assert page.text("[data-go=north]") == "Up"
+    page.page.get_by_role("radio", name="Pulse").click()
+    assert [page.text(f"[data-go={way}]") for way in ("north", "south", "east", "west")] == ["N", "S", "E", "W"]
+    assert "E is left, as in the chart." in page.text("#pad-hint")
+    before = console.truth.position()
+    for arrow, wanted in (("north", (7.5, 0.0)), ("east", (7.5, 7.5))):  # seconds of arc, at half the stars' speed
+        page.page.click(f"[data-go={arrow}]")
+        page.until(
+            "it has gone that way",
+            lambda way=wanted: offsets(console.truth.position(), before) == pytest.approx(way, abs=1.5),
+        )
+        page.until("it is told", lambda way=arrow: page.text("#notices") == f"It was guided {way} for 1000 ms.")
 
 
 def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: Callable[..., Visit]) -> None:

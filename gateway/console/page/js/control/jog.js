@@ -9,7 +9,7 @@ import { notice } from "../frame/notices.js";
 import { ask, inBeats, on, tell } from "../core/socket.js";
 import { mount, state, subscribe } from "../core/store.js";
 import { onView } from "../core/views.js";
-import { isAltaz, onStep, step, take, WAYS } from "./steps.js";
+import { onStep, step, take, turnTube, WAYS } from "./steps.js";
 import { onTurn, turnedUp } from "./turned.js";
 
 /** The direction of a key is that of the arrow in the same place of the pad. */
@@ -19,7 +19,7 @@ const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
 const held = new Map();
 let presses = 0;
 let rate = 5;
-let turned = false, altaz = false;
+let turned = false, tube = false;
 
 const directionOf = (key) => (turned ? OPPOSITE[KEYS[key]] : KEYS[key]);
 
@@ -84,21 +84,21 @@ function setRate(wanted) {
 
 /** What the arrows have to do with the chart: those of an alt-azimuth mount are those of its tube. */
 function asInChart() {
-  if (altaz) return turnedUp() === "zenith" ? "Tube and chart turn alike." : "They turn the tube; Tube ↓ turns the chart alike.";
+  if (tube) return turnedUp() === "zenith" ? "Tube and chart turn alike." : "They turn the tube; Tube ↓ turns the chart alike.";
   return turnedUp() === "zenith" ? "" : `${turned ? "W" : "E"} is left, as in the chart.`;
 }
 
 /** Turn the pad as the chart is turned. What is held ends, because its arrow is elsewhere then. */
 function face() {
-  altaz = isAltaz();
-  const now = turnedUp() === "south" && !altaz;
+  tube = turnTube();
+  const now = turnedUp() === "south" && !tube;
   if (now !== turned) letAllGo();
   turned = now;
-  byId("pad").dataset.names = altaz ? "tube" : "sky";
+  byId("pad").dataset.names = tube ? "tube" : "sky";
   byId("pad").dataset.up = turned ? "south" : "north";
   for (const one of byId("pad").querySelectorAll("[data-go]")) {
-    const way = WAYS[one.dataset.go].names[Number(altaz)];
-    say(one.querySelector("b"), altaz ? way[0].toUpperCase() + way.slice(1) : way[0].toUpperCase());
+    const way = WAYS[one.dataset.go].names[Number(tube)];
+    say(one.querySelector("b"), tube ? way[0].toUpperCase() + way.slice(1) : way[0].toUpperCase());
     one.setAttribute("aria-label", `Move ${way}`);
   }
   say(byId("pad-hint"), `${step() ? `A tap is ${step()}` : "Hold an arrow to move"}. ${asInChart()}`);
@@ -160,7 +160,7 @@ export function start() {
   subscribe(() => {
     if ([...held.values()].some(({ mount }) => mount !== state.chosen)) letAllGo();
     for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
-    const now = JSON.stringify([isAltaz(), mount()?.speeds]), at = mount()?.position;
+    const now = JSON.stringify([turnTube(), mount()?.speeds]), at = mount()?.position;
     if (now !== known) face();
     known = now;
     say(byId("control-at"), at ? `${hours(at.ra)}  ${declination(at.dec)}` : "");

@@ -16,8 +16,9 @@ export const WAYS = {
   north: { to: [1, 0], names: ["north", "up"] }, south: { to: [-1, 0], names: ["south", "down"] },
   east: { to: [0, 1], names: ["east", "left"] }, west: { to: [0, -1], names: ["west", "right"] },
 };
-export const isAltaz = () => mount()?.equatorial === false;
 let mode = "hold";
+/** Whether the arrows are those of an alt-azimuth mount's tube. A guide pulse goes by the sky on every mount. */
+export const turnTube = () => mount()?.equatorial === false && mode !== "pulse";
 /** Where a search began, of date, its number of the place, and its step in degrees. */
 let spiral = null;
 const listeners = [];
@@ -66,7 +67,7 @@ export async function take(direction) {
   const minutes = mode === "field" ? await asked() : Number(mode);
   if (!minutes) return null;
   const { to, names } = WAYS[direction], [up, along] = to.map((part) => (part * minutes) / 60);
-  return go((isAltaz() ? besideOver : beside)(mount().position, up, along), `${Math.round(minutes)}′ ${names[Number(isAltaz())]}`);
+  return go((turnTube() ? besideOver : beside)(mount().position, up, along), `${Math.round(minutes)}′ ${names[Number(turnTube())]}`);
 }
 
 /** The place of a square spiral with this number, in steps. */
