@@ -88,6 +88,23 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
         assert chart["x"] + chart["width"] <= pad["x"] and orders["y"] + orders["height"] <= stop["y"]
 
 
+@pytest.mark.parametrize("size", [(320, 568), (667, 375), (844, 390), (900, 560)])
+def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    """The longest one: nothing of it is beyond the screen for good, and STOP covers none of its buttons."""
+    page = visit(size, told={'"equatorial":false': '"equatorial":true'})
+    page.show("more")
+    page.page.get_by_role("button", name="Narrow the limits…").click()
+    seen = (
+        "one => { const box = document.querySelector(one).getBoundingClientRect(); "
+        "return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)?.id }"
+    )
+    assert [page.page.evaluate(seen, f"#ask-{one}") for one in ("yes", "no")] == ["ask-yes", "ask-no"]
+    for one in ("title", "lowest", "highest", "sun", "hour_angle"):
+        page.page.evaluate("one => document.querySelector(one).scrollIntoView({block: 'nearest'})", f"#ask-{one}")
+        assert page.page.evaluate(seen, f"#ask-{one}") == f"ask-{one}"
+    page.page.click("#ask-no")
+
+
 @pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
 def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size)

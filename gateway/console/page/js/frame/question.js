@@ -13,8 +13,7 @@ export function question({ title, words, yes, fields = [] }) {
   say(byId("ask-title"), title);
   say(byId("ask-words"), words);
   say(byId("ask-yes"), yes);
-  byId("ask-fields").replaceChildren(
-    ...fields.flatMap((field, index) => [el("label", { for: `ask-${field.name}` }, field.label), inputs[index]]));
+  byId("ask-fields").replaceChildren(...fields.map((field, index) => el("label", {}, field.label, inputs[index])));
   const before = document.activeElement;
   dialog.close();
   return new Promise((resolve) => {
