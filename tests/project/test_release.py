@@ -113,3 +113,11 @@ def test_the_containerfile_is_short_and_runs_as_nobody_in_particular() -> None:
     assert len(lines) <= 25
     assert any(line.startswith("USER ") and "root" not in line for line in lines)
     assert any(line.startswith("HEALTHCHECK ") for line in lines)
+
+
+def test_a_container_is_built_from_the_package_alone() -> None:
+    everything, *wanted, compiled = (ROOT / ".dockerignore").read_text("utf-8").splitlines()[1:]
+    assert (everything, compiled) == ("*", "**/__pycache__")
+    package = {"gateway", "mappings", "pyproject.toml", "setup.py", "README.md", "LICENSE"}
+    commit = {".git/HEAD", ".git/packed-refs", ".git/refs"}
+    assert {line.removeprefix("!") for line in wanted} == package | commit
