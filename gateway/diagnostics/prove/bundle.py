@@ -21,14 +21,13 @@ from gateway.app.recording.format import RECORDER, Event, read, unescape
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.prove.anonymous import Elsewhere, anonymous, elsewhere, header, site_of, written
+from gateway.diagnostics.prove.anonymous import anonymous, header, written
+from gateway.diagnostics.prove.elsewhere import elsewhere, same_site, site_of
 from gateway.diagnostics.prove.findings import NOT_TRIED, Finding, Findings
 from gateway.diagnostics.replay.replaying import outputs, replay
 
 #: The name of the verdicts in a bundle, and the date of its files.
 VERDICTS, DATE = "verdicts.json", (1980, 1, 1, 0, 0, 0)
-#: Degrees of latitude within which two recordings are of one site.
-SAME_SITE = 0.1
 
 
 class Played(Struct, frozen=True):
@@ -87,14 +86,18 @@ def make(
     files: dict[str, bytes] = {}
     outcomes: dict[str, Played] = {}
     month = version = ""
-    there: Elsewhere | None = None
+    if not recordings:
+        raise UserError("nothing is recorded yet: the stages from place to program are")
+    originals = [read(path) for path in recordings]
+    told = [site_of(recording, findings.model) for recording in originals]
+    known = [(site, zone) for site, zone in told if site is not None]
+    if any(not same_site(known[0][0], site) for site, _ in known):
+        raise UserError("it was checked at several sites: delete the folder, and check it at one")
+    site, zone = (known or told)[0]
+    there = elsewhere(site, zone, originals[0].settings["began"], random)
     with tempfile.TemporaryDirectory() as folder:
-        for number, path in enumerate(recordings, 1):
-            recording, hidden = read(path), Path(folder) / f"{number}.rec"
-            site, zone = site_of(recording, findings.model)
-            there = there or elsewhere(site, zone, recording.settings["began"], random)
-            if site is not None and there.true is not None and abs(site[0] - there.true) > SAME_SITE:
-                raise UserError("it was checked at several sites: delete the folder, and check it at one")
+        for number, recording in enumerate(originals, 1):
+            hidden = Path(folder) / f"{number}.rec"
             settings = header(recording.settings, there)
             events = anonymous(recording, there, findings.equatorial, findings.model)
             hidden.write_bytes(written(settings, events))

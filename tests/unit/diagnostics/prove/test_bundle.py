@@ -17,9 +17,10 @@ from gateway.app.recording.format import read
 from gateway.app.state.file import SavedState
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
+from gateway.core.errors import UserError
 from gateway.core.requests import Goto, Spot, decode
 from gateway.diagnostics.prove import bundle, small_motions
-from gateway.diagnostics.prove.anonymous import elsewhere, site_of
+from gateway.diagnostics.prove.elsewhere import elsewhere, site_of
 from gateway.diagnostics.prove.findings import Findings
 from gateway.diagnostics.prove.gotos import HOUR_ANGLES
 from gateway.mount.site.program_settings import SiteOfProgram
@@ -168,8 +169,8 @@ def test_a_bundle_replays_as_a_recorded_mount(mount: str, tmp_path: Path) -> Non
 def test_no_shift_is_small_and_none_is_of_whole_hours() -> None:
     for seed in range(200):
         there = elsewhere((-33.9, 151.2), 10.0, EVENING, Random(seed))
-        assert there.hours != 0 and there.latitude == -35.0 and -180.0 <= there.longitude < 180.0
-        assert -12 <= 10.0 + there.hours <= 12
+        assert there.zone != 0 and there.latitude == -35.0 and -180.0 <= there.longitude < 180.0
+        assert -12 <= 10.0 + there.zone <= 12
         away = separation(there.longitude, there.latitude, 151.2, -33.9)
         assert away > 6.0
     shifts = {elsewhere((50.0, 10.0), 1.0, EVENING, Random(seed)).east % 1.0 for seed in range(200)}
@@ -214,3 +215,162 @@ def test_an_earlier_bundle_is_not_overwritten(tmp_path: Path, monkeypatch: pytes
         path = bundle.unused("prove-onstep-10.28g.zip")
         assert str(path) == expected
         path.touch()
+
+
+#: By protocol: how requests begin whose replies tell the site, the time or where it points, typed from the manuals; of
+#: a Celestron its axes (z, Z) tell nothing if it is equatorial.
+PRIVATE = {
+    "lx200": (b":Gt", b":Gg", b":GL", b":Ga", b":GG", b":GXT2", b":GA", b":GZ"),
+    "nexstar": (b"w", b"h", b"i"),
+    "alpaca": (b"sitelatitude", b"sitelongitude", b"utcdate", b"altitude", b"azimuth"),
+}
+
+
+def _lost(mount: str, path: Path, nth: int, config: dict[str, Any] | None = None, **more: Any) -> Findings:
+    """Check a mount that does not get the nth request, without any stage but what every check asks."""
+
+    def lose(proven: Proven) -> None:
+        write, count = proven.wire.write, iter(range(1, 10**6))
+        proven.wire.write = lambda data: None if next(count) == nth else write(data)  # type: ignore[method-assign]
+
+    async def check() -> Findings:
+        settings = {"site": SITE, "every": 9.0, "change": lose} | more
+        async with Proven(mount, record=path, config=config, **settings) as proven:
+            return await proven.check(Onlooker("ssssssss"))
+
+    findings: Findings = run_calm(check())
+    return findings
+
+
+def _told(path: Path, protocol: str) -> list[tuple[float, bytes, bytes]]:
+    """Return the replies to private requests, with their times and requests: each to the last request before it."""
+    asked, found = b"", list[tuple[float, bytes, bytes]]()
+    for event in read(path):
+        if event.side == "mount" and event.arrow == ">":
+            asked = event.data
+        elif event.side == "mount" and event.arrow == "<" and len(event.data) > 2:
+            found += [(event.at, asked, event.data)] * asked.startswith(PRIVATE[protocol])
+    return found
+
+
+@pytest.mark.parametrize(
+    "mount",
+    as_a_rule(
+        ["lx200:onstep", "nexstar:cgem"],
+        whole=["lx200:autostar", "lx200:lx200", "lx200:lx200gps", "lx200:onstep", "lx200:other", "lx200:teenastro",
+               "nexstar:6-8se", "nexstar:cgem", "nexstar:nexstar-gps", "alpaca:german"],
+    ),
+)  # fmt: skip
+def test_nothing_true_is_told_after_a_request_was_lost(mount: str, tmp_path: Path) -> None:
+    """A reply that fails to come must not shift the others: each belongs to the request before it."""
+    protocol = mount.partition(":")[0]
+    for nth in as_a_rule((9, 18, 19, 20, 21), whole=range(1, 60)):
+        for before in tmp_path.iterdir():
+            before.unlink()
+        findings = _lost(mount, tmp_path / "original.rec", nth)
+        files = bundle.make(findings, [tmp_path / "original.rec"], random=Random(1))
+        (tmp_path / "1.rec").write_bytes(files["1.rec"])
+        before_and_after = [set(_told(tmp_path / name, protocol)) for name in ("original.rec", "1.rec")]
+        assert before_and_after[0]
+        assert not before_and_after[0] & before_and_after[1], (mount, nth)
+        loaded = json.loads(files[bundle.VERDICTS])["played"]["1.rec"]
+        asked = sum(event.side == "mount" and event.arrow == ">" for event in read(tmp_path / "original.rec"))
+        assert loaded["requests"] > 0.9 * asked and loaded["strayed"] == 0, (mount, nth)
+
+
+def test_a_reply_that_cannot_be_understood_is_not_told(tmp_path: Path) -> None:
+    findings = _lost("lx200:lx200", path := tmp_path / "original.rec", 0)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"+47\\xdf18#", b"+47\\xdf1x8#"))
+    assert path.read_bytes() != whole
+    assert b"+47" not in bundle.make(findings, [path], random=Random(1))["1.rec"]
+
+
+def test_a_private_reply_that_stays_makes_no_bundle(tmp_path: Path) -> None:
+    """Whatever way it takes through the code that hides it."""
+    findings = _lost("lx200:lx200", path := tmp_path / "original.rec", 0)
+    with (
+        patch("gateway.protocols.wireformat.command.FrameTemplate.encode", lambda *_: b"+47\xdf18#"),
+        pytest.raises(UserError, match="was not hidden"),
+    ):
+        bundle.make(findings, [path], random=Random(1))
+
+
+@pytest.mark.parametrize(
+    "surface",
+    ["any@tcp://127.0.0.1:4040", "lx200@tcp://127.0.0.1:4030", "nexstar:synscan@tcp://127.0.0.1:4030",
+     "alpaca@tcp://127.0.0.1:11111", "stellarium@tcp://127.0.0.1:10001", "lx200@COM5",
+     "lx200@rfc2217://0.0.0.0:4032"],
+)  # fmt: skip
+def test_whatever_surface_the_owner_has_a_bundle_is_made(surface: str, tmp_path: Path) -> None:
+    findings = _lost("nexstar:6-8se", path := tmp_path / "original.rec", 0)
+    lines = path.read_bytes().split(b"\n", 2)
+    settings = json.loads(lines[1][2:])
+    settings["config"]["surface"].insert(0, settings["config"]["surface"][0] | {"at": surface})
+    path.write_bytes(b"\n".join([lines[0], b"# " + json.dumps(settings).encode(), lines[2]]))
+    files = bundle.make(findings, [path], random=Random(1))
+    assert json.loads(files[bundle.VERDICTS])["played"]["1.rec"]["requests"] > 20
+    assert surface.partition("@")[2].encode() not in files["1.rec"]
+
+
+def test_a_site_that_is_known_only_later_is_hidden_in_all_recordings(tmp_path: Path) -> None:
+    """The shift of the clocks and that of the longitude must be one, or the sky of the gotos tells the true one."""
+    for name, known in (("a.rec", False), ("b.rec", True)):
+        config = {"at": "nexstar:i-series/2.2@sim", "mode": "eq-north"} | ({"site": SITE} if known else {})
+        path = tmp_path / name
+        findings = _lost("nexstar:i-series/2.2", path, 0, config, wedge=True, start=EVENING + 600.0 * known)
+    files = bundle.make(findings, [tmp_path / "a.rec", tmp_path / "b.rec"], random=Random(1))
+    (tmp_path / "2.rec").write_bytes(files["2.rec"])
+    site, _ = site_of(hidden := read(tmp_path / "2.rec"))
+    assert site is not None
+    before, after = sidereal_time(EVENING + 600.0, SITE[1]), sidereal_time(hidden.settings["began"], site[1])
+    assert abs(wrap180(before - after)) < 0.02
+
+
+@pytest.mark.parametrize("places", [((47.3, 11.6), (47.3, 40.0)), ((47.3, 11.6), (52.0, 11.6))])
+def test_recordings_of_two_sites_make_no_bundle(places: tuple[tuple[float, float], ...], tmp_path: Path) -> None:
+    paths = [tmp_path / "a.rec", tmp_path / "b.rec"]
+    for path, site in zip(paths, places, strict=True):
+        findings = _lost("nexstar:6-8se", path, 0, site=site)
+    with pytest.raises(UserError, match="several sites"):
+        bundle.make(findings, paths, random=Random(1))
+
+
+def test_settings_with_another_site_than_the_mount_tells_make_no_bundle(tmp_path: Path) -> None:
+    findings = _lost("nexstar:6-8se", path := tmp_path / "original.rec", 0, {"site": (40.0, -75.0)})
+    with pytest.raises(UserError, match="another site than the settings"):
+        bundle.make(findings, [path], random=Random(1))
+
+
+@pytest.mark.parametrize(
+    ("mount", "zone"),
+    [("lx200:onstep", 5.75), ("nexstar:cgem", 5.75), ("lx200:lx200gps", -3.5), ("nexstar:synscan", 5.5)],
+)
+def test_a_zone_that_names_a_country_becomes_one_of_whole_hours(mount: str, zone: float, tmp_path: Path) -> None:
+    site = (27.7, 15.0 * zone)
+    findings = _lost(mount, path := tmp_path / "original.rec", 0, utc_offset=zone, site=site)
+    assert site_of(read(path), findings.model)[1] in (zone, int(zone))  # an older Celestron counts whole hours
+    files = bundle.make(findings, [path], random=Random(1))
+    (tmp_path / "1.rec").write_bytes(files["1.rec"])
+    hidden = read(tmp_path / "1.rec")
+    told, there = site_of(hidden, findings.model)
+    assert there % 1.0 == 0.0 and told is not None
+    before, after = sidereal_time(EVENING, site[1]), sidereal_time(hidden.settings["began"], told[1])
+    assert abs(wrap180(before - after)) < 0.02
+
+
+@pytest.mark.parametrize("minutes", [-11.0, -1.0, 3.0, 9.0])
+def test_a_date_changes_at_the_midnight_that_is_told(minutes: float, tmp_path: Path) -> None:
+    """Date, local time and zone of a Meade give the clock of the recording, so many minutes from its midnight."""
+    midnight = EVENING + 2.0 * 3600.0  # in UTC, which is the local time here
+    for seed in range(6):
+        path = tmp_path / f"original{seed}.rec"
+        findings = _lost("lx200:lx200gps", path, 0, start=midnight + 60.0 * minutes)
+        files = bundle.make(findings, [path], random=Random(seed))
+        (tmp_path / "1.rec").write_bytes(files["1.rec"])
+        told = _told(tmp_path / "1.rec", "lx200")
+        clock = {asked: reply.decode("latin-1").rstrip("#") for _, asked, reply in reversed(told)}
+        at = next(at for at, asked, _ in told if asked == b":GL#")
+        local = datetime.strptime(f"{clock[b':GC#']} {clock[b':GL#']}+0000", "%m/%d/%y %H:%M:%S%z").timestamp()
+        unix = local + 3600.0 * float(clock[b":GG#"].split(":")[0])
+        assert abs(unix - read(tmp_path / "1.rec").settings["began"] - at) < 5.0, (seed, clock)
