@@ -8,6 +8,7 @@ import struct
 from datetime import UTC, datetime
 from typing import Any
 
+from gateway.astro.axes import Build
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap360
 from tests.integration.test_four_by_four import Program
@@ -65,11 +66,10 @@ class Face(Program):
             self.client.tell(f":Mg{direction}{ms:04d}#".encode())
 
     async def tracking(self, on: bool) -> None:
-        equatorial = self.bridge.sim.kind.mode != 0
+        equatorial = self.bridge.sim.mechanics.build is not Build.ALTAZ
         if self.nexstar:
-            await self._yes(
-                b"T" + bytes(((2 if self.bridge.sim.sky.latitude > 0 else 3) if equatorial else 1,) if on else (0,))
-            )
+            north = self.bridge.sim.mechanics.sky.latitude > 0
+            await self._yes(b"T" + bytes((0 if not on else 1 if not equatorial else 2 if north else 3,)))
         else:
             self.client.tell(b":AL#" if not on else b":AP#" if equatorial else b":AA#")
 
