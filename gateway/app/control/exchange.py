@@ -90,10 +90,15 @@ def is_listening(endpoint: ControlEndpoint) -> bool:
     return False
 
 
+def left_moving(endpoint: ControlEndpoint) -> list[Path]:
+    """Return the motion markers in the state folder of a gateway."""
+    return sorted(Path(endpoint.state).glob("*.moving")) if endpoint.state else []
+
+
 def remove_stale(folder: Path) -> None:
-    """Delete the endpoint files of gateways that no longer run. Raises OSError."""
+    """Delete the endpoint files of gateways that no longer run, unless they lead to a motion marker. Raises OSError."""
     for path, endpoint in read_endpoints(folder, user()):
-        if not is_listening(endpoint):
+        if not is_listening(endpoint) and not left_moving(endpoint):
             with contextlib.suppress(OSError):
                 path.unlink()
 

@@ -12,13 +12,14 @@ import contextlib
 import os
 import socket
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 import msgspec
 from msgspec import Struct
 
 from gateway.app.control import exchange
-from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.control.exchange import ControlEndpoint, left_moving
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.app.status import State
 from gateway.core.requests import FAILED, Answer, Halt, Request, See, encode, new_number, read_answer
@@ -35,10 +36,10 @@ ANSWERED = 15.0
 
 
 class SearchResult(Struct):
-    """The result of a search: gateways that can be asked, motion markers of killed gateways, and doubts."""
+    """The result of a search: gateways that can be asked, motion markers with their state folders, and doubts."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
-    markers: list[MarkerContent]
+    markers: list[tuple[Path, MarkerContent]]
     doubts: list[str]
 
 
@@ -68,15 +69,29 @@ def reachable(process: processes.Process) -> bool:
 
 
 def search(scope: Scope) -> SearchResult:
-    """Search the folders of the scope; this sends nothing to any gateway."""
+    """Search the folders of the scope; this sends nothing to any gateway.
+
+    Motion markers count in the state folder of the scope and in those of this user's gateways. What another user's
+    gateway has left moving is for that user: root would open whatever port a file of theirs names.
+    """
     endpoints, doubts = _all_endpoints(scope.folder)
     here = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
     for path, endpoint in endpoints:
         if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
-    markers = [mark for mark in map(read_marker, sorted(scope.folder.glob("*.moving"))) if mark is not None]
+    of_gateways = (left_moving(endpoint) for path, endpoint in gateways.values() if is_own(path.parent))
+    paths = {os.path.realpath(path): path for path in chain(scope.folder.glob("*.moving"), *of_gateways)}
+    markers = [(path.parent, mark) for path in sorted(paths.values()) if (mark := read_marker(path)) is not None]
     return SearchResult(list(gateways.values()), markers, doubts)
+
+
+def is_own(folder: Path) -> bool:
+    """Whether a folder is there and belongs to this user."""
+    try:
+        return user() is None or os.lstat(folder).st_uid == user()
+    except OSError:
+        return False
 
 
 def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:

@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct, field
 
-from gateway.app.control.exchange import ControlEndpoint, is_listening
+from gateway.app.control.exchange import ControlEndpoint, is_listening, left_moving
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
-from gateway.app.control.reach import Scope, ask, explain_unreachable, reachable, search, unreachable_gateways
+from gateway.app.control.reach import Scope, ask, explain_unreachable, is_own, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.mount.readings.rest import come_to_rest
 from gateway.system.processes import age
-from gateway.system.runtime_folders import user
 
 #: A process that cannot be asked may be just starting: search so many times, so many seconds apart. One that has run
 #: longer than this may be ending: search once more, and tell of it.
@@ -55,12 +53,16 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
         names = {endpoint.mount: endpoint.title for _, endpoint in found.gateways}
         meant = {endpoint.mount for _, endpoint in new}
-        markers = {mark.mount: mark for mark in found.markers if _matches(mark.mount, only) or mark.mount in meant}
+        markers = {
+            mark.mount: (folder, mark)
+            for folder, mark in found.markers
+            if _matches(mark.mount, only) or mark.mount in meant
+        }
         report.others |= {
             names.get(mount, mount)
             for mount in (
                 *(endpoint.mount for _, endpoint in found.gateways if is_listening(endpoint)),
-                *(mark.mount for mark in found.markers),
+                *(mark.mount for _, mark in found.markers),
             )
             if mount not in meant and mount not in markers
         }
@@ -68,10 +70,7 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
             markers.clear()
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         answers_by_mount = await asyncio.gather(
-            *(
-                _order_mount([one for one in new if one[1].mount == mount], word, markers.get(mount), scope.folder)
-                for mount in mounts
-            )
+            *(_order_mount([one for one in new if one[1].mount == mount], word, markers.get(mount)) for mount in mounts)
         )
         report.outcomes += [
             (names.get(mount, mount), answer)
@@ -88,15 +87,18 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
 
 
 async def _order_mount(
-    gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: MarkerContent | None, folder: Path
+    gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: tuple[Path, MarkerContent] | None
 ) -> list[str]:
     """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
     asked = await asyncio.gather(*(ask(endpoint, word, LONGEST) for _, endpoint in gateways))
-    for (path, _), answer in zip(gateways, asked, strict=True):
-        if answer is None:
-            _delete(path)
     answers = [answer for answer in asked if answer is not None]
-    return [await _stop_directly(left, folder)] if left is not None and not answers else answers
+    if left is not None and not answers:
+        folder, mark = left
+        answers = [await _stop_directly(mark, folder)]
+    for (path, endpoint), answer in zip(gateways, asked, strict=True):
+        if answer is None and not left_moving(endpoint):
+            _delete(path)
+    return answers
 
 
 def _matches(mount: str, only: str | None) -> bool:
@@ -107,7 +109,7 @@ def _matches(mount: str, only: str | None) -> bool:
 def _delete(path: Path) -> None:
     """Delete the endpoint file of a gateway that has ended, unless the folder belongs to another user."""
     with contextlib.suppress(OSError):
-        if user() is None or os.lstat(path.parent).st_uid == user():
+        if is_own(path.parent):
             path.unlink()
 
 

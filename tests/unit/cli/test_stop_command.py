@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app.control import reach, stop_command
+from gateway.app.control import exchange, reach, stop_command
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.state.file import MarkerContent
 from gateway.cli import main
@@ -159,6 +159,37 @@ def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
     gone = ControlEndpoint("nexstar@sim", GONE, port, "s", str(tmp_path), "pier")
     (tmp_path / "m.control").write_bytes(msgspec.json.encode(gone))
     assert stop(*here, "--mount", "pier") == (0, "pier: stopped nexstar@sim")
+
+
+def test_what_a_killed_gateway_with_another_state_folder_left_moving_is_stopped(
+    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("XDG_RUNTIME_DIR", "TMPDIR", "XDG_STATE_HOME"):
+        monkeypatch.setenv(name, str(tmp_path))
+    monkeypatch.delenv("STATE_DIRECTORY")
+    (east := tmp_path / "east").mkdir()
+    marker, answers = east / "m.moving", ["failed no answer", "stopped"]
+
+    async def directly(mark: MarkerContent, where: Path) -> str:
+        assert (mark.mount, where) == ("nexstar@/dev/ttyS9", east)
+        if (answer := answers.pop(0)) == "stopped":
+            marker.unlink()
+        return answer
+
+    monkeypatch.setattr(stop_command, "_stop_directly", directly)
+    marker.write_bytes(msgspec.json.encode(MarkerContent("nexstar@/dev/ttyS9", 9600)))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as freed:
+        freed.bind(("127.0.0.1", 0))
+        gone = ControlEndpoint("nexstar@/dev/ttyS9", GONE, freed.getsockname()[1], "s", str(east), "east")
+    for folder in (folders := runtime.folders()[0]):
+        (folder / "m.control").write_bytes(msgspec.json.encode(gone))
+    assert len(folders) == 2
+    exchange.remove_stale(folders[0])  # as a gateway does that starts for another mount
+    assert stop("--state", str(tmp_path / "west")) == (0, NOTHING)
+    assert stop() == (1, "east: not stopped: no answer")
+    assert stop() == (0, "east: stopped")
+    assert stop() == (0, NOTHING)
+    assert not [*folders[0].iterdir(), *folders[1].iterdir()]
 
 
 # --- what could not be known ------------------------------------------------------------------------------------
