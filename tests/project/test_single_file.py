@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.astro.ephemeris import keeper
+from gateway.astro.ephemeris.day_table import DAY
 from tests.support.pages import ROOT
 from tests.support.process import Running, ask
 
@@ -66,6 +68,22 @@ def test_it_calculates_the_almanac(one: str, tmp_path: Path) -> None:
     words = [one, "almanac", str(tmp_path / "almanac"), "--days", "2"]
     done = subprocess.run(words, timeout=120, capture_output=True, text=True)
     assert done.returncode == 0 and "2 days" in done.stdout, done.stderr
+
+
+def test_its_gateway_lets_the_file_calculate_the_almanac(
+    one: str, tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On an empty cache: the gateway starts the file that it was started from, and uses what that calculates."""
+    monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
+    started.append(run := Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", by=[one]))
+    assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(run.ready(), b":GR#"))
+    until, sky = time.monotonic() + keeper.LONGEST, "closed form"
+    while sky == "closed form" and time.monotonic() < until:
+        status = subprocess.run([one, "status", "--json"], timeout=60, capture_output=True, text=True)
+        [mount] = json.loads(status.stdout)
+        sky = mount["sky"]
+    assert run.end() == 0 and sky.startswith("almanac of "), run.said
+    assert keeper.stored().days_from(int(time.time() // DAY)) >= keeper.AHEAD - 1
 
 
 def test_explain_runs_as_a_process_of_its_own(one: str) -> None:
