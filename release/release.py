@@ -141,9 +141,9 @@ def replace(path: Path, pattern: str, text: str) -> None:
 def tests() -> None:
     step("Tests: .ci/run")
     subprocess.run(["bash", str(ROOT / ".ci" / "run")], check=True)
-    step("Tests: every command between every presented model and every mount, and all nights of real programs")
-    command = ".venv/bin/python -bb -m pytest -q -n2 --whole tests/conformance/wire tests/programs"
-    subprocess.run(command.split(), cwd=ROOT, check=True)
+    step("Tests: every command between each presented model and mount, nights of real programs, the single file")
+    whole = ("tests/conformance/wire", "tests/programs", "tests/project/test_single_file.py")
+    subprocess.run([".venv/bin/python", "-bb", "-m", "pytest", "-q", "-n2", "--whole", *whole], cwd=ROOT, check=True)
 
 
 def judged(files: list[Path]) -> None:
