@@ -35,7 +35,7 @@ PROJECT, CHANGES = ROOT / "pyproject.toml", ROOT / "CHANGELOG.md"
 RELEASES, NUMBERS = ("bookworm", "trixie", "sid"), {"bookworm": "deb12", "trixie": "deb13"}
 #: Commands that may be Pythons of this machine.
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
-#: What builds and judges the files, by the names of their packages.
+#: What builds and judges wheel and source distribution, by the names of their packages.
 TOOLS = ("build", "check-wheel-contents", "pyroma", "twine")
 #: What pyroma may complain of as long as the project has no address: it gives 8 of 10 points then.
 WITHOUT_ADDRESS = ("url", "email", "e-mail")
@@ -54,9 +54,10 @@ def main() -> int:
     if given.check == bool(given.version):
         words.error("write the version to release, or --check")
     began = time.monotonic()
-    if lacking := [name for name in TOOLS if not installed(name)]:
+    tools = TOOLS if given.check else (*TOOLS, "pyinstaller")
+    if lacking := [name for name in tools if not installed(name)]:
         sys.exit(
-            f"{sys.executable} has no {', '.join(lacking)}. Type .venv/bin/pip install -e '.[test,dev]' "
+            f"{sys.executable} has no {', '.join(lacking)}. Type .venv/bin/pip install -e '.[test,dev,single-file]' "
             "and give the command again with .venv/bin/python."
         )
     if given.version:
@@ -141,6 +142,8 @@ def replace(path: Path, pattern: str, text: str) -> None:
 def tests() -> None:
     step("Tests: .ci/run")
     subprocess.run(["bash", str(ROOT / ".ci" / "run")], check=True)
+    step("Tests: the parts and the recorded conversations on the Python of Debian sid")
+    subprocess.run([str(ROOT / ".ci" / "python"), "sid"], check=True)
     step("Tests: every command between each presented model and mount, nights of real programs, the single file")
     whole = ("tests/conformance/wire", "tests/programs", "tests/project/test_single_file.py")
     subprocess.run([".venv/bin/python", "-bb", "-m", "pytest", "-q", "-n2", "--whole", *whole], cwd=ROOT, check=True)

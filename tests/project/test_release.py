@@ -97,7 +97,7 @@ def test_what_is_missing_is_told_before_anything_is_changed(
     monkeypatch.setattr("sys.argv", ["release.py", *words])
     monkeypatch.setattr(making, "TOOLS", ("pytest", "no-such-package"))
     monkeypatch.setattr(making, "build", None)
-    with pytest.raises(SystemExit, match=r"has no no-such-package.*\.venv/bin/pip install -e '\.\[test,dev\]'"):
+    with pytest.raises(SystemExit, match=r"has no no-such-package.*\.venv/bin/pip install -e '"):
         making.main()
     assert (project / "PROJECT").read_text() == before
 
