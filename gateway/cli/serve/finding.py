@@ -166,8 +166,8 @@ def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     if not transaction.heard_ever and longest:
         return (
             f"{gateway.title}: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait gives up "
-            "after 10 s"
+            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait "
+            "gives up sooner"
         )
     if not transaction.heard_ever:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"

@@ -151,7 +151,7 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
         assert 25.0 < now() - began < 30.0
         assert slow.said[-1] == (
             "nexstar@/dev/ttyUSB0: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up after 10 s"
+            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up sooner"
         )
         assert 4.0 < slow.times[-1] < 4.5
         assert await bridge.client().ask(b":GR#", until=b"#")
