@@ -241,4 +241,4 @@ def test_nothing_touches_the_network_or_the_disk_and_memory_stays_small(
         monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     said, memory = run(RESIDENT + WATCHED + before + "bare = resident()\n" + first + ASKED + MINUTES).splitlines()
     assert said == "True [] False"
-    assert int(memory) < 64 * 1024
+    assert int(memory) < 72 * 1024  # 58 MB on Python 3.11 and 3.12, 66 on 3.14

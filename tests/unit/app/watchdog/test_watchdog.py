@@ -101,7 +101,7 @@ def test_the_next_gateway_has_the_port_at_once(watch: Callable[[str, str], Watch
     killed = watched.gateway.process
     killed.send_signal(signal.SIGKILL)
     assert killed.stderr is not None
-    assert "watchdog" in killed.stderr.readline()
+    assert any("watchdog" in line for line in killed.stderr)  # a loaded computer may have made the gateway say more
     watched.begin()
     deadline = time.monotonic() + PATIENCE
     while watched.speed() > 0.05:
