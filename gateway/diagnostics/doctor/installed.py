@@ -18,7 +18,7 @@ from gateway.diagnostics.doctor.facts import Package
 
 PRODUCT, DATA = "mount-gateway", "astropy-iers-data"
 #: Extras that only developers of mount-gateway need.
-DEVELOPING = ("test", "dev", "docs", "single-file")
+DEVELOPING = ("test", "judges", "dev", "docs", "single-file")
 _UNIX_EPOCH_MJD, _DAY = 40587.0, 86400.0
 
 

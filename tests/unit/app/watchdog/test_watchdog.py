@@ -60,6 +60,7 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
         ("blocked", "nexstar", "pty"),
         ("quit", "lx200", "tcp"),
         ("killed", "alpaca", "tcp"),
+        ("frozen", "alpaca", "tcp"),
     ],
 )
 @pytest.mark.safety_line(7)
