@@ -38,7 +38,7 @@ def test_every_view_is_red(console: Console, visit: Callable[..., Visit], size: 
             assert np.asarray(picture)[..., 0].max() > 150, view
 
 
-def test_a_question_a_refusal_and_suggestions_are_red(visit: Callable[..., Visit]) -> None:
+def test_a_question_a_refusal_suggestions_and_the_own_list_are_red(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.page.fill("#object", "al")
     page.until("names are offered", lambda: page.page.locator("#suggestions li").count() > 1)
@@ -52,6 +52,11 @@ def test_a_question_a_refusal_and_suggestions_are_red(visit: Callable[..., Visit
     page.page.fill("#object", "Xyzzyx")
     page.page.press("#object", "Enter")
     page.until("it is refused", lambda: "Xyzzyx" in page.text("#notices"))
+    assert not_red(page.picture()) == 0
+    page.page.click("#tonight-button")
+    page.page.click("#tonight-kinds >> text=Mine")
+    page.page.click("#tonight summary")
+    page.page.locator("#own-file").scroll_into_view_if_needed()
     assert not_red(page.picture()) == 0
 
 

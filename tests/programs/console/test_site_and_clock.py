@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .page import Visit
+import pytest
+
+from .page import DESK, PHONE, Visit
 
 
 def test_this_devices_time_in_one_tap(visit: Callable[..., Visit]) -> None:
@@ -14,8 +16,9 @@ def test_this_devices_time_in_one_tap(visit: Callable[..., Visit]) -> None:
     page.until("it is answered in words", lambda: page.text("#notices") != "")
 
 
-def test_a_place_that_is_pasted(visit: Callable[..., Visit]) -> None:
-    page = visit()
+@pytest.mark.parametrize("size", [PHONE, (320, 568), (844, 390), DESK])
+def test_a_place_that_is_pasted(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size)
     page.show("readings")
     for site, answer in (("north, 10", "That is no place on Earth"), ("45,001° N; 10.001 E", "The site is set")):
         page.page.get_by_role("button", name="Set the site…").click()
@@ -24,6 +27,10 @@ def test_a_place_that_is_pasted(visit: Callable[..., Visit]) -> None:
         page.until("it is answered in words", lambda words=answer: page.text("#notices").startswith(words))
     assert "site = [45.001, 10.001]" in page.text("#notices"), "what to write into gateway.toml"
     assert "holds for nobody: this mount is aligned and gets none" in page.text("#notices")
+    cut = "[...document.querySelectorAll('.notice, .notice p')].some(one => one.scrollHeight > one.clientHeight)"
+    assert not page.page.evaluate(cut)
+    page.page.locator("#notices").get_by_role("button", name="Close").click()
+    assert page.text("#notices") == "", "it stays until it is closed"
 
 
 def test_limits_are_narrowed_and_taken_back(visit: Callable[..., Visit]) -> None:

@@ -68,7 +68,7 @@ function explain() {
   if (explained) return;
   explained = true;
   keep("light-explained", "1");
-  notice("Red while the Sun is down at the mount; the button with the Sun changes it.");
+  notice("Red while the Sun is down. The Sun's button changes that.");
 }
 
 export function start() {
