@@ -18,6 +18,8 @@ let chosen = null;
 /** The number of the newest look-up: the answer to an earlier one is dropped. */
 let newest = 0;
 let drawn = "";
+/** Whether another text was typed since, which was not looked up yet: nothing is started under it. */
+let other = false;
 const listeners = [];
 
 /** Subscribe to changes of the chosen position (null: none). */
@@ -46,8 +48,14 @@ export function showTyped(place) {
 /** Choose a J2000 position that was tapped. */
 const showPlace = ({ ra2000, dec2000 }, name = "") => look({ do: "ask", ra: ra2000, dec: dec2000, j2000: true }, name);
 
+export function typing(another) {
+  other = another;
+  draw();
+}
+
 /** Choose what was tapped in the chart: by its name if the gateway knows that, because some objects move. */
 export async function showPicked(picked) {
+  byId("object").value = "";
   if (!picked.name || !(await look({ do: "look_up", name: picked.name }, picked.name, () => {}))) showPlace(picked, picked.name);
 }
 
@@ -64,6 +72,7 @@ async function look(request, name, refused = (words) => notice(words, "refused")
     return false;
   }
   chosen = { request, found: called(answer, name) };
+  other = false;
   show("sky");
   if (!lower) import("./details.js").then((loaded) => ((lower = loaded), again()), () => {});
   draw();
@@ -129,7 +138,7 @@ function aside() {
 }
 
 export async function sync() {
-  if (!chosen) return notice("Choose in the sky, or find by name, what the telescope points at; then sync.", "refused");
+  if (!chosen || other) return notice("Choose in the sky, or find by name, what the telescope points at; then sync.", "refused");
   const name = chosen.found.name || "this place";
   const agreed = await question({
     title: `Sync on ${name}?`, yes: BUTTONS.centred,
@@ -178,7 +187,7 @@ function coordinates({ request, found }) {
 }
 
 function card(found) {
-  const may = state.act && found.may;
+  const may = state.act && !other;
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
@@ -189,10 +198,10 @@ function card(found) {
       el("div", {}, el("dt", {}, READINGS.az), el("dd", {}, azimuth(found.az))),
       el("div", {}, el("dt", {}, event), el("dd", {}, when)),
       el("div", {}, el("dt", {}, READINGS.culminates), el("dd", {}, culminates(found)))),
-    found.may ? null : el("p", { class: "why" }, found.why),
+    other || !found.may ? el("p", { class: "why" }, other ? "Press Find for what is typed above." : found.why) : null,
     el("div", { class: "buttons" },
-      button(BUTTONS.go, go, { class: "primary", id: "go", disabled: !may }),
-      button(BUTTONS.syncHere, sync, { id: "sync", disabled: !state.act })),
+      button(BUTTONS.go, go, { class: "primary", id: "go", disabled: !may || !found.may }),
+      button(BUTTONS.syncHere, sync, { id: "sync", disabled: !may })),
     lower ? lower.details(found, again) : null,
   ].filter(Boolean);
 }
@@ -208,7 +217,7 @@ function again() {
 
 function draw() {
   const box = byId("place");
-  const key = JSON.stringify([chosen?.found ?? null, state.act]);
+  const key = JSON.stringify([chosen?.found ?? null, state.act, other]);
   if (key !== drawn) redraw(box, key);
   if (chosen) tellWay(byId("go"), asked || onItsWay());
 }

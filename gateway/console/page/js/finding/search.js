@@ -4,7 +4,7 @@
 import { BUTTONS } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
 import { notice, settled } from "../frame/notices.js";
-import { forget, onPlace, showName, showTyped } from "./place.js";
+import { forget, onPlace, showName, showTyped, typing } from "./place.js";
 import { typedPlace } from "./typed.js";
 import { ask } from "../core/socket.js";
 
@@ -12,6 +12,8 @@ const PATIENCE = 120;
 let timer = 0;
 let marked = -1;
 let latest = 0;
+/** What stands in the field when a card is shown. */
+let own = "";
 
 function close() {
   byId("suggestions").hidden = true;
@@ -92,10 +94,14 @@ export function start() {
   input.addEventListener("input", () => {
     clearTimeout(timer);
     mark(null); // the marked suggestion belonged to another text
+    typing(input.value.trim() !== own && input.value.trim() !== "");
     timer = setTimeout(suggest, PATIENCE);
   });
   input.addEventListener("focus", () => input.select());
-  onPlace((place) => place?.name && (input.value = place.name));
+  onPlace((place) => {
+    if (place?.name) input.value = place.name;
+    own = input.value.trim();
+  });
   input.addEventListener("keydown", keys);
   input.addEventListener("blur", close);
   byId("search").addEventListener("submit", submit);
