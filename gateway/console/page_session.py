@@ -19,6 +19,7 @@ from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, night, suggestions
 from gateway.console.shown.publisher import PageFrame, talk
+from gateway.console.shown.view import on_page
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
@@ -223,7 +224,7 @@ class PageSession:
         await self._answer(message.id, True, f"the recording is in {path}", more)
 
     async def _tell(self, message: Message, answer: Answer) -> None:
-        await self._answer(message.id, answer.done, answer.words)
+        await self._answer(message.id, answer.done, on_page(answer.words))
 
     async def _answer(self, number: int, done: bool, words: str, more: dict[str, Any] | None = None) -> None:
         if number:

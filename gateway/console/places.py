@@ -14,7 +14,7 @@ from gateway.app.control import objects
 from gateway.app.control.refusals import explain
 from gateway.app.control.requests import of_date
 from gateway.astro.spherical import wrap180
-from gateway.console.shown.view import COARSE, coordinates
+from gateway.console.shown.view import COARSE, coordinates, on_page
 from gateway.core.requests import Named, Target
 from gateway.mount.controller import MountController
 
@@ -34,7 +34,7 @@ async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
         where = entry.where
     goal = await of_date(controller, where)
     fault = await controller.preview(goal)
-    why = "" if fault is None else explain(fault, controller.policy.limits)
+    why = "" if fault is None else on_page(explain(fault, controller.policy.limits))
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
 
 

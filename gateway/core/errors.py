@@ -96,6 +96,10 @@ class Fault(GatewayError):
         if words or brief:
             self.brief = brief
 
+    def of(self, what: str) -> str:
+        """Return that ``what`` was refused, and why; the text of a sync begins with that already."""
+        return str(self) if str(self).startswith(what) else f"{what}: {self}"
+
 
 class Invalid(Fault):
     """A value outside its range, or a field that cannot be read."""

@@ -141,8 +141,9 @@ class RequestHandler:
             return Answer(DONE, await self._do(request, active))
         except Fault as fault:
             controller = self._controller
-            why = " ended by a stop" if isinstance(fault, Stopped) else f": {fault}"
-            controller.wire_log.refused(active.activity.who, title(request) + why)
+            what = title(request)
+            words = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
+            controller.wire_log.refused(active.activity.who, words)
             return Answer(FAILED, explain(fault, controller.policy.limits), type(fault).__name__)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:

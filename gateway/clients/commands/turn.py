@@ -189,7 +189,7 @@ class BackgroundOperations:
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
     def _failed(self, operation: Operation, fault: Fault) -> None:
-        self._log.refused(f"{operation.title()}: {fault}")
+        self._log.refused(fault.of(operation.title()))
 
 
 #: An operation that takes minutes by its manual and ends with the next command: its reply may take until then.
@@ -267,7 +267,7 @@ class TurnRunner:
                 )
                 answer = self._to_client(wanted, value)
             except Fault as error:
-                words = f"{wanted.title()}: {error}"
+                words = error.of(wanted.title())
                 (self._log.note if isinstance(wanted, Read) else self._log.refused)(words)
                 fault = error
             try:
@@ -306,7 +306,7 @@ class TurnRunner:
         """Return the fault if the operation is impossible now, and log it."""
         fault = self._controller.impossible(operation)
         if fault is not None:
-            self._log.refused(f"{operation.title()}: {fault}")
+            self._log.refused(fault.of(operation.title()))
         return fault
 
     # --- answers -----------------------------------------------------------------------------------------------------

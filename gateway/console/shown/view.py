@@ -21,6 +21,12 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
 OFFERED = ("Home", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
+#: Advice for a terminal, and what stands in its place on a page, which has buttons for that.
+ON_PAGE = {
+    "The mount is held. To release it, type mount-gateway stop --release.": "The mount is held: release it first.",
+    "until mount-gateway stop --release": "before it is released",
+    ": mount-gateway unpark, or its own keys": "",
+}
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -37,7 +43,8 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
         "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held,
-        "wanted": list(shown.wanted), "allowed": list(shown.allowed), "lately": list(shown.lately),
+        "wanted": list(shown.wanted), "allowed": [on_page(words) for words in shown.allowed],
+        "lately": [on_page(words) for words in shown.lately],
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
@@ -53,6 +60,13 @@ def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
         "site_holds": controller.settings.holds_for(),
     }
     yield _goal(controller, state)
+
+
+def on_page(words: str) -> str:
+    """Return a sentence as a page says it."""
+    for advice, instead in ON_PAGE.items():
+        words = words.replace(advice, instead)
+    return words
 
 
 def _abilities(controller: MountController, status: op.Status | None) -> dict[str, Any]:

@@ -183,6 +183,11 @@ def test_a_held_mount_is_shown_and_released(visit: Callable[..., Visit]) -> None
     page.show("control")
     page.page.get_by_role("button", name="Hold still").click()
     page.until("it is shown", lambda: "The mount is held" in page.text("#banners"))
+    page.page.click("[data-go=north]")
+    page.until("an arrow is refused", lambda: page.text("#notices p") == "The mount is held: release it first.")
+    page.until("as is told lately", lambda: "Arrow: The mount is held: release it first" in page.text("#readings"))
+    said = page.text("main")
+    assert "mount-gateway stop" not in said, "the page has a button for that"
     page.show("sky")
     page.page.locator("#banners").get_by_role("button", name="Release").click()
     page.until("it is released", lambda: not page.text("#banners").startswith("The mount is held"))

@@ -7,9 +7,14 @@ import re
 from collections.abc import Callable
 
 import pytest
+from playwright.sync_api import FilePayload
 
 from ..sky import NIGHT, NORTH, spot_at
 from .page import Console, Visit
+
+#: A file with a list of one's own: the last two lines are no places.
+OWN_LIST = "albireo\n05:34:32 +22:00:52 J2000\nXyzzyx\n5.588 -5.39\n"
+OWN_FILE: FilePayload = {"name": "own.txt", "mimeType": "text/plain", "buffer": OWN_LIST.encode()}
 
 
 def lx200(degrees: float, hours: bool) -> str:
@@ -222,11 +227,18 @@ def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
     page.until("it is marked", lambda: page.text("#mark-seen") == "✓ Seen")
     page.page.click("#tonight-button")
     page.page.click("#tonight-kinds >> text=Mine")
+    page.until("the favourites", lambda: page.text("#tonight-says").endswith("horizon.") and rows.count() == 1)
+    assert page.text("#tonight-says").startswith("Now and within two hours, 1 of 1 is up. The Moon")
     page.page.click("#tonight summary")
-    page.page.fill("#own-list", "albireo\n05:34:32 +22:00:52 J2000\nXyzzyx\n")
+    page.page.set_input_files("#own-file", OWN_FILE)
+    page.until("the file is read", lambda: page.page.input_value("#own-list") == OWN_LIST)
     page.page.click("text=Keep this list")
-    page.until("the own list", lambda: rows.count() == 4)
-    assert "★ M31" in rows.nth(0).text_content() and "✓ seen" in rows.nth(0).text_content()  # type: ignore[operator]
+    page.until("the own list", lambda: rows.count() == 5)
+    texts = [row.text_content() or "" for row in rows.all()]
+    assert "★ M31" in texts[0] and "✓ seen" in texts[0]
+    page.until("why one is not known", lambda: "'Xyzzyx' is no place" in (rows.nth(3).text_content() or ""))
+    assert texts[4] == "5.588 -5.39Which one: hours or degrees?"
+    assert "2 of 5 are up. The Moon" in page.text("#tonight-says"), "and nothing of an order, which is the user's"
     rows.nth(2).locator("button").click()
     page.until("the place of the list", lambda: "05h 34m 32s" in page.text("#place .equinox"))
     page.page.click("#tonight-button")

@@ -143,6 +143,8 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
             assert not moves(bridge)
             far = await owner.wish(requests.Sync(requests.Spot(200.0, 40.0), number="s"))
             assert far.startswith("failed Sync refused: ")
+            told = (await owner.see()).lately[-1]
+            assert ": Sync refused: " in told and "Sync: " not in told
             assert "15 degrees at most" in far
             lately = (await owner.see()).lately
             assert any("mount-gateway goto: Goto: Object Below Lower Limit." in words for words in lately)

@@ -3,7 +3,7 @@
 
 import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, el, say } from "../core/dom.js";
-import { angle, azimuth, magnitude, timeOfDay, zone } from "../core/format.js";
+import { angle, azimuth, magnitude, sentence, timeOfDay, zone } from "../core/format.js";
 import { gatewayNow, mount, skyAt } from "../core/store.js";
 import { ask } from "../core/socket.js";
 import { angles, precession, reversed, turned, vector } from "../sky/sphere.js";
@@ -45,7 +45,7 @@ const planets = () => (mount()?.bodies ?? []).filter(({ name }) => name in BODIE
 
 const spelled = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "");
 
-/** Lines of the own list that are not in the catalogue, as the gateway knows them. */
+/** Lines of the own list that are not in the catalogue, as the gateway knows them, or why it does not. */
 const lookedUp = new Map();
 
 /** Look up the first of them that is not looked up yet; the list is drawn again then. */
@@ -53,8 +53,9 @@ async function lookUp(lines) {
   const line = lines.find((one) => !lookedUp.has(one));
   if (line === undefined) return;
   lookedUp.set(line, { names: [line], kinds: "" });
-  const { ok, name, also, ra2000, dec2000, magnitude: bright, size } = await ask({ do: "look_up", name: line });
-  if (ok) lookedUp.set(line, { names: [line, name, also].filter(Boolean), kinds: "", ra: ra2000, dec: dec2000, magnitude: bright ?? null, size: size ?? null });
+  const { ok, words, name, also, ra2000, dec2000, magnitude: bright, size } = await ask({ do: "look_up", name: line });
+  if (!ok) lookedUp.set(line, { names: [line], kinds: "", why: sentence(words) });
+  else lookedUp.set(line, { names: [line, name, also].filter(Boolean), kinds: "", ra: ra2000, dec: dec2000, magnitude: bright ?? null, size: size ?? null });
   await lookUp(lines);
 }
 
@@ -70,7 +71,7 @@ function own(objects) {
   const lines = [...marked("favourites"), ...ownList().split("\n").map((line) => line.trim()).filter(Boolean)];
   const found = [...new Set(lines)].map((line) => {
     const place = typedPlace(line);
-    return byName.get(spelled(line)) ?? (place && "ra" in place ? placed(line, place) : place ? { names: [line], kinds: "" } : line);
+    return byName.get(spelled(line)) ?? (place && "ra" in place ? placed(line, place) : place ? { names: [line], kinds: "", why: place.asks ?? "Write right ascension and declination." } : line);
   });
   const unknown = found.filter((one) => typeof one === "string");
   if (unknown.some((line) => !lookedUp.has(line))) lookUp(unknown).then(draw);
@@ -88,7 +89,7 @@ function row({ object, altitude, unix }, from) {
   const parts = [
     el("b", {}, `${isMarked("favourites", name) ? "★ " : ""}${name}`),
     el("span", { class: "best" }, az === undefined ? "" : `${angle(high, 0)} ${azimuth(az).split(" ").at(-1)}`),
-    el("span", { class: "called" }, [called, isMarked("seen", name) ? "✓ seen" : ""].filter(Boolean).join(" · ")),
+    el("span", { class: "called" }, [object.why ?? called, isMarked("seen", name) ? "✓ seen" : ""].filter(Boolean).join(" · ")),
     el("span", { class: "figures" }, figures),
   ];
   const line = button("", () => look(name), { class: "row" });
@@ -105,7 +106,8 @@ function content(objects, night) {
   const best = shown === "own" ? chosen.map((object) => found.find((one) => one.object === object) ?? { object }) : found.slice(0, MOST);
   const moon = night.altitude("moon", from, skyAt(from));
   const when = from > now ? `When it is dark, from ${timeOfDay(from)} ${zone(from)}` : "Now and within two hours";
-  const words = `${when}, ${found.length} of ${chosen.length} are up, the best first. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
+  const up = `${found.length} of ${chosen.length} ${found.length === 1 ? "is" : "are"} up${shown === "own" ? "" : ", the best first"}`;
+  const words = `${chosen.length ? `${when}, ${up}` : "Nothing is here yet: mark favourites on their cards, or paste a list below"}. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
   return { best, words, from: Math.max(from, now) };
 }
 
