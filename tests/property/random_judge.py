@@ -82,8 +82,8 @@ class Judge:
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
         self.lowest, self.highest, self.circle, self.latency = lowest, highest, circle, latency
         self.complaints: list[str] = []
-        #: Who was not answered, and the reason, which the log tells once: so late it would be taken for another's.
-        self.unanswered: set[tuple[str, str]] = set()
+        #: What was not answered, and the reason: so late it would be taken for another's answer.
+        self.unanswered: set[str] = set()
         self.worst = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self.looks = 0
         self.began = bridge.clock()
@@ -198,7 +198,7 @@ class Judge:
         if entry.arrow == "!" and "internal error" in entry.note:
             self.complain(entry.note)
         if entry.arrow == "!" and entry.note.startswith("no reply to"):
-            self.unanswered.add((entry.side, entry.note))
+            self.unanswered.add(entry.note)
         if entry.side != "mount" and entry.arrow == ">" and self._unsettles.match(entry.data):
             self.strict = False
         if entry.side == "mount" and entry.arrow == ">" and entry.data:
