@@ -185,7 +185,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync that makes the sum smaller is refused",
-        r"if corrects\(limit, before, after\):",
+        r"if all\(corrects\(limit, before, after\) for before, after in steps\):",
         "if False:",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),

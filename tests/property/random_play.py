@@ -43,6 +43,8 @@ PATIENCE, SPOILT, WALL = 20.0, 5.0, 60.0
 STEP = 0.1
 #: Degrees from the Sun that the gateway keeps by default.
 CIRCLE = 20.0
+#: What a refusal of every goto says to do: nothing is lost then. A tube near a limit has to be moved by hand first.
+WAYS_OUT = "Correct the one that is wrong", "with the arrows first"
 #: Wrong clocks, in seconds, and wrong longitudes, in degrees beyond the true one.
 AHEAD = (-7 * 3600.0, -2.5 * 3600.0, 1800.0, 3 * 3600.0, 12 * 3600.0, -2000 * 86400.0, 40.5 * 86400.0)
 ASTRAY = (-140.0, -20.0, 3.0, 60.0, 180.0)
@@ -257,6 +259,8 @@ class _Player:
         await self.rest(5.0)
         if self.owner is None or self.owner.moving or controller.synced.value.size > 0.5 or self._may_be_silent():
             return
+        if controller.movement.now().ending or controller.ends.ending:  # a stop is repeated until it is seen to hold
+            return
         judge.lenient = "the owner's"
         az, alt = self.random.uniform(0.0, 360.0), self.random.uniform(judge.lowest + 15.0, 60.0)
         place = controller.astrometry.equatorial(op.Horizontal(az, alt))
@@ -286,7 +290,7 @@ class _Player:
                 refused.append(str(fault))
             else:
                 return
-        if not any("Correct the one that is wrong" in words for words in refused):
+        if not any(way_out in words for words in refused for way_out in WAYS_OUT):
             self.judge.complain(f"a night lost: {sorted(set(refused))[:3]}")
 
     async def rest(self, seconds: float) -> float:
@@ -368,7 +372,9 @@ class _Player:
             await self.rest(0.5)
         await self.rest(8.0)
         speed = await self.rest(0.5)
-        if speed > MOTION and self.bridge.sim.mechanics.moving(self.bridge.clock()):  # else it tracks a sky it has wrong
+        if speed > MOTION and self.bridge.sim.mechanics.moving(
+            self.bridge.clock()
+        ):  # else it tracks a sky it has wrong
             self.judge.complain(f"goes on at {speed:.2f} deg/s after a stop")
         self.spoilt = [self.bridge.clock()] * 2
         for number in (0, 1):

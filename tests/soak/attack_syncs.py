@@ -114,7 +114,39 @@ def both_sides(at: Attacked) -> None:
     program.poll(1.0)
 
 
+def turned_around(degrees: float, arrows: bytes, at: Attacked) -> None:
+    """A guide pulse brings the tube over the pole, where a sync may turn the first axis by 180 degrees. Then down."""
+    program, pole = at.program(), 1.0 if at.site[0] > 0.0 else -1.0
+    program.tell(b":Mgn4300#")
+    program.poll(7.0)
+    told = told_position(program)
+    sync(program, told[0], told[1] - degrees * pole)
+    time.sleep(0.7)
+    at.begin()
+    program.tell(b":RS#" + arrows)
+    program.poll(25.0)
+    program.tell(b":Q#")
+    program.poll(2.0)
+
+
+def turned_to_the_sun(at: Attacked) -> None:
+    """The same; then a goto to where the mount believes to be opposite to the Sun, if it was turned around."""
+    program, pole = at.program(), 1.0 if at.site[0] > 0.0 else -1.0
+    program.tell(b":Mgn4300#")
+    program.poll(7.0)
+    told = told_position(program)
+    sync(program, told[0], told[1] - 8.0 * pole)
+    time.sleep(0.7)
+    ra, dec = sun(at.now)
+    at.begin()
+    if goto(program, wrap360(ra + 180.0), dec - 8.0 * pole):
+        at.rests(60.0)
+    time.sleep(0.5)
+
+
 TURNS = "syncs that turn an axis"
+#: German mounts: with a side of the pier that they tell, and without; at the start their tubes are at the pole.
+AT_THE_POLE = ("nexstar:cge/4.21", "nexstar:cgem/5.31", "nexstar:advanced-gt/4.10", "nexstar:synscan/4.39.05")
 TURNED = [
     Attack(TURNS, "one of 3.6° at altitude 88", ALTAZ, partial(near_the_zenith, 1, 3.6, 88.2), SUN,
            start=AFTERNOON, sim=QUICK),
@@ -132,6 +164,12 @@ TURNED = [
            ("nexstar:nexstar-gps/2.2", "nexstar:cpc/4.03"), near_the_pole, SUN, start=AFTERNOON, sim=QUICK),
     Attack(TURNS, "to and fro on both sides of the pier", ("nexstar:cge/4.21", "nexstar:cgem/5.31"),
            both_sides, ("altitude", LOWEST - RUNS_ON - 15.0, None), sim=QUICK),
+    *(Attack(TURNS, f"over the pole, {degrees:g}° at its right ascension, then {arrows.decode()} {name}", AT_THE_POLE,
+             partial(turned_around, degrees, arrows), ("altitude", LOWEST - RUNS_ON, None), site=site)
+      for degrees, arrows in ((8.0, b":Mw#:Ms#"), (8.0, b":Me#:Mn#"), (0.9, b":Mw#:Ms#"))
+      for name, site in (("north", NORTH), ("south", SOUTH))),
+    Attack(TURNS, "over the pole, 8° at its right ascension, then to the Sun", AT_THE_POLE, turned_to_the_sun, SUN,
+           ("--lowest", "-90"), start=AFTERNOON, sim=QUICK),
 ]  # fmt: skip
 
 # --- syncs during a goto ----------------------------------------------------------------------------------------------

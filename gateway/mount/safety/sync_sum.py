@@ -4,10 +4,14 @@ Each sync may be off by the limit for syncs (``sync-limit``), and so may their s
 it turns: near the zenith of an alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the
 sky turns the first axis by up to 180 degrees, and every later goto with it. So the sum is kept on the sky and for each
 axis. By night plate solvers may sync there, a degree at a time. A new alignment resets the sum.
+
+Where a mount may take its tube for pointing the other way (beyond the pole, a German mount on the other side of the
+pier), a sync may turn its axes in either of two ways. All sums that are possible are kept, and the larger one counts.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from math import cos, hypot, radians
 
 from msgspec import Struct
@@ -21,18 +25,24 @@ from gateway.core.operations import Equatorial
 NEARBY = 1.0
 #: Degrees by which low precision may make the sum of one axis larger in a sync that makes the other's smaller.
 ROUNDING = 0.05
+#: Degrees: sums nearer to each other are one; and how many that differ are kept.
+SAME, MOST = 0.5, 4
+#: The turns that one sync may make, for each of the sums that are possible before it.
+Turns = Sequence[Sequence[Pair]]
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
 
     ``turned`` is what syncs have added to the readings of the two axes: azimuth and altitude, or those of an equatorial
-    mount (`Geometry.axes`). Sums that earlier versions have saved do not have it.
+    mount (`Geometry.axes`). Sums that earlier versions have saved do not have it. ``otherwise`` is the same if the
+    mount took its tube for pointing the other way.
     """
 
     east: float = 0.0
     north: float = 0.0
     turned: Pair | None = None
+    otherwise: tuple[Pair, ...] = ()
 
     @property
     def size(self) -> float:
@@ -40,16 +50,34 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return hypot(self.east, self.north)
 
     @property
-    def axes(self) -> Pair:
-        """By how many degrees syncs have turned each axis since the alignment."""
-        return self.turned if self.turned is not None else (self.east, self.north)
+    def axes(self) -> tuple[Pair, ...]:
+        """By how many degrees syncs may have turned the two axes since the alignment: one pair, or several."""
+        return (self.turned if self.turned is not None else (self.east, self.north), *self.otherwise)
 
-    def added(self, present: Equatorial, wanted: Equatorial, turn: Pair) -> SyncSum:
-        """Return the sum with one more sync, from ``present`` to ``wanted``, which turns the axes by ``turn``."""
+    def steps(self, turns: Turns) -> Iterator[tuple[Pair, Pair]]:
+        """Yield each sum of the axes that is possible now with each that is possible after a sync."""
+        for before, ways in zip(self.axes, turns, strict=True):
+            for way in ways:
+                yield before, (wrap180(before[0] + way[0]), wrap180(before[1] + way[1]))
+
+    def added(self, present: Equatorial, wanted: Equatorial, turns: Turns) -> SyncSum:
+        """Return the sum with one more sync, from ``present`` to ``wanted``, which may make one of the ``turns``."""
         middle = cos(radians((present.dec + wanted.dec) / 2.0))
-        first, second = (wrap180(total + more) for total, more in zip(self.axes, turn, strict=True))
+        turned, *otherwise = _different(after for _, after in self.steps(turns))
         east = self.east + wrap180(wanted.ra - present.ra) * middle
-        return SyncSum(east, self.north + wanted.dec - present.dec, (first, second))
+        return SyncSum(east, self.north + wanted.dec - present.dec, turned, tuple(otherwise))
+
+
+NO_SYNC = SyncSum()
+
+
+def _different(sums: Iterable[Pair]) -> list[Pair]:
+    """Return the sums that are not the same as an earlier one."""
+    kept: list[Pair] = []
+    for one in sums:
+        if not any(max(abs(wrap180(a - b)) for a, b in zip(one, other, strict=True)) < SAME for other in kept):
+            kept.append(one)
+    return kept[:MOST]
 
 
 class SyncTotal:
@@ -71,16 +99,16 @@ class SyncTotal:
 
 
 def check_sync(
-    limit: float, so_far: SyncSum, then: SyncSum, present: Equatorial, wanted: Equatorial, by_day: bool, pole: str
-) -> None:
-    """Raises SyncTooFar if a sync, or the sum ``then`` with it, is off by more than the limit on the sky or an axis.
+    limit: float, so_far: SyncSum, turns: Turns, present: Equatorial, wanted: Equatorial, by_day: bool, pole: str
+) -> SyncSum:
+    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit on the sky or an axis.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance. ``by_day``: a Sun is up.
     ``pole`` is where the first axis turns far: at the zenith, or at the pole.
     """
-    before, after = so_far.axes, then.axes
-    if corrects(limit, before, after):
-        return
+    then, steps = so_far.added(present, wanted, turns), list(so_far.steps(turns))
+    if all(corrects(limit, before, after) for before, after in steps):
+        return then
     distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
     ways_out = "align the mount again, or set another sync-limit."
     if distance > limit:
@@ -92,15 +120,17 @@ def check_sync(
             f"Sync refused: {then.size:.0f} degrees off with those since the alignment. Check the object, {ways_out}"
         )
     if distance <= NEARBY and not by_day:
-        return
-    turn = max(abs(wrap180(now - old)) for old, now in zip(before, after, strict=True))
-    total = max(abs(after[0]), abs(after[1]))
+        return then
+    turn = max(abs(wrap180(now - old)) for before, after in steps for old, now in zip(before, after, strict=True))
+    total = max(abs(one) for _, after in steps for one in after)
     if max(turn, total) > limit:
+        may = "may turn" if len(steps) > 1 else "turns"
         since = "" if turn > limit else " with those since the alignment"
         raise SyncTooFar(
-            f"Sync refused: it turns an axis by {turn if turn > limit else total:.0f} degrees{since}. "
+            f"Sync refused: it {may} an axis by {turn if turn > limit else total:.0f} degrees{since}. "
             f"Sync on a star farther from the {pole}, {ways_out}"
         )
+    return then
 
 
 def corrects(limit: float, before: Pair, after: Pair) -> bool:

@@ -17,7 +17,7 @@ from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.mount.readings.cache import ReadingsCache
-from gateway.mount.safety.sync_sum import SyncTotal
+from gateway.mount.safety.sync_sum import NO_SYNC, SyncTotal
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time
 from gateway.protocols.base.driver import Driver
@@ -133,23 +133,24 @@ class TubeFrame:
 
     def __call__(self) -> PointingFrame:
         status, total = self._cache.value(op.GetStatus), self._synced.value
-        turned = total.turned or (total.east, total.north)
         self._polar = self._polar if status is None else status.equatorial
-        if not (any(turned) or any(self.measured or ())):
-            return _POLAR if self._polar else _ALTAZ
+        plain = _POLAR if self._polar else _ALTAZ
+        if total == NO_SYNC and not any(self.measured or ()):
+            return plain
         polar = self._polar or self._driver.emulates_sync
-        if self.measured is not None and not self._polar:
-            first, second = self.measured
-            shift = Shift(-turned[0] if first is None else first, second, False)
+        measured = self.measured if not self._polar else None
+        if measured is not None:
+            found = [Shift(-one[0] if measured[0] is None else measured[0], measured[1], False) for one in total.axes]
         else:
             place = self._sources.site() if polar else None
             sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
-            shift = Shift(sense * turned[0], sense * turned[1], polar)
-        if max(abs(shift.first), abs(shift.second)) <= OFF:
-            return _POLAR if self._polar else _ALTAZ
-        if polar and self._driver.german and abs(shift.second) > OFF:  # the other way on the other side of the pier
-            return PointingFrame(self._polar, (shift, shift._replace(second=-shift.second)))
-        return PointingFrame(self._polar, (shift,), None if shift.polar or self.measured is None else shift)
+            found = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
+            if polar and self._driver.german:  # the other way on the other side of the pier
+                found += [one._replace(second=-one.second) for one in found if one.second]
+        shifts = tuple(dict.fromkeys(one for one in found if max(abs(one.first), abs(one.second)) > OFF))
+        if not shifts:
+            return plain
+        return PointingFrame(self._polar, shifts, None if measured is None else shifts[0])
 
 
 class Sun(NamedTuple):

@@ -127,6 +127,8 @@ class Driver:
     offset: tuple[float, float] = (0.0, 0.0)
     #: Whether it does so because the hand control has no sync command.
     emulates_sync = False
+    #: Whether the last declination that the mount told was beyond the pole: it takes the tube for driven over it.
+    told_beyond = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
     moves_by_gotos = False
     #: The equinox of its coordinates, ``jnow`` or ``j2000``: as its version tells, and if the user has not chosen that.

@@ -19,7 +19,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
-from gateway.mount.safety.sync_sum import SyncSum, check_sync
+from gateway.mount.safety.sync_sum import SyncSum, Turns, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, and between two checks.
@@ -45,35 +45,53 @@ async def admit_sync(
         here: op.Equatorial = await ask.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
         by_day, pole = bool(mount.suns.up()), "pole" if status.equatorial else "zenith"
-        then = so_far.added(here, wanted, await _turn(mount, ask, watch, here, wanted, status.equatorial))
-        check_sync(mount.policy.limits.sync, so_far, then, here, wanted, by_day, pole)
-        mount.synced.coming = then
+        turns = await _turns(mount, ask, watch, here, wanted, status.equatorial)
+        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, here, wanted, by_day, pole)
     else:  # it aligns the mount
         mount.synced.coming = SyncSum()
     return mount.astrometry.to_mount(sync)
 
 
-async def _turn(
+async def _turns(
     mount: Context, ask: Readings, watch: LimitWatch, here: op.Equatorial, wanted: op.Equatorial, equatorial: bool
-) -> Pair:
-    """Return by how many degrees a sync turns the readings of the two axes.
+) -> Turns:
+    """Return by how many degrees a sync may turn the readings of the two axes, for each sum that is possible before it.
 
-    Beyond the pole or the zenith, also on the other side of the pier, the second axis turns the other way. If a German
-    mount does not tell its side, it is the one that it chooses there.
+    There are two ways to point at a place: beyond the pole or the zenith, also on the other side of the pier, the
+    second axis turns the other way. Where the mount may take its tube for pointing either way, as after an arrow over
+    the pole, nobody knows in which one a sync leaves it.
     """
-    by_sky = mount.driver.emulates_sync  # by an offset of right ascension and declination
+    driver, by_sky, sums = mount.driver, mount.driver.emulates_sync, mount.synced.value.axes
     start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (here, wanted))
-    first, second = wrap180(end[0] - start[0]), end[1] - start[1]
-    return first, -second if not by_sky and await _beyond(mount, ask, watch, start[0]) else second
+    if by_sky:  # by an offset of right ascension and declination
+        return [[_turn(start, end, False, False)] for _ in sums]
+    others, site = {False}, mount.astrometry.site_clock.site()
+    axes: op.Horizontal | None = None
+    if driver.german:
+        others = await pointing(mount, ask, watch)
+    if driver.implementation(op.AxisPosition):  # on an alt-az mount they were read while it moved
+        axes = await ask.read(op.AxisPosition()) if equatorial else mount.cache.value(op.AxisPosition)
+    turns = []
+    for turned in sums:
+        if axes is not None:
+            way, reads = abs(wrap180(axes.alt + turned[1])) > 90.0, abs(wrap180(axes.alt)) > 90.0
+            doubtful = len({way, reads, *others}) > 1 and not (driver.german and site is None)
+        elif driver.german:  # one that does not tell its side has chosen it by the hour angle
+            way = wrap180(start[0]) < 0.0 if len(others) > 1 else True in others
+            doubtful = not watch.seen.upright
+        else:
+            way = doubtful = not watch.seen.upright
+        ways = (way, not way) if doubtful or driver.told_beyond else (way,)
+        turns.append([_turn(start, end, way, then) for then in ways])
+    return turns
 
 
-async def _beyond(mount: Context, ask: Readings, watch: LimitWatch, first: float) -> bool:
-    """Whether the tube is beyond the pole or the zenith; without asking a fork, whose last axis reading says it."""
-    if not mount.driver.german:
-        axes = mount.cache.value(op.AxisPosition)
-        return not watch.seen.upright if axes is None else abs(wrap180(axes.alt)) > 90.0
-    others = await pointing(mount, ask, watch)
-    return wrap180(first) < 0.0 if len(others) > 1 else True in others
+def _turn(start: Pair, end: Pair, before: bool, after: bool) -> Pair:
+    """Return the turn of both axes between two places: before and after it they point in the first or the other way."""
+    (first, second), (then_first, then_second) = (
+        (one[0] + 180.0, 180.0 - one[1]) if other else one for one, other in ((start, before), (end, after))
+    )
+    return wrap180(then_first - first), wrap180(then_second - second)
 
 
 async def _wait_for_goto_end(mount: Context, ask: Readings, sync: op.Sync, by: HostActivity | None) -> None:

@@ -49,13 +49,13 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
     if direction.axis == 1:
         return False
     if not mount.german:
-        return mount.beyond_pole
+        return mount.told_beyond
     try:
         told = yield from pier_side(mount, op.PierSide())
     except Fault:
-        return mount.beyond_pole
+        return mount.told_beyond
     west = mount.tube_side(told) == "W"
-    return west != (mount.beyond_pole and mount.supports("p"))  # without p both follow from the same axis reading
+    return west != (mount.told_beyond and mount.supports("p"))  # without p both follow from the same axis reading
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:

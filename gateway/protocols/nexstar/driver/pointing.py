@@ -25,7 +25,7 @@ MOTORS, FOUND = (16, 17), 255
 def position(mount: NexStar, _: op.Position) -> Steps:
     """Return the Equatorial position by ``e`` or ``E``, folded at the pole, plus the offset of an emulated sync."""
     answer = yield Send("e" if mount.supports("e") else "E")
-    mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
+    mount.told_beyond = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
     mount.last = op.Equatorial(ra, dec)

@@ -120,8 +120,6 @@ class NexStar(Driver):
         self.pulse_ends: dict[int, float] = {}
         # position
         self.last: op.Equatorial | None = None
-        #: Whether the declination reported last was beyond 90 degrees.
-        self.beyond_pole = False
         self.offset = (0.0, 0.0)
         self.home: op.Horizontal | None = None
         self.home_state = 0

@@ -109,9 +109,7 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
         lambda: past_meridian(n[0], "W"),
         lambda: check_hour_angle(limits, n[1]),
         lambda: check_shaft(limits, n[1]),
-        lambda: check_sync(
-            n[0], SyncSum(), SyncSum(n[1], n[2]).added(here, there, (n[3], n[4])), here, there, True, "pole"
-        ),
+        lambda: check_sync(n[0], SyncSum(n[1], n[2]), [[(n[3], n[4]), (n[5], n[6])]], here, there, True, "pole"),
         lambda: ahead(n[0], n[1], n[2], n[3], n[4]),
         lambda: [watch.find_stalled(Sample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
         lambda: fold_declination(*geometry.readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
@@ -158,7 +156,7 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 bridge.site_clock.host = lambda: n[8]
                 bridge.site_clock.mount_clock = op.Moment(n[9], 0.0), controller.now()
             elif unknown == "syncs":
-                context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]))
+                context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), ((n[0], n[1]),))
             elif unknown == "position":
                 here = op.Equatorial(n[8], n[9])
             context.suns._until = -math.inf

@@ -1,0 +1,157 @@
+"""A sync of a mount whose tube was driven over the pole, or over the zenith: nobody knows which way it turns the axes.
+
+A hand control may keep the way in which its tube points there, or solve for the side of its last goto, which turns the
+first axis by half a circle. Judged by the correction of the simulated axes, and by where the tube truly points.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.astro.axes import Build
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.errors import SyncTooFar
+from gateway.diagnostics.virtual_time import run
+from tests.integration.safety.test_altitude import extremes
+from tests.support.in_process_gateway import EVENING, Bridge
+
+#: 2026-06-21 11:00 UTC
+DAY = 1782039600.0
+GERMANS = [("advanced-gt", "4.10"), ("cge", "4.21"), ("cgem", "5.31"), ("avx", None), ("synscan", "4.39.05")]
+#: Mount, protocol, how it stands; the second axis of none of them is beyond 90 degrees but by an arrow.
+FORKS = [
+    ("6-8se", "nexstar", Build.WEDGE), ("lx200gps", "lx200", Build.WEDGE),
+    ("lx200gps", "lx200", Build.ALTAZ), ("autostar", "lx200", Build.ALTAZ), ("cpc", "nexstar", Build.ALTAZ),
+]  # fmt: skip
+
+
+def standing(mount: str, version: str | None = None, latitude: float = 45.0, **given: Any) -> Bridge:
+    site = (latitude, 10.0)
+    return Bridge(mount, version, site=site, config={"site": site, "lowest": -90.0, "sun": 20.0}, **given)
+
+
+async def over(bridge: Bridge, degrees: float) -> None:
+    """A program's arrow carries the tube so far over the pole or the zenith."""
+    client, mechanics = bridge.client(), bridge.sim.mechanics
+    arrow = b"n" if mechanics.geometry.pole > 0 or mechanics.build is Build.ALTAZ else b"s"
+    client.tell(b":RM#:M" + arrow + b"#")
+    for _ in range(80):
+        client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
+        await asyncio.sleep(0.25)
+    assert mechanics.axes(bridge.clock())[1] > 90.0 + degrees
+
+
+async def synced(bridge: Bridge, away: float) -> tuple[str, tuple[float, float]]:
+    """Sync on the told right ascension, so far from the pole -> why not, and what that turned the true axes by."""
+    mechanics = bridge.sim.mechanics
+    here: op.Equatorial = await bridge.controller.read_now(op.Position())
+    before, why = mechanics.correction, ""
+    try:
+        await bridge.controller.perform(op.Sync(here.ra, here.dec - away if here.dec > 0.0 else here.dec + away))
+    except SyncTooFar as fault:
+        why = str(fault)
+    await asyncio.sleep(1.0)
+    first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
+    return why, (first, second)
+
+
+def counted(bridge: Bridge, turned: tuple[float, float]) -> bool:
+    """Whether what the axes were turned by is one of the sums that the gateway takes for possible."""
+    sums = bridge.controller.synced.value.axes
+    return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < 0.2 for one in sums)
+
+
+@pytest.mark.parametrize("by", ["arrow", "guide pulse"])
+@pytest.mark.parametrize("start", [DAY, EVENING], ids=["day", "night"])
+@pytest.mark.parametrize("latitude", [45.0, -33.0])
+@pytest.mark.parametrize(("mount", "version"), GERMANS)
+@pytest.mark.safety_line(8)
+def test_a_sync_that_may_turn_it_around_is_refused(
+    mount: str, version: str | None, latitude: float, start: float, by: str
+) -> None:
+    """On the right ascension that it tells, a few degrees from the pole."""
+
+    async def program() -> None:
+        async with standing(mount, version, latitude, start=start) as bridge:
+            await asyncio.sleep(1.0)
+            if by == "arrow":
+                await over(bridge, 4.0)
+            else:
+                bridge.client().tell(b":Mgn4300#")
+                await asyncio.sleep(8.0)
+                assert 90.005 < bridge.sim.mechanics.axes(bridge.clock())[1] < 91.0
+            why, turned = await synced(bridge, 8.0)
+            assert "may turn an axis by 180 degrees. Sync on a star farther from the pole, align the mount" in why
+            assert max(map(abs, turned)) < 0.01
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven", "build"), FORKS)
+@pytest.mark.safety_line(8)
+def test_so_is_one_of_a_fork(mount: str, driven: str, build: Build) -> None:
+    async def program() -> None:
+        async with standing(mount, driven=driven, start=EVENING) as bridge:
+            mechanics = bridge.sim.mechanics
+            if driven == "nexstar" and build is Build.WEDGE:
+                bridge.sim.feed(b"T\x02")
+            mechanics.rebuild(bridge.clock(), build)
+            await asyncio.sleep(15.0)
+            mechanics.speed = 1000.0
+            mechanics.goto_axes(bridge.clock(), 100.0, 80.0)
+            await asyncio.sleep(4.0)
+            mechanics.speed = 1.0
+            if driven == "lx200":  # a Meade is aligned by its first sync
+                assert not (await synced(bridge, 0.0))[0]
+            await over(bridge, 5.0)
+            why, turned = await synced(bridge, 4.0)
+            assert "may turn an axis by 1" in why
+            assert "Sync on a star farther from the" in why
+            assert max(map(abs, turned)) < 0.01
+
+    run(program())
+
+
+@pytest.mark.parametrize("latitude", [45.0, -33.0])
+@pytest.mark.parametrize(("mount", "version"), GERMANS)
+@pytest.mark.safety_line(8)
+def test_by_night_a_degree_is_taken_and_both_ways_count(mount: str, version: str | None, latitude: float) -> None:
+    """For plate solvers at the pole. After it the limits hold whichever way the mount has turned."""
+
+    async def program() -> None:
+        async with standing(mount, version, latitude, start=EVENING) as bridge:
+            await asyncio.sleep(1.0)
+            await over(bridge, 3.0)
+            why, turned = await synced(bridge, 0.9)
+            assert not why
+            assert counted(bridge, turned)
+            assert len(bridge.controller.synced.value.axes) == 2
+            why, again = await synced(bridge, 0.9)
+            assert not why
+            assert counted(bridge, (turned[0] + again[0], turned[1] + again[1]))
+            assert len(bridge.controller.synced.value.axes) == 2, "they do not become ever more"
+
+    run(program())
+
+
+@pytest.mark.parametrize("arrows", [b":Mw#:Ms#", b":Me#:Mn#", b":Ms#", b":Mn#"])
+@pytest.mark.parametrize(("mount", "version"), GERMANS[:4])
+def test_after_that_no_arrow_leads_below_the_limit(mount: str, version: str | None, arrows: bytes) -> None:
+    async def program() -> None:
+        config = {"lowest": 15.0, "sun": 0.0}
+        async with Bridge(mount, version, config=config, start=EVENING) as bridge:
+            await asyncio.sleep(1.0)
+            await over(bridge, 3.0)
+            assert not (await synced(bridge, 0.9))[0]
+            client, low = bridge.client(), 90.0
+            client.tell(b":RS#" + arrows)
+            for _ in range(120):
+                client.tell(b":GR#")
+                low = min(low, (await extremes(bridge, 0.5))[0])
+            assert low > 14.0
+
+    run(program())
