@@ -61,6 +61,25 @@ def test_tracking_is_read_again(number: int, when: str) -> None:
     run(program())
 
 
+@pytest.mark.parametrize("when", ["at the start", "later"])
+def test_the_list_of_the_state_is_asked_for_again(when: str) -> None:
+    async def program() -> None:
+        one = server()
+        if when == "at the start":
+            fails(one, "devicestate")
+        async with one:
+            await asyncio.sleep(5.0)
+            if when == "later":
+                fails(one, "devicestate")
+            await asyncio.sleep(10.0)
+            before = len(one.sent())
+            await asyncio.sleep(10.0)
+            assert b"get devicestate\n" in one.sent()[before:]
+            assert b"get rightascension\n" not in one.sent()[before:]
+
+    run(program())
+
+
 def test_a_park_by_another_program_is_noticed() -> None:
     async def program() -> None:
         async with server(platform=6) as one:

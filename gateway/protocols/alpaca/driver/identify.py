@@ -68,7 +68,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     if not mount.declared:
         mount.equinox = fits or "jnow"
         yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
-    mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount)).keys()
+    mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount, insist)).keys()
     east = (yield from insist(mount, "guideraterightascension", 0.0)) / SIDEREAL
     north = (yield from insist(mount, "guideratedeclination", 0.0)) / SIDEREAL
     mount.rates = (east if 0.0 < east < IMPOSSIBLE else 0.5, north if 0.0 < north < IMPOSSIBLE else 0.5)

@@ -213,9 +213,9 @@ def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: ob
     return otherwise
 
 
-def device_state(mount: AlpacaDriver) -> Steps:
-    """Return what the server tells of the mount in one answer, by name; empty if it has no such answer."""
-    listed = yield from told(mount, "devicestate", [])
+def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = told) -> Steps:
+    """Return what the server tells of the mount in one answer, by name; empty if it has no such answer, or fails."""
+    listed = yield from ask(mount, "devicestate", [])
     if not isinstance(listed, list):
         return {}
     return {str(one.get("Name")): one.get("Value") for one in listed if isinstance(one, dict)}
