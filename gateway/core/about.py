@@ -19,8 +19,9 @@ PACKAGE = Path(__file__).resolve().parents[1]
 #: clock might go to a mount that slews, a goto did not wait for them, the site was read as seldom as the clock, and
 #: only gotos were judged by the axes as they were before the syncs. Up to the second ones every telescope with a name
 #: was driven as a Meade; up to the third ones, one in low precision was switched before it was asked for its name, and
-#: the end of a goto was not sent to a Meade without one.
-RULES, SWITCHED_UNNAMED, OF_ONE_MAKER, FIRST_RULES = 4, 3, 2, 1
+#: the end of a goto was not sent to a Meade without one; up to the fourth ones a sync was accepted while the mount ran
+#: on after a stop, and the end of a goto to axis readings, of a park or home was not compared with its goal.
+RULES, END_UNSEEN, SWITCHED_UNNAMED, OF_ONE_MAKER, FIRST_RULES = 5, 4, 3, 2, 1
 #: How many digits of a commit are told.
 DIGITS = 12
 _PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")

@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
+from gateway.core.about import END_UNSEEN, FIRST_RULES
 from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, NoDevice, Silence, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
@@ -413,12 +413,23 @@ class Reader:
         after = self._wanted.value
         if ends or self._wanted.ending or (before.stops, before.gotos) != (after.stops, after.gotos):
             return  # a client has ended or replaced it, and knows
-        if here is None or not (isinstance(slew, Slew) and isinstance(slew.operation, op.Goto)) or self._wanted.axes:
+        if here is None or not isinstance(slew, Slew) or self._wanted.axes:
             return
-        goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
-        if words := missed(goal, here):
+        if words := await self._missed(slew.operation, here):
             self._context.note(words)
             self.goto_missed.emit(words)
+
+    async def _missed(self, goto: op.Operation, here: op.Equatorial) -> str:
+        """Return the log line for a goto that ended ``here``, away from its goal; an empty text if none is known."""
+        if isinstance(goto, op.Goto):
+            return missed(self._astrometry.from_mount(op.Equatorial(goto.ra, goto.dec)), here)
+        goal = self._driver.destination(goto) if isinstance(goto, op.Park) else goto
+        if not isinstance(goal, op.GotoAxes | op.GotoHorizontal) or self._context.policy.rules <= END_UNSEEN:
+            return ""
+        kind = op.AxisPosition if isinstance(goal, op.GotoAxes) else op.HorizontalPosition
+        await self.answer(kind())
+        there = self._cache.value(kind)
+        return "" if there is None else missed(op.Equatorial(goal.az, goal.alt), op.Equatorial(there.az, there.alt))
 
     async def tube_side(self) -> str | None:
         """Return the pier side (E, W) of the tube of a German mount; None if it is unknown."""

@@ -379,17 +379,18 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last one, and ``begins`` whether
-    the first is the last position; until the time ``until`` the mount is watched closely.
+    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last one; ``moves`` says whether
+    the last position showed it, and ``begins`` whether that was the first; until the time ``until`` the mount is
+    watched closely.
     """
 
     def __init__(self) -> None:
         self.since = self.seen_at = self.until = NEVER
-        self.begins = self._moves = False
+        self.begins = self.moves = False
 
     def see(self, now: float, moves: bool) -> None:
         """Take whether the last two positions show such a motion."""
-        self.begins, self._moves = moves and not self._moves, moves
+        self.begins, self.moves = moves and not self.moves, moves
         if self.begins or not moves:
             self.since = now
         if moves:

@@ -2,7 +2,7 @@
 
 A sync that arrives while something moves is refused, because nothing is centered then. Clients that compare positions
 take a goto for ended a moment too early, so a sync on its own target waits for its end; on any other object it is
-refused at once.
+refused at once. Motors run on after a stop: a sync waits for rest, and is refused if it does not come.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import asyncio
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
+from gateway.core.about import END_UNSEEN
 from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
@@ -22,7 +23,7 @@ from gateway.mount.safety.admission.slew_paths import sun_reading
 from gateway.mount.safety.sync_sum import SyncSum, Turns, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
-#: Seconds that a sync waits for the end of a goto, and between two checks.
+#: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
 GOTO_END, CHECK_EVERY = 2.5, 0.2
 MOVING = "The mount is moving, so nothing is centred: sync when it has stopped."
 #: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
@@ -38,7 +39,7 @@ async def admit_sync(
     """
     if mount.movement.slewing:
         await _wait_for_goto_end(mount, ask, sync, by)
-    if mount.movement.anything:
+    if mount.movement.anything or not await _rests(mount, ask, watch):
         raise Refused(MOVING)
     status: op.Status = await ask.read(op.GetStatus())
     if status.aligned:
@@ -50,6 +51,17 @@ async def admit_sync(
     else:  # it aligns the mount
         mount.synced.coming = SyncSum()
     return mount.astrometry.to_mount(sync)
+
+
+async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
+    """Return whether the mount comes to rest soon, which runs on after a stop or is moved at its own keys."""
+    until = mount.now() + GOTO_END
+    while (mount.run_on.value is not None or watch.others.moves) and mount.policy.rules > END_UNSEEN:
+        if mount.now() >= until:
+            return False
+        await ask.read_now(op.Position())
+        await asyncio.sleep(CHECK_EVERY)
+    return not mount.movement.anything
 
 
 async def _turns(

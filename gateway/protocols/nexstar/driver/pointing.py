@@ -6,10 +6,11 @@ Its progress is read by ``L``. What follows its end (parking, home, drive rate) 
 
 from __future__ import annotations
 
-from gateway.astro.spherical import fold_declination, wrap180, wrap360
+from gateway.astro.spherical import fold_declination, separation, wrap180, wrap360
 from gateway.core import operations as op
+from gateway.core.about import END_UNSEEN
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
-from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rate_zero
 
@@ -17,6 +18,8 @@ from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, N
 START_GRACE = 3.0
 #: Seconds to wait for ``L`` = 0 after ``M``.
 CANCEL_WAIT = 5.0
+#: Degrees by which the axes may be away from the position of park or home when the slew there has ended.
+AT_PLACE = 0.5
 #: At most how many times tracking is turned off after parking if the mount does not answer, and the seconds between.
 OFF_TRIES, OFF_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
@@ -231,13 +234,28 @@ def _arrived(mount: NexStar, state: GotoState) -> Steps:
     return before == after and mount.now() - state.since > 1.5
 
 
+def _away(mount: NexStar, place: str) -> Steps:
+    """Return by how many degrees the axes are away from the position of park or home, 0 if none is known."""
+    by_switches = mount.settings.aux_home and mount.has("home")  # only these know where home is
+    there = op.Park() if place == "park" else op.Home() if place == "home" and not by_switches else None
+    goal = None if there is None or mount.settings.rules <= END_UNSEEN else mount.destination(there)
+    if goal is None:
+        return 0.0
+    axes: op.Horizontal = yield from axis_position(mount, op.AxisPosition())
+    return separation(goal.az, goal.alt, axes.az, axes.alt)
+
+
 def arrived(mount: NexStar, operation: Arrived) -> Steps:
-    """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already.
+    """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already, or somebody
+    has ended the goto on its way.
 
     Tracking at the park position would carry the tube away, so turning it off is repeated if the mount did not answer.
     """
     again = operation.left < OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):
+        return
+    if not again and (away := (yield from _away(mount, operation.then))) > AT_PLACE:
+        yield Remark(f"the mount stands {away:.1f} degrees from its {operation.then} position, and tracks as before")
         return
     if operation.then == "park":
         if not mount.supports("T"):
