@@ -379,9 +379,8 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last one; ``moves`` says whether
-    the last position showed it, and ``begins`` whether that was the first; until the time ``until`` the mount is
-    watched closely.
+    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last; whether the last position
+    showed it (``moves``), as the first one (``begins``); and the time ``until`` which the mount is watched closely.
     """
 
     def __init__(self) -> None:
