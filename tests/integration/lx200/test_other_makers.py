@@ -271,6 +271,57 @@ def test_a_pulse_is_sent_at_a_guide_rate() -> None:
     run(program())
 
 
+@pytest.mark.parametrize("keys", [6, 1, 9])
+@pytest.mark.parametrize("separate", [True, False])
+def test_its_keypad_has_its_own_speed_again_after_the_pulses(keys: int, separate: bool) -> None:
+    """The one that it told before the first pulse, or that somebody has chosen at the keypad meanwhile."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            own.sim.separate_pulses = separate
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 20.0))
+            await asyncio.sleep(60.0)
+            for chosen in (keys, 7):
+                own.sim.feed(b":R%d#" % chosen)
+                await own.controller.read_now(op.GetStatus())
+                for direction in (op.Direction.NORTH, op.Direction.WEST, op.Direction.NORTH):
+                    await own.controller.perform(op.Pulse(direction, 1500))
+                    await asyncio.sleep(0.7)
+                    assert own.sim.rate == 2
+                await asyncio.sleep(5.0)
+                assert own.sim.rate == chosen
+            await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+            own.sim.feed(b":R5#")
+            await own.controller.read_now(op.GetStatus())
+            await asyncio.sleep(5.0)
+            assert own.sim.rate == 5
+
+    run(program())
+
+
+def test_a_stop_does_not_wait_for_the_speed_of_the_keypad() -> None:
+    """The speed is put back when all stands still, and not during an arrow that follows the pulse."""
+
+    async def program() -> None:
+        async with bridge("onstep") as own:
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+            await own.controller.perform(op.Goto(ra, 20.0))
+            await asyncio.sleep(60.0)
+            await own.controller.perform(op.Pulse(op.Direction.NORTH, 500))
+            await asyncio.sleep(0.8)
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=7)))
+            await asyncio.sleep(5.0)
+            assert own.sim.rate == 7 and own.driver.moving
+            began = own.clock()
+            await own.controller.perform(op.StopAxis(2))
+            assert own.clock() - began < 0.2 and b":R6#" not in own.sent()
+            await asyncio.sleep(3.0)
+            assert own.sim.rate == 6
+
+    run(program())
+
+
 @each("firmware", ["10.28g", "4.24s", "3.16o", "2.22b"])
 def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
     """Every version tells that speed, 4 degrees a second here; the second fastest is half of it."""

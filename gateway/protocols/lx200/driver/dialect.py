@@ -47,6 +47,8 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
     if not any(letter in letters for letter in form["park"]):
         raise Garbled  # cut short, or another controller's
     mount.pulse_rate = f"R{tail[0]}" if tail[:1] == tail[1:2] else None  # either may be that of its pulses
+    if mount.supports(keys := f"R{tail[1:2]}") and keys != mount.rate_sent:
+        mount.keys_rate = keys
 
     def has(name: str) -> bool:
         return any(letter in letters for letter in form[name])
@@ -135,7 +137,7 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
     except (Silence, Garbled):
         yield Schedule(LOOK_AGAIN, operation)
         return
-    if mount.moving.get(axis) != letter or mount.arrow_rate is None:  # somebody has released it meanwhile
+    if mount.moving.get(axis) != letter or mount.rate_sent is None:  # somebody has released it meanwhile
         return
     ends = operation.pressed + mount.dialect["arrows"]["end"]
     if told.moves:
@@ -144,7 +146,7 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
         del mount.moving[axis]
         yield Remark("the mount has ended the arrow, by a limit of its own or at its keypad: it is not pressed again")
     else:
-        yield from ask(mount, mount.arrow_rate)
+        yield from ask(mount, mount.rate_sent)
         if mount.moving.get(axis) == letter:
             yield from ask(mount, f"M{letter}")
             yield from watch_arrow(mount, axis)

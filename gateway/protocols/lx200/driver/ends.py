@@ -6,7 +6,8 @@ double the load from a program that keeps sending stops to a mount at rest. A te
 :Q#; the repetition of any other end command waits until it listens again.
 
 No Meade reports its fastest rate, the rates of its axes or its guide rate. If they stayed changed, its own hand control
-and gotos would use them. Restored are the values at power-on, or those that a program has set since.
+and gotos would use them. Restored are the values at power-on, or those that a program has set since. An OnStep reports
+the rate of its arrows, which is that of its keypad too: restored is what it reported before.
 """
 
 from __future__ import annotations
@@ -82,6 +83,10 @@ def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
         yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
         return
+    if mount.keys_rate is not None:
+        yield from ask(mount, mount.keys_rate)
+        mount.rate_sent = None
+        return
     for axis in sorted(mount.free_axes):
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
         mount.free_axes.discard(axis)
@@ -115,5 +120,7 @@ def _guide_rate_differs(mount: Lx200Driver, fraction: float) -> bool:
 
 
 def _changed(mount: Lx200Driver) -> bool:
+    if mount.keys_rate is not None:
+        return mount.rate_sent not in (None, mount.keys_rate)
     fastest_differs = mount.fastest not in (None, mount.facts["max_rate"])
     return _guide_rate_differs(mount, mount.guide_rate) or bool(mount.free_axes) or fastest_differs

@@ -124,7 +124,7 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
 def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     """Set one of the four rates."""
     command = rate_command(mount, rate)
-    mount.arrow_rate = command
+    mount.rate_sent = command
     if command == "RS" and not mount.dialect:
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG" and not mount.dialect:
@@ -139,7 +139,7 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     if speed.command == "RS" and speed.free is None and not mount.dialect:
         yield from _fastest(mount, axis, speed.fastest)
     assert speed.command is not None
-    mount.arrow_rate = speed.command
+    mount.rate_sent = speed.command
     yield from ask(mount, speed.command)
     if speed.free is not None:
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.free)
@@ -209,6 +209,7 @@ def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
     if pulses["send"]:
         if mount.moving:  # it would go on at this rate, or the pulse at its own
             raise Refused(BY_HAND)
+        mount.rate_sent = command
         yield from ask(mount, command)
     return speeds[command]
 

@@ -138,9 +138,10 @@ class Lx200Driver(Driver):
         # of another maker's: the state that it has told, and when; its own speeds, degrees per second
         self.told: tuple[float, Told] | None = None
         self.own_speeds: dict[str, float] = {}
-        #: The rate commands of the last arrow, and of the pulses if the mount has told that.
-        self.arrow_rate: str | None = None
+        #: The rate commands of the last arrow or pulse, of its own pulses, and of its own keys as far as it tells them.
+        self.rate_sent: str | None = None
         self.pulse_rate: str | None = None
+        self.keys_rate: str | None = None
         #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.
         self.drive_shown: float | None = None
         self.drive_read = -math.inf
