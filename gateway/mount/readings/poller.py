@@ -7,6 +7,7 @@ twice a second if the line is fast enough. Without clients there is one heartbea
 from __future__ import annotations
 
 import asyncio
+import re
 from math import inf
 
 from gateway.core import operations as op
@@ -178,7 +179,8 @@ class Poller:
             await self._reader.read_now(kind())
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
-                self._context.note_once(f"{kind.__name__}: {fault}")
+                reading = re.sub("(?<=[a-z])(?=[A-Z])", " ", kind.__name__.removeprefix("Get")).lower()
+                self._context.note_once(f"the mount was asked for its {reading}: {fault}")
             self._failed[kind] = self._context.now()
             if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
                 await asyncio.sleep(POLL_PERIOD[kind])
