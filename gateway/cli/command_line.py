@@ -33,7 +33,8 @@ line on stderr says what is wrong and where
 WHERE = """\
 PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: that is where programs connect.
 Without a model a mount is asked what it is, and programs are presented one that fits.
-  PROTOCOL  of a mount: lx200 (Meade), nexstar (Celestron) or alpaca (any ASCOM Alpaca telescope)
+  PROTOCOL  of a mount: lx200 (Meade, OnStep, TeenAstro), nexstar (Celestron, Sky-Watcher) or alpaca (any ASCOM \
+Alpaca telescope)
             of a surface stellarium (Stellarium's own), too, and any (tcp:// only): every one of them and web \
 browsers, told by what they say first
   VERSION   of the hand control, like 4.21
@@ -169,6 +170,7 @@ COMMANDS = {
 
 FIRST = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
+Software of both kinds can drive Sky-Watcher (SynScan), OnStep, TeenAstro and ASCOM Alpaca mounts, too.
 
 First steps:
   mount-gateway demo

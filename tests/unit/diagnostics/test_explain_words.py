@@ -95,6 +95,18 @@ def test_values_and_replies_are_told_as_people_write_them() -> None:
     assert explain("lx200", "nexstar", ":GD#").text.splitlines()[-1] == "reply: +00*00:00#  (Dec +00°00'00\")"
 
 
+def test_a_goto_of_an_alpaca_telescope_is_explained_by_its_requests() -> None:
+    told = explain("lx200", "alpaca", ":MS#").text.splitlines()
+    assert told[:2] == [
+        ":MS#  slew to the target",
+        "outcome on a german mount: translated (the mount carries it out, by commands of its own protocol)",
+    ]
+    *_, asked, ordered, reply = told
+    assert asked == "    to the mount: get devicestate\\x0a  all values that change, in one answer"
+    assert ordered.startswith("    to the mount: put slewtocoordinatesasync RightAscension=5.5755555")
+    assert ordered.endswith("  go to a position: RA 05:34:32, Dec +22°00'52\"") and reply == "reply: 0"
+
+
 def test_every_outcome_is_explained() -> None:
     from gateway.diagnostics.command_outcomes import STANDS_FOR
 
