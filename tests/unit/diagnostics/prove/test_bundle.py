@@ -242,14 +242,14 @@ def _lost(mount: str, path: Path, nth: int, config: dict[str, Any] | None = None
     return findings
 
 
-def _told(path: Path, protocol: str) -> list[tuple[float, bytes, bytes]]:
-    """Return the replies to private requests, with their times and requests: each to the last request before it."""
+def _told(path: Path, protocol: str, *more: bytes) -> list[tuple[float, bytes, bytes]]:
+    """Return the replies to private and ``more`` requests, with times and requests: each to the last one before it."""
     asked, found = b"", list[tuple[float, bytes, bytes]]()
     for event in read(path):
         if event.side == "mount" and event.arrow == ">":
             asked = event.data
         elif event.side == "mount" and event.arrow == "<" and len(event.data) > 2:
-            found += [(event.at, asked, event.data)] * asked.startswith(PRIVATE[protocol])
+            found += [(event.at, asked, event.data)] * asked.startswith((*PRIVATE[protocol], *more))
     return found
 
 
@@ -368,7 +368,7 @@ def test_a_date_changes_at_the_midnight_that_is_told(minutes: float, tmp_path: P
         findings = _lost("lx200:lx200gps", path, 0, start=midnight + 60.0 * minutes)
         files = bundle.make(findings, [path], random=Random(seed))
         (tmp_path / "1.rec").write_bytes(files["1.rec"])
-        told = _told(tmp_path / "1.rec", "lx200")
+        told = _told(tmp_path / "1.rec", "lx200", b":GC")
         clock = {asked: reply.decode("latin-1").rstrip("#") for _, asked, reply in reversed(told)}
         at = next(at for at, asked, _ in told if asked == b":GL#")
         local = datetime.strptime(f"{clock[b':GC#']} {clock[b':GL#']}+0000", "%m/%d/%y %H:%M:%S%z").timestamp()
