@@ -618,6 +618,22 @@ def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
     run(program())
 
 
+def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> None:
+    """It has no question that is answered in high precision at all times: as one that is not known, it is switched."""
+
+    async def program() -> None:
+        own = bridge("teenastro")
+        own._hands_on = True  # :U# is no form of a TeenAstro's
+        own.sim.feed(b":U#")
+        answering(own, {b"\x06": b"", b":GW#": b"0", b":GRL#": b"#", b":GDL#": b"#"})
+        async with own:
+            assert (await own.controller.perform(op.GetIdentity())).model == "other"
+            seen = await own.controller.read_now(op.Position())
+            assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
+
+    run(program())
+
+
 def test_a_meade_of_any_name_stays_a_meade() -> None:
     async def program() -> None:
         own = bridge("autostar")

@@ -7,6 +7,7 @@ form; the driver then does without them, and does not ask again until the line i
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.about import OF_ONE_MAKER, SWITCHED_UNNAMED
@@ -149,7 +150,8 @@ def _is_low(answer: Mapping[str, object]) -> bool:
 def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
-    One of another maker is not switched: it has questions that are answered in high precision whatever was chosen.
+    One of another maker is not switched: it has questions that are answered in high precision whatever was chosen. One
+    that does not answer these, such as a TeenAstro before 1.5, is taken for one that is not known.
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
@@ -161,8 +163,11 @@ def high_precision(mount: Lx200Driver) -> Steps:
             mount.reply_time = min(OWN_PATIENCE, mount.now() - began)
             if (product := (yield from _probe(mount, "GVP"))) is not None:
                 mount.take_for((yield from _model(mount, product["product"])))
+        for _ in range(2 if mount.dialect else 0):
+            with suppress(Garbled, Silence):
+                return (yield Send("GR", {"low": True}, patience=OWN_PATIENCE))
         if mount.dialect:
-            return (yield from ask(mount, "GR"))
+            mount.take_for("other")
         if not mount.supports("U"):
             break
         yield from ask(mount, "U")
