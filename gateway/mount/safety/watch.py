@@ -127,8 +127,7 @@ class LimitWatch:
     def began(self, operation: op.Operation) -> None:
         """A motion has begun: it starts from the last position, unless the mount was moving already."""
         mount, moving = self._mount, self._mount.movement.now()
-        limits = mount.policy.limits
-        self._at_own_park = False
+        limits, self._at_own_park = mount.policy.limits, False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
@@ -190,11 +189,13 @@ class LimitWatch:
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
             self.seen = fold.first(self.seen, last)
+        status = self._mount.cache.value(op.GetStatus)
+        if status is not None and status.equatorial and not (self._mount.movement.slewing or self.moved_by_others):
+            self.seen = fold.passed(self.seen, last, place)
         sample = self._sample(now, place, last)
         if last is None or now < self._coasts_until or last.era != sample.era:
             self.seen = fold.first(self.seen, sample)
             return
-        status = self._mount.cache.value(op.GetStatus)
         if status is not None and not status.aligned:
             self.seen = replace(self.seen, before=None, last=sample)
             self._mount.note_once(UNWATCHED)
@@ -204,9 +205,8 @@ class LimitWatch:
         self.seen, moving = fold.see(self.seen, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
         view = self._view(now, moving)
-        verdict = allow(view)
         self.seen = replace(self.seen, farthest=farthest(view))
-        self._apply(verdict)
+        self._apply(allow(view))
 
     def check_altitude_axis(self, axes: op.Horizontal) -> None:
         """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""

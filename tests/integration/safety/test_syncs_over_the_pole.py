@@ -34,11 +34,11 @@ def standing(mount: str, version: str | None = None, latitude: float = 45.0, **g
     return Bridge(mount, version, site=site, config={"site": site, "lowest": -90.0, "sun": 20.0}, **given)
 
 
-async def over(bridge: Bridge, degrees: float) -> None:
+async def over(bridge: Bridge, degrees: float, rate: bytes = b":RM#") -> None:
     """A program's arrow carries the tube so far over the pole or the zenith."""
     client, mechanics = bridge.client(), bridge.sim.mechanics
     arrow = b"n" if mechanics.geometry.pole > 0 or mechanics.build is Build.ALTAZ else b"s"
-    client.tell(b":RM#:M" + arrow + b"#")
+    client.tell(rate + b":M" + arrow + b"#")
     for _ in range(80):
         client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
         await asyncio.sleep(0.25)
@@ -91,27 +91,66 @@ def test_a_sync_that_may_turn_it_around_is_refused(
     run(program())
 
 
+async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float) -> None:
+    """The mount stands like that, and its tube a little before the pole or the zenith; a Meade is aligned by a sync."""
+    mechanics = bridge.sim.mechanics
+    if driven == "nexstar" and build is Build.WEDGE:
+        bridge.sim.feed(b"T\x02")
+    if build is Build.GERMAN:
+        bridge.sim.letter = "P"  # type: ignore[attr-defined]
+    mechanics.rebuild(bridge.clock(), build)
+    await asyncio.sleep(15.0)
+    mechanics.speed = 1000.0
+    mechanics.goto_axes(bridge.clock(), 100.0, second)
+    await asyncio.sleep(4.0)
+    mechanics.speed = 1.0
+    if driven == "lx200":
+        assert not (await synced(bridge, 0.0))[0]
+
+
 @pytest.mark.parametrize(("mount", "driven", "build"), FORKS)
 @pytest.mark.safety_line(8)
 def test_so_is_one_of_a_fork(mount: str, driven: str, build: Build) -> None:
     async def program() -> None:
         async with standing(mount, driven=driven, start=EVENING) as bridge:
-            mechanics = bridge.sim.mechanics
-            if driven == "nexstar" and build is Build.WEDGE:
-                bridge.sim.feed(b"T\x02")
-            mechanics.rebuild(bridge.clock(), build)
-            await asyncio.sleep(15.0)
-            mechanics.speed = 1000.0
-            mechanics.goto_axes(bridge.clock(), 100.0, 80.0)
-            await asyncio.sleep(4.0)
-            mechanics.speed = 1.0
-            if driven == "lx200":  # a Meade is aligned by its first sync
-                assert not (await synced(bridge, 0.0))[0]
+            await near_the_pole(bridge, driven, build, 80.0)
             await over(bridge, 5.0)
             why, turned = await synced(bridge, 4.0)
             assert "may turn an axis by 1" in why
             assert "Sync on a star farther from the" in why
             assert max(map(abs, turned)) < 0.01
+
+    run(program())
+
+
+@pytest.mark.parametrize("by", [b":RS#", b":RM#", b"guide pulse"])
+@pytest.mark.parametrize(("mount", "build"), [
+    ("lx200gps", Build.WEDGE), ("lx200", Build.WEDGE), ("autostar", Build.GERMAN),
+])  # fmt: skip
+def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, build: Build, by: bytes) -> None:
+    """It does not tell its axes; its right ascension is another by half a circle then, and back when it is back."""
+
+    async def program() -> None:
+        async with standing(mount, driven="lx200", start=EVENING) as bridge:
+            client, mechanics = bridge.client(), bridge.sim.mechanics
+            await near_the_pole(bridge, "lx200", build, 89.995 if by == b"guide pulse" else 80.0)
+            if by == b"guide pulse":
+                client.tell(b":Mgn4300#")
+                await asyncio.sleep(8.0)
+            else:
+                await over(bridge, 0.02, by)
+            assert mechanics.axes(bridge.clock())[1] > 90.005
+            why, turned = await synced(bridge, 8.0)
+            assert "may turn an axis by 180 degrees" in why
+            assert max(map(abs, turned)) < 0.01
+            client.tell(by + b":Ms#" if by != b"guide pulse" else b":Mgs9000#")
+            for _ in range(60):
+                client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] > 89.98 else b":Q#:GR#")
+                await asyncio.sleep(0.25)
+            assert mechanics.axes(bridge.clock())[1] < 89.995
+            why, turned = await synced(bridge, 8.0)
+            assert not why
+            assert counted(bridge, turned)
 
     run(program())
 
