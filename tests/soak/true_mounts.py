@@ -89,13 +89,15 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
             if not tracks:
                 await proven.gateway.request_handler.take(requests.Track(on=False, who=WHO))
                 await asyncio.sleep(5.0)
-            before, person = proven.sim.tracking, Onlooker()
+            before, person, notes = proven.sim.tracking, Onlooker(), list[str]()
+            proven.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
             findings = await proven.check(person)
             wrong = [one.line for one in findings.of("differs")]
             ended = [line for line in person.said if line.startswith("This stage ends")]
-            wrong += [line for line in ended if "stopped at the" not in line]  # at a limit, or near the Sun
+            wrong += [line for line in ended if "stopped at " not in line]  # a limit, or the Sun
             left = [stage.name for stage in STAGES if stage.name != "place" and stage.name not in findings.stages]
             wrong += [f"{name} was not done" for name in left if not any("Not now" in line for line in person.said)]
+            wrong += [note for note in notes if "internal error" in note]
             await asyncio.sleep(5.0)
             wrong += [f"tracking was {before}"] * (proven.sim.tracking != before)
             lowest = min(truth.altitude for truth in proven.truths)

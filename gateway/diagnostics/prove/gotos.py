@@ -19,8 +19,9 @@ from gateway.mount.motion.run_on import Place
 LONGEST, CANCELLED = 300.0, 2.0
 #: Degrees: how far the goto goes, how near to its goal it must end, what is at rest; so far from it nothing goes on.
 FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
-#: Degrees from the horizon, the zenith and the pole at which the small motions have room.
-ROOM, POLE = 20.0, 75.0
+#: Degrees from the horizon, the zenith and the pole at which the small motions have room, and from the Sun beyond
+#: those that are always kept.
+ROOM, POLE, ASIDE = 20.0, 75.0, 7.0
 #: Degrees from the meridian at which a German mount has room, and within which none of its gotos here leads.
 MERIDIAN, BESIDE = 15.0, 3.0
 #: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
@@ -42,6 +43,8 @@ def cramped(telescope: Telescope, sky: op.Equatorial | None = None) -> str:
     limits = telescope.controller.policy.limits
     if abs(sky.dec) > POLE:
         return "it points near the pole"
+    if (sun := min(telescope.controller.suns.distances(sky), default=inf)) < telescope.controller.suns.limit + ASIDE:
+        return f"it points {sun:.0f}° from the Sun"
     if altitude is not None and not limits.lowest + ROOM <= altitude <= min(90.0, limits.highest) - ROOM:
         return f"its altitude is {altitude:.0f}°"
     if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < MERIDIAN:

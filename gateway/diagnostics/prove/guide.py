@@ -172,16 +172,18 @@ class Guide:
                 await self._stop()
             await work
         except (Ended, asyncio.CancelledError) as ended:
-            if isinstance(ended, asyncio.CancelledError) and not stopped:
-                await telescope.stop()
-                raise  # this session itself is ended
+            if isinstance(ended, asyncio.CancelledError) and not stopped:  # this session itself is ended
+                try:
+                    await telescope.stop()
+                finally:
+                    self._ends_early(stage, "prove was ended")
+                    self._keep_all(stage)
+                raise
             words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
             if telescope.mine and not (stopped or theirs or telescope.other):
                 await telescope.stop()
             person.say(f"This stage ends: {words}.")
-            again = {rest_of(stage.name), *(one.what for one in self._here)}
-            self._here += [one for one in self.before if one.what not in again]
-            self._here.append(Finding(rest_of(stage.name), NOT_TRIED, words))
+            self._ends_early(stage, words)
         finally:
             for task in (space, work):
                 task.cancel()
@@ -189,10 +191,19 @@ class Guide:
                 await work
             if not theirs:
                 await self._restore(tracked, stage.moves and not telescope.tracking_by_others)
+        self._keep_all(stage)
+        return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
+
+    def _ends_early(self, stage: Stage, words: str) -> None:
+        """Add to what was found what had been found before, and why the rest is missing."""
+        again = {rest_of(stage.name), *(one.what for one in self._here)}
+        self._here += [one for one in self.before if one.what not in again]
+        self._here.append(Finding(rest_of(stage.name), NOT_TRIED, words))
+
+    def _keep_all(self, stage: Stage) -> None:
         stages = self._findings.stages | {stage.name: self._here}
         self._findings.stages = {one.name: stages[one.name] for one in STAGES if one.name in stages}
         self._keep(self._findings)
-        return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
 
     async def _answer(self, question: str, keys: str) -> str:
         """Return the key that the person presses; the space bar stops the mount here, too, and just before."""
@@ -220,7 +231,8 @@ class Guide:
                 return
             if before or not ours:
                 was, now = ("on", "off") if before else ("off", "on")
-                self._person.say(f"Its tracking was {was}, and is {now} now: that was not done here.")
+                why = telescope.switched_off if before else ""
+                self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'that was not done here'}.")
             elif not (answer := await telescope.ask(requests.Track(on=False, who=WHO))).done:
                 self._person.say(f"Its tracking was off: {answer.words}")
 

@@ -27,6 +27,8 @@ ASKS_AGAIN = "its settings are asked again"
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
 PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time",
                      "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
+#: The field that tells whether it tracks, which a limit may have ended.
+TRACKS = "mode"
 #: Seconds after which a line goes on on which one answer was missing.
 RECOVERS = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
@@ -99,7 +101,9 @@ async def settings(telescope: Telescope, report: Report) -> None:
     after = dict[str, str]()
     for name in telescope.settings:
         with suppress(Fault):
-            after[name] = repr((await told(telescope, name)).values)
+            heard = await told(telescope, name)
+            if not (TRACKS in heard.fields and telescope.switched_off):
+                after[name] = repr(heard.values)
         telescope.check()
     helps = telescope.driver.protocol.commands
     changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]

@@ -23,6 +23,7 @@ from gateway.core.motion_kinds import begins_motion
 from gateway.mount.motion.run_on import Place, drift
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
+from gateway.mount.safety.unattended import SWITCHED_OFF
 from gateway.protocols.registry import streams
 
 #: Who asks, in the log and on the page.
@@ -127,6 +128,12 @@ class Telescope:
         elif isinstance(wanted.motion, ByHand):
             yield from (moving.by for _, moving in wanted.motion)
         yield from (order.by for order in wanted.pending if begins_motion(order.operation))
+
+    @property
+    def switched_off(self) -> str:
+        """What the gateway has said of tracking that it has switched off; empty if it has not done that lately."""
+        said = (notice.text for notice in reversed(self.controller.wire_log.recent))
+        return next((f"the gateway says: {text}" for text in said if text.startswith(SWITCHED_OFF)), "")
 
     def _ordered(self, wanted: Wanted) -> None:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]

@@ -53,6 +53,8 @@ REMEMBERED = 100
 DAY = 86400.0
 #: Fields that describe the form of a reply, not its meaning.
 _FORM = ("length", "raw")
+#: Fields that change with the time of the day.
+_OF_THE_DAY = ("time", "sidereal", "hour", "minute", "second")
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
@@ -225,8 +227,11 @@ class ReplyVerifier:
 
 
 def _seconds(values: Values) -> float:
+    """Return the time of the day that a reply tells; sidereal time is told in degrees."""
     if "time" in values:
         return float(values["time"])
+    if "sidereal" in values:
+        return float(values["sidereal"] * 240.0)
     return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
 
 
@@ -235,7 +240,7 @@ def _clock_agrees(before: Reply, after: Reply) -> bool:
     then, now = _seconds(before.values), _seconds(after.values)
     drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
     slack = CLOCK_TOLERANCE + (before.came - before.asked) + (after.came - after.asked)
-    others = [name for name in after.values if name not in ("time", "hour", "minute", "second", *_FORM)]
+    others = [name for name in after.values if name not in (*_OF_THE_DAY, *_FORM)]
     return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
 
 

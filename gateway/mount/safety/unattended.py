@@ -36,6 +36,8 @@ INTERVAL = 0.5
 AHEAD, STEP, AGAIN, SOON = 900.0, 60.0, 30.0, 1.0
 #: Seconds after tracking was switched off during which readings of before still show it: two, five seconds apart.
 SHOWN_FOR = 12.0
+#: The beginning of what is said when tracking was switched off at a limit.
+SWITCHED_OFF = "tracking was switched off at"
 WAY_OUT = "cover the tube, or move it away."
 
 
@@ -160,7 +162,7 @@ class TrackingAtLimit:
                 return
             await self._perform(op.SetTracking(on=False))
             self._off_since = context.now()
-            context.note(f"tracking was switched off at {reason}")
+            context.note(f"{SWITCHED_OFF} {reason}")
         except Unsupported:
             self._refused_at = context.now()
             sky_changed = self._watch.sky.changed_at > self._watch.seen.began  # at rest: it was not reached by tracking

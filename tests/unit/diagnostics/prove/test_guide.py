@@ -234,6 +234,32 @@ def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
     run_calm(play())
 
 
+def test_a_check_that_begins_near_the_sun_leaves_it_first() -> None:
+    async def play() -> None:
+        async with Proven("nexstar:6-8se", **CONDITIONS["near the Sun"][0]) as proven:
+            before, person = kept(proven), Onlooker("ssyssssy")
+            await proven.check(person)
+            assert "same  goto to a better place" in person.said, person.said
+            assert proven.truths[-1].sun_distance > 45.0
+            left_alone(proven, before)
+
+    run_calm(play())
+
+
+def test_a_limit_that_ends_tracking_is_named_and_changes_no_setting() -> None:
+    async def play() -> None:
+        async with Proven("lx200:lx200gps", **CONDITIONS["near the Sun"][0]) as proven:
+            with patch.object(small_motions, "KEYS", (9, 7)):
+                found = await proven.check(person := Onlooker("yssyssssy"))
+            assert not proven.sim.tracking
+            assert any(
+                "is off now: the gateway says: tracking was switched off at the Sun" in one for one in person.said
+            )
+            assert not found.of("differs")
+
+    run_calm(play())
+
+
 def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
     """Pressed while a stage ends, as the mount is asked what it does."""
 
@@ -292,6 +318,36 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
         run_calm(play())
     first, second = (["rate 9 west/east"] * 2, ["rate 9 north/south"] * 2)
     assert measured == ["rate 6 west/east", "rate 6 north/south", *first, *second]
+
+
+def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
+    async def play() -> None:
+        async with Proven() as proven:
+            kept, person = tmp_path / "findings.json", Onlooker("ssy")
+            guide = Guide(proven.gateway, person, Findings(), lambda found: save(kept, found))
+            session = asyncio.ensure_future(guide.run())
+            person.when["rate 9 north/south"] = lambda: proven.loop.call_later(1.0, session.cancel)
+            with suppress(asyncio.CancelledError):
+                await session
+            assert session.cancelled()
+            await rests(proven)
+            proven.findings = load(kept)
+            assert [one.what for one in proven.findings.stages["motions"]] == [
+                "rate 9 west/east",
+                "the rest of motions",
+            ]
+            with patch.object(small_motions, "_measured", counted):
+                found = await proven.check(Onlooker("ssyssss"))
+            assert found.whole("motions") and measured == ["rate 9 north/south"]
+
+    measured, real = list[str](), small_motions._measured
+
+    async def counted(telescope: Telescope, what: str, *rate: Any) -> Finding:
+        measured.append(what)
+        return await real(telescope, what, *rate)
+
+    with patch.object(small_motions, "KEYS", (9,)):
+        run_calm(play())
 
 
 def test_tracking_that_another_program_turns_on_stays_on() -> None:
