@@ -33,16 +33,16 @@ EVENING = 1768514400.0
 
 
 class CalmLoop(TurnLoop):
-    """A recorded event loop on virtual time that is hardly ever late."""
+    """A recorded event loop on virtual time that wakes ``late`` by so many seconds."""
 
     def __init__(self) -> None:
-        self.passed = 0.0
+        self.passed, self.late = 0.0, 1e-5
         super().__init__(lambda: self.passed)
 
     def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
         def jump(seconds: float | None) -> list[Any]:
             assert seconds is not None, "nothing will ever happen again"
-            self.passed += seconds + 1e-5
+            self.passed += seconds + self.late
             return []
 
         return super().begin_turn(timeout, jump)

@@ -87,12 +87,15 @@ class Guide:
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
             mount, version = reads.named(identity, telescope.driver)
-            if mount != self._findings.mount and self._findings.stages:
-                raise UserError(
-                    f"the folder holds what was found of {self._findings.mount}; --folder names another one"
-                )
-            if mount != self._findings.mount:
+            found = self._findings
+            unknown = reads.UNKNOWN in (version, found.version)
+            same = mount.removesuffix(version) == found.mount.removesuffix(found.version)
+            if mount != found.mount and not (same and unknown):
+                if found.stages:
+                    raise UserError(f"the folder holds what was found of {found.mount}; --folder names another one")
                 self._findings = Findings(mount, identity.model, version)
+            elif version != reads.UNKNOWN:
+                found.mount, found.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
         telescope.settings = self._findings.told

@@ -17,6 +17,8 @@ from gateway.protocols.wireformat.command_set import load
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
 #: Exchanges that a pulse takes on an alt-az mount at most; seconds of one with which pulses are timed well enough.
 EXCHANGES, SOON = 16, 0.15
+#: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
+LATE = LASTS / 8.0
 #: The part of the guide rate by which it may be off, besides half an exchange of each pulse that the gateway times.
 OFF = 0.25
 
@@ -37,14 +39,16 @@ async def run(telescope: Telescope, report: Report) -> None:
     telescope.mine = True
     try:
         for axis, pair in enumerate(PAIRS, 1):
-            ways = list[float]()
+            ways, late = list[float](), 0.0
             for direction in pair:
                 before = await telescope.rest()
                 for number in range(PULSES):
                     done = 2 * PULSES * (axis - 1) + PULSES * len(ways) + number
                     report.progress(done, 4 * PULSES, f"pulses {direction.word}")
                     await program.ask(pulse, direction=direction.value, ms=int(LASTS * 1000.0))
-                    await asyncio.sleep(max(EVERY, EXCHANGES * exchange))
+                    due = telescope.now() + max(EVERY, EXCHANGES * exchange)
+                    await asyncio.sleep(due - telescope.now())
+                    late += (telescope.now() - due) / PULSES / len(pair)
                     telescope.check()
                 after = await telescope.rest()
                 if telescope.moved(before, after, tracks=True) > ACROSS:
@@ -55,7 +59,11 @@ async def run(telescope: Telescope, report: Report) -> None:
                 rate = abs(rate)
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
             error = (OFF + exchange / 2.0 / LASTS) * assumed
-            report.found(_judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, error, tick))
+            finding = _judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, error, tick)
+            if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
+                words = "this computer or its line was too busy for pulses as short as these"
+                finding = Finding(finding.what, NOT_MEASURABLE, words, finding.assumed)
+            report.found(finding)
     finally:
         program.close()
 

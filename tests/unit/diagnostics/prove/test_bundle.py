@@ -268,6 +268,9 @@ def test_nothing_true_is_told_after_a_request_was_lost(mount: str, tmp_path: Pat
         for before in tmp_path.iterdir():
             before.unlink()
         findings = _lost(mount, tmp_path / "original.rec", nth)
+        if site_of(read(tmp_path / "original.rec"), findings.model)[0] is None:  # a server asked for it only once yet
+            assert mount == "alpaca:german"
+            continue
         files = bundle.make(findings, [tmp_path / "original.rec"], random=Random(1))
         (tmp_path / "1.rec").write_bytes(files["1.rec"])
         before_and_after = [set(_told(tmp_path / name, private)) for name in ("original.rec", "1.rec")]

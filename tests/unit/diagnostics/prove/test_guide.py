@@ -294,6 +294,26 @@ def test_another_session_goes_on_where_this_one_ended(tmp_path: Path) -> None:
     run_calm(play())
 
 
+@pytest.mark.parametrize("mount", ["lx200:onstep", "nexstar:6-8se"])
+def test_a_mount_is_the_same_one_if_the_question_for_its_version_is_lost(mount: str) -> None:
+    async def play(nth: int, findings: Findings) -> Findings:
+        def lose(proven: Proven) -> None:
+            write, count = proven.wire.write, iter(range(1, 10**6))
+            proven.wire.write = lambda data: None if next(count) == nth else write(data)  # type: ignore[method-assign]
+
+        async with Proven(mount, every=9.0, change=lose) as proven:
+            proven.findings = findings
+            return await proven.check(Onlooker("ssssssss"))
+
+    for nth in as_a_rule((0, 9), whole=range(12)):  # 9 is :GVN#
+        first: Findings = run_calm(play(nth, Findings()))
+        first.stages["reads"] = [Finding("identity", SAME)]
+        second: Findings = run_calm(play(9, first))
+        third: Findings = run_calm(play(0, second))
+        assert (third.mount, third.version) == (run_calm(play(0, Findings())).mount, third.version)
+        assert "?" not in third.mount and third.stages.keys() == {"reads"}
+
+
 def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) -> None:
     measured, real = list[str](), small_motions._measured
 

@@ -125,3 +125,20 @@ def test_a_gateway_that_is_adapted_finds_no_difference(what: str) -> None:
     again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.keys.items()})
     assert not again.keys and verdicts["run-on after a stop"] == SAME
     assert not again.of(DIFFERS)
+
+
+@pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "lx200:lx200"])
+def test_pulses_of_a_computer_that_is_busy_show_nothing(mount: str) -> None:
+    """They are as long as it takes until it gets to end them."""
+
+    async def play() -> None:
+        async with Proven(mount, every=9.0) as proven:
+            person = Onlooker("ssssysss")
+            person.when["pulses west"] = lambda: setattr(proven.loop, "late", 0.12)
+            found = await proven.check(person)
+            proven.loop.late = 1e-5
+            print(*person.said, sep="\n")
+            verdicts = {one.what: one.verdict for one in found.stages["guiding"]}
+            assert "guiding west/east" in verdicts and DIFFERS not in verdicts.values(), verdicts
+
+    run_calm(play())
