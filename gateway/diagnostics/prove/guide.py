@@ -248,4 +248,6 @@ class Guide:
             self._person.say(f"  {finding.means}")
 
     def progress(self, done: int, of: int, what: str) -> None:
+        """Show how far the stage has come, and on the page and in ``status`` that a check is under way."""
+        self._telescope.controller.wire_log.remember(WHO, "checks this mount")
         self._person.progress(done / max(1, of), what)

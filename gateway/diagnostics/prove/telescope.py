@@ -103,9 +103,8 @@ class Telescope:
         """Raise Ended if the stage cannot go on."""
         controller = self.controller
         if controller.stops != self._stops:
-            words = controller.wanted.value.short or next(
-                reversed([one.text for one in controller.wire_log.recent]), ""
-            )
+            said = [one.text for one in controller.wire_log.recent if one.side != WHO]
+            words = controller.wanted.value.short or next(reversed(said), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
         if controller.line.state not in ("up", "busy"):

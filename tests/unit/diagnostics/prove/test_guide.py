@@ -402,6 +402,24 @@ def test_settings_are_asked_of_the_mount_itself(mount: str) -> None:
     run_calm(play())
 
 
+def test_the_page_shows_that_a_check_is_under_way() -> None:
+    async def play() -> None:
+        async with Proven() as proven:
+            person, shown = Onlooker("ssyq"), list[str]()
+
+            def look() -> None:
+                state = proven.gateway.state().drawn()
+                shown.extend((*state.wanted, *state.lately))
+
+            person.when["rate 9 north/south"] = lambda: proven.loop.call_later(2.0, look)
+            with patch.object(small_motions, "KEYS", (9,)):
+                await proven.check(person)
+            assert any("mount-gateway prove: checks this mount" in line for line in shown)
+            assert any(line.endswith("by mount-gateway prove") for line in shown), shown
+
+    run_calm(play())
+
+
 def test_every_stage_says_what_comes_in_one_sentence() -> None:
     for stage in STAGES:
         assert stage.will.endswith(".") and len(stage.will) <= 60
