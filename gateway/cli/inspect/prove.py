@@ -75,15 +75,19 @@ def _prove(arguments: argparse.Namespace) -> int:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
     kept, terminal = folder / "findings.json", Terminal()
     going: bool | None = True  # False after q, None after a signal
+    moved = False
     code = 0
     for stages in (LOOKING, MOVING):  # apart, because a bundle holds nothing of the first
 
         async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
-            nonlocal going
+            nonlocal going, moved
             await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
             with terminal.open():
                 guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
-                await guide.run()
+                try:
+                    await guide.run()
+                finally:
+                    moved = guide.moved
                 going = not guide.left
 
         if going:
@@ -93,6 +97,9 @@ def _prove(arguments: argparse.Namespace) -> int:
             here = checked(config, folder, record=stages is MOVING)
             serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
             code = with_loop(False, serve, stages is MOVING)
+            record = here.mount[0].record
+            for path in folder.glob(f"{Path(record).name}*") if record and not moved else ():
+                path.unlink()  # nothing but the beginning of a session is in it
     findings = load(kept)
     if going is None:
         for line in summary(findings):
@@ -186,6 +193,8 @@ class Terminal(Screen):
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
         self._bar, self._asks = 0, False
+        #: Whether the last questions were left by q.
+        self._left = False
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
@@ -273,7 +282,10 @@ class Terminal(Screen):
         return " "
 
     async def agrees(self, question: str) -> bool:
-        """Return whether the answer is y and not n, where nothing moves that the space bar could stop."""
-        while (key := await self.key(question, "yn")) == " ":
+        """Return whether the answer is y, where nothing moves that the space bar could stop; after q none is asked."""
+        key = "q" if self._left else " "
+        while key == " ":
             self.stop.clear()
+            key = await self.key(question, "ynq")
+        self._left = key == "q"
         return key == "y"

@@ -74,7 +74,8 @@ class Guide:
         stages: tuple[Stage, ...] = STAGES,
     ) -> None:
         self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
-        self._stages, self.left = stages, False
+        #: Whether the person has left, and whether a stage that moves the mount has begun.
+        self._stages, self.left, self.moved = stages, False, False
         self._here: list[Finding] = []
         self.before: list[Finding] = []
 
@@ -164,6 +165,7 @@ class Guide:
             return "y"
         if person.stop.is_set():  # pressed before the stage began
             return await self._answer(AFTER_STOP, "yaq")
+        self.moved |= stage.moves
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
         stopped = theirs = False

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import os
+import re
+import select
+import subprocess
+import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import pytest
 
@@ -12,7 +20,14 @@ from gateway.app.config import Config, MountConfig
 from gateway.cli import main
 from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
 from gateway.core.errors import UserError
-from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings
+from gateway.diagnostics.prove import bundle, small_motions
+from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, save
+from gateway.diagnostics.prove.guide import STAGES
+from tests.support.process import GATEWAY
+from tests.support.proven import Onlooker, Proven, run_calm
+from tests.unit.diagnostics.prove.test_small_motions import other_rates
+
+SITE = (47.3, 11.6)
 
 
 def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,6 +76,18 @@ def test_where_nothing_moves_the_space_bar_is_no_answer() -> None:
     asyncio.run(talk())
 
 
+def test_q_leaves_the_last_questions_too() -> None:
+    async def talk() -> None:
+        terminal = Terminal()
+        asking = asyncio.ensure_future(terminal.agrees("y: write them  n: do not"))
+        await asyncio.sleep(0)
+        terminal._pressed("q")
+        assert not await asking
+        assert not await asyncio.wait_for(terminal.agrees("y: make a file  n: end"), 1.0)
+
+    asyncio.run(talk())
+
+
 def test_the_gateway_of_the_check_keeps_far_from_the_sun_and_records(tmp_path: Path) -> None:
     config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0)]), tmp_path, True)
     [mount] = config.mount
@@ -95,3 +122,49 @@ def test_after_a_signal_nothing_else_begins(monkeypatch: pytest.MonkeyPatch, tmp
 def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", "--mount", "nexstar@sim"]) == 2
     assert "start it in a terminal" in capsys.readouterr().err
+
+
+def _other_rates(folder: Path) -> None:
+    """Leave a check of a mount with other rates in a folder: what was found, and its recording."""
+
+    async def check() -> Findings:
+        async with Proven(record=folder / "1.rec", every=9.0, change=other_rates, site=SITE) as proven:
+            with patch.object(small_motions, "KEYS", (9, 6)):
+                return await proven.check(Onlooker("ssyssss"))
+
+    folder.mkdir()
+    findings: Findings = run_calm(check())
+    done = {stage.name: findings.stages.get(stage.name, [Finding(stage.name, SAME)]) for stage in STAGES}
+    findings.stages = done
+    save(folder / "findings.json", findings)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
+    """It shows what changes in gateway.toml and writes it, shows the file that it makes, and saves it."""
+    import pty
+
+    _other_rates(tmp_path / "prove")
+    toml = tmp_path / "gateway.toml"
+    toml.write_text('[mount]\nat = "nexstar:6-8se@sim"\n\n[[surface]]\nat = "any@tcp://127.0.0.1:0"\n')
+    ours, theirs = pty.openpty()
+    words = [*GATEWAY, "prove", "gateway.toml", "--no-console"]
+    process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path)
+    os.close(theirs)
+    screen, answered, end = "", 0, time.monotonic() + 120.0
+    while process.poll() is None and time.monotonic() < end:
+        if select.select([ours], [], [], 0.2)[0]:
+            with contextlib.suppress(OSError):  # the terminal's other end was closed
+                screen += os.read(ours, 4096).decode("utf-8", "replace")
+        if screen.count(" > ") > answered and screen.endswith(" > "):
+            answered += 1
+            os.write(ours, b"y")
+    process.kill()
+    os.close(ours)
+    assert process.wait() == 0, screen
+    assert "+ rates = [" in screen and "rates = [" in toml.read_text()
+    assert {path.name for path in (tmp_path / "prove").iterdir()} == {"findings.json", "1.rec", "to-send"}
+    saved = bundle.load(tmp_path / "prove-6-8se-4.21.zip", tmp_path)
+    assert list(saved.played) == ["1.rec"] and saved.played["1.rec"].requests > 100
+    assert (tmp_path / "prove" / "to-send" / "1.rec").read_bytes() == (tmp_path / "1.rec").read_bytes()
+    assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= COLUMNS
