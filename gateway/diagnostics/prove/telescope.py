@@ -200,7 +200,7 @@ class Telescope:
             while self.now() < began + longest and count < CHANGES:
                 await asyncio.sleep(max(0.01, min(LOOK, began + longest - self.now())))
                 self.check()
-                seen = sum(one.sky != after.sky for one, after in pairwise(self._places))
+                seen = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._places))
                 if seen != count:
                     count, changed = seen, self.now()
                 if speed > FAST and self.now() > changed + UNCHANGED:
@@ -216,6 +216,10 @@ class Telescope:
                 f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
             )
         return Motion(began, ended, before, places, after)
+
+    def _changed(self, before: Place, after: Place, fast: bool) -> bool:
+        """Whether a reading has changed; of a fast motion, by more than the sky does that passes."""
+        return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:
         """Go to a position, and cancel that after so many seconds. Return why it was refused. Raises Ended."""

@@ -9,8 +9,11 @@ from unittest.mock import patch
 
 import pytest
 
+from gateway.core import requests
+from gateway.core.operations import Direction
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Findings
+from gateway.diagnostics.prove.telescope import UNCHANGED, WHO, Telescope
 from tests.support.proven import Onlooker, Proven, run_calm
 
 
@@ -87,6 +90,9 @@ DIFFERENCES: dict[str, tuple[str, Callable[[Proven], None], dict[str, Any], str,
     "a server's altitudes": (
         "alpaca:german", other_altitudes, {}, "syyssyss",
         {"altitude and azimuth against RA and Dec": DIFFERS, "guiding west/east": SAME}, set()),
+    "a dialect that it was not told of": (
+        "lx200:onstep", nothing, {"config": {"at": "lx200:autostar@sim"}}, "yssssss",
+        {"answers to its protocol's questions": DIFFERS}, set()),
     "a busy classic": ("lx200:lx200", busy_classic, {}, "yssssss",
         {"reply times": DIFFERS}, set()),
 }  # fmt: skip
@@ -96,7 +102,8 @@ def _checked(what: str, **config: object) -> tuple[Findings, dict[str, str]]:
     mount, change, settings, answers, _, _ = DIFFERENCES[what]
 
     async def play() -> tuple[Findings, dict[str, str]]:
-        async with Proven(mount, every=9.0, change=change, config=config, **settings) as proven:
+        more = settings | {"config": settings.get("config", {}) | config}
+        async with Proven(mount, every=9.0, change=change, **more) as proven:
             with patch.object(small_motions, "KEYS", (9, 6)):
                 found = await proven.check(person := Onlooker(answers))
             print(*person.said, sep="\n")
@@ -125,6 +132,22 @@ def test_a_gateway_that_is_adapted_finds_no_difference(what: str) -> None:
     again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.keys.items()})
     assert not again.keys and verdicts["run-on after a stop"] == SAME
     assert not again.of(DIFFERS)
+
+
+@pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "alpaca:polar"])
+def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
+    """Its drive is off, so that the sky passes and its right ascension changes all the time."""
+
+    async def play() -> None:
+        async with Proven(mount, change=lambda proven: _moves(proven, lambda *_: 0.0)) as proven:
+            await proven.gateway.request_handler.take(requests.Track(on=False, who=WHO))
+            await asyncio.sleep(5.0)
+            telescope = Telescope(proven.gateway)
+            telescope.begin()
+            motion = await telescope.press(Direction.NORTH, 9, 10.0)
+            assert UNCHANGED <= motion.ended - motion.began < UNCHANGED + 1.0
+
+    run_calm(play())
 
 
 @pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "lx200:lx200"])
