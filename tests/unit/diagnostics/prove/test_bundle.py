@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import json
 import tempfile
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -16,20 +17,20 @@ import pytest
 from gateway.app.recording.format import read
 from gateway.app.state.file import SavedState
 from gateway.astro.ephemeris.closed_forms import sidereal_time
-from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
+from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import UserError
-from gateway.core.requests import Goto, Spot, decode
 from gateway.diagnostics.prove import bundle, small_motions
 from gateway.diagnostics.prove.elsewhere import elsewhere, site_of
 from gateway.diagnostics.prove.findings import Findings
-from gateway.diagnostics.prove.gotos import HOUR_ANGLES
 from gateway.mount.site.program_settings import SiteOfProgram
+from gateway.transport.handler import Connected
 from tests.support.proven import EVENING, Onlooker, Proven, run_calm
+from tests.support.recovered import recovered
 from tests.support.sampling import as_a_rule
 
 SITE = (47.3, 11.6)
 #: Names that are planted wherever a person can write one.
-PLANTED = ("obs-pier", "meier", "10.11.12.13", "usb-Prolific", "secret")
+PLANTED = ("obs-pier", "meier", "10.11.12.13", "usb-Prolific", "serial-77341", "hilltop", "192.168.1.77", "secret")
 MOUNTS = as_a_rule(
     ["nexstar:6-8se", "alpaca:german"],
     whole=[
@@ -51,10 +52,24 @@ class Made(NamedTuple):
 
 
 def plant(proven: Proven) -> None:
-    """Let a server tell names."""
+    """Let a server tell names, and a Meade that of its site."""
+    if hasattr(proven.sim, "names"):
+        proven.sim.names[0] = "hilltop"
     if hasattr(proven.sim, "tells"):
-        names = {"name": "meier's mount", "description": "on obs-pier", "driverversion": "1 secret"}
+        names = {"name": "meier's mount", "description": "on obs-pier", "driverversion": "1 serial-77341"}
         proven.sim.tells |= names | {"driverinfo": "secret", "siteelevation": 1234.5}
+
+
+async def another_program(proven: Proven) -> None:
+    """Let a program ask for the name of the mount's site, and say one of its own."""
+    acceptors = zip(proven.gateway.endpoints, proven.gateway.acceptors, strict=True)
+    [acceptor] = [acceptor for endpoint, acceptor in acceptors if endpoint.protocol == "lx200"]
+    heard = list[bytes]()
+    handler = proven.gateway.entrance.accept(acceptor)(Connected("192.168.1.77:4711", "192.168.1.77", heard.append))
+    handler.feed(b":GM#:SMsecret#")
+    await asyncio.sleep(5.0)
+    assert heard
+    handler.close()
 
 
 @functools.cache
@@ -69,7 +84,9 @@ def made(mount: str, latitude: float = SITE[0], seed: int = 1) -> Made:
             async with Proven(mount, record=path, site=where, config=config, every=9.0, change=plant) as proven:
                 proven.gateway.wire_log.note("mount", "usb-Prolific_secret was lost at 10.11.12.13")
                 with patch.object(small_motions, "KEYS", (9, 5)):
-                    return await proven.check(Onlooker("ss"))
+                    found = await proven.check(Onlooker("ss"))
+                await another_program(proven)
+                return found
 
         findings: Findings = run_calm(check())
         original = path.read_bytes()
@@ -81,48 +98,12 @@ def _recording(made: Made, folder: Path, original: bool = False) -> Path:
     return path
 
 
-def _recovered(path: Path) -> list[tuple[float, float]]:
-    """Every site that a reader of the recording can think of: what is told, and what the goals of gotos tell."""
-    recording = read(path)
-    config = recording.settings["config"]["mount"]
-    found = [tuple(config["site"])] if config.get("site") else []
-    told, _ = site_of(recording)
-    found += [told] if told else []
-    states = 0
-    began = recording.settings["began"]
-    for event in recording:
-        if (
-            event.arrow == "c"
-            and isinstance(goto := decode(event.data.decode()), Goto)
-            and isinstance(goto.where, Spot)
-        ):
-            for hour_angle in HOUR_ANGLES:  # the first goto may have been to a place that was chosen by the site
-                longitude = goto.where.ra + hour_angle - sidereal_time(began + event.at, 0.0)
-                found.append((2.0 * goto.where.dec, wrap180(longitude)))
-        if event.side == "mount" and event.arrow == "<" and b"UTCDate" in event.data and states < 3:
-            states += 1
-            found.append(_by_state({one["Name"]: one["Value"] for one in json.loads(event.data)}))
-    return [(latitude, longitude) for latitude, longitude in found if abs(latitude) <= 90.0]
-
-
-def _by_state(state: dict[str, Any]) -> tuple[float, float]:
-    """Return the site at which a server's altitude, azimuth, position, sidereal time and clock fit each other."""
-    unix = datetime.fromisoformat(state["UTCDate"][:19]).replace(tzinfo=UTC).timestamp()
-    hour_angle, dec = 15.0 * (state["SiderealTime"] - state["RightAscension"]), state["Declination"]
-
-    def off(latitude: float) -> float:
-        return separation(*hour_angle_to_horizon(hour_angle, dec, latitude), state["Azimuth"], state["Altitude"])
-
-    latitude = min((n / 20.0 for n in range(-1800, 1801)), key=off)
-    return latitude, wrap180(15.0 * state["SiderealTime"] - sidereal_time(unix, 0.0))
-
-
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_nobody_recovers_the_site_from_a_bundle(mount: str, tmp_path: Path) -> None:
     one = made(mount)
-    true = _recovered(_recording(one, tmp_path, original=True))
+    true = recovered(_recording(one, tmp_path, original=True))
     assert min(separation(lon, lat, SITE[1], SITE[0]) for lat, lon in true) < 0.1  # the reader is no fool
-    guessed = _recovered(_recording(one, tmp_path))
+    guessed = recovered(_recording(one, tmp_path))
     assert guessed
     assert min(separation(lon, lat, SITE[1], SITE[0]) for lat, lon in guessed) >= 2.0
     told, zone = site_of(read(_recording(one, tmp_path)))
@@ -149,7 +130,8 @@ def test_no_reply_tells_the_true_latitude_or_time(mount: str, tmp_path: Path) ->
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_planted_names_are_gone(mount: str) -> None:
     one = made(mount)
-    assert all(name.encode() in one.original for name in PLANTED[:4])
+    assert all(name.encode() in one.original for name in (*PLANTED[:4], "192.168.1.77", "secret"))
+    assert (b"hilltop" in one.original) == mount.startswith("lx200")
     for name, data in one.files.items():
         assert not [word for word in PLANTED if word.lower() in data.decode("latin-1").lower()], name
     verdicts = json.loads(one.files[bundle.VERDICTS])
