@@ -1,6 +1,6 @@
 """Many programs that poll a gateway's LX200 and NexStar ports four times a second. Standalone, and part of others.
 
-    python -m tests.soak.crowd LX200_PORT NEXSTAR_PORT [--clients 200] [--seed 1]
+    python -m tests.soak.crowd LX200_PORT NEXSTAR_PORT [--clients 200] [--rate 4] [--seed 1]
 
 Every second one sends ``:GR#:GD#`` in one write, the others ``e``. A tenth of them are killed again and again: the
 connection is reset, half of the time with a request on its way, and opened again. It runs until it is ended.
@@ -89,11 +89,12 @@ async def _client(
     outcome: Outcome,
     judge: Judge,
     fragile: bool,
+    rate: float,
 ) -> None:
     """Run one program for ever."""
     loop = asyncio.get_running_loop()
     began = loop.time()
-    await asyncio.sleep(chance.uniform(0.0, 1.0 / RATE))
+    await asyncio.sleep(chance.uniform(0.0, 1.0 / rate))
     while True:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         ends = loop.time() + chance.expovariate(1.0 / LIFE) if fragile else float("inf")
@@ -117,7 +118,7 @@ async def _client(
                 outcome.add_error(
                     f"{question!r} was answered {reply!r}, {loop.time() - began:.1f} s after the beginning: {fault}"
                 )
-            due = max(due + 1.0 / RATE, loop.time())
+            due = max(due + 1.0 / rate, loop.time())
             await asyncio.sleep(due - loop.time())
         _kill(writer, question if chance.random() < 0.5 else b"")
         outcome.killed += 1
@@ -137,15 +138,16 @@ async def crowd(
     chance: random.Random,
     outcome: Outcome,
     judge: Judge = lambda told, asked: "",
+    rate: float = RATE,
 ) -> None:
     """Run this many programs, until cancelled."""
     async with asyncio.TaskGroup() as group:
         for number in range(clients):
             own, fragile = random.Random(chance.random()), number < FRAGILE * clients
             if number % 2:
-                group.create_task(_client(lx200_port, b":GR#:GD#", lx200, own, outcome, judge, fragile))
+                group.create_task(_client(lx200_port, b":GR#:GD#", lx200, own, outcome, judge, fragile, rate))
             else:
-                group.create_task(_client(nexstar_port, b"e", nexstar, own, outcome, judge, fragile))
+                group.create_task(_client(nexstar_port, b"e", nexstar, own, outcome, judge, fragile, rate))
 
 
 def main() -> int:
@@ -153,14 +155,16 @@ def main() -> int:
     parser.add_argument("lx200_port", type=int)
     parser.add_argument("nexstar_port", type=int)
     parser.add_argument("--clients", type=int, default=200)
+    parser.add_argument("--rate", type=float, default=RATE, help="how often each asks, a second")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--idle", action="store_true", help="run at idle priority")
     arguments = parser.parse_args()
     if arguments.idle:  # it stands for other computers, which take no time from the gateway's
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     outcome, chance = Outcome(), random.Random(arguments.seed)
+    ports = arguments.lx200_port, arguments.nexstar_port
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(crowd(arguments.lx200_port, arguments.nexstar_port, arguments.clients, chance, outcome))
+        asyncio.run(crowd(*ports, arguments.clients, chance, outcome, rate=arguments.rate))
     print(f"{outcome.answers} answers, {outcome.wrong} wrong", *outcome.words, sep="\n")
     return 1 if outcome.wrong else 0
 

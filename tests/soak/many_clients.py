@@ -20,7 +20,6 @@ import sys
 import tempfile
 import time
 from collections import deque
-from pathlib import Path
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
@@ -30,6 +29,7 @@ from tests.benchmarks import memory, processes
 from tests.benchmarks.figures import percentile
 from tests.soak.crowd import Outcome, Reported, crowd
 from tests.soak.paced import PacedMount
+from tests.soak.share import used
 from tests.support.process import Running
 
 #: Seconds a reply may be old: fresh for 0.5, and on its way before; and the rounding of 24 bits on the wire, degrees.
@@ -115,12 +115,6 @@ async def _weigh(bench: Bench, sizes: list[tuple[float, float]]) -> None:
         await asyncio.sleep(WEIGH_EVERY)
 
 
-def _spent(bench: Bench) -> float:
-    """Return the seconds of processor time that a gateway has used."""
-    fields = Path(f"/proc/{bench.gateway.process.pid}/stat").read_text("ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def slope(points: list[tuple[float, float]]) -> float:
     """Return the slope of the straight line that fits the points best."""
     mean_x, mean_y = (sum(point[axis] for point in points) / len(points) for axis in (0, 1))
@@ -157,7 +151,7 @@ async def _run(arguments: argparse.Namespace, state: str, running: list[Running]
     await asyncio.sleep(SETTLE)
     seconds = 60.0 * arguments.minutes
     tasks.append(loop.create_task(_weigh(crowded, sizes)))
-    spent = [_spent(bench) for bench in (crowded, alone)]
+    spent = [used(bench.gateway.process.pid) for bench in (crowded, alone)]
     passed, answers = [bench.mount.passed for bench in (crowded, alone)], outcome.answers
     probe = await asyncio.create_subprocess_exec(
         sys.executable,
@@ -173,7 +167,10 @@ async def _run(arguments: argparse.Namespace, state: str, running: list[Running]
     said, _ = await probe.communicate()
     rates = [(bench.mount.passed - before) / seconds for bench, before in zip((crowded, alone), passed, strict=True)]
     answers = outcome.answers - answers
-    spent = [(_spent(bench) - before) / seconds for bench, before in zip((crowded, alone), spent, strict=True)]
+    spent = [
+        (used(bench.gateway.process.pid) - before) / seconds
+        for bench, before in zip((crowded, alone), spent, strict=True)
+    ]
     for task in tasks:
         if task.done():
             task.result()
