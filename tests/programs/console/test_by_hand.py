@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -191,3 +192,17 @@ def test_a_held_mount_is_shown_and_released(visit: Callable[..., Visit]) -> None
     page.show("sky")
     page.page.locator("#banners").get_by_role("button", name="Release").click()
     page.until("it is released", lambda: not page.text("#banners").startswith("The mount is held"))
+
+
+def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) -> None:
+    """As a telescope that is pushed by hand, and a mount that has no arrows, but gotos."""
+    page = visit(told={"never": "told"})
+    page.show("control")
+    buttons = "[...document.querySelectorAll('#control-pane button')].filter(one => one.checkVisibility())"
+    for can, words in (
+        (["Sync"], "Hold still, Sync…"),
+        (["Goto", "Park"], "Up, Left, Right, Down, −, +, 1′, 5′, Field, Park…, Hold still, Search…"),
+    ):
+        page.hear(json.dumps({"diff": {"mounts": {"0": {"can": can}}}}))
+        offered = f"{buttons}.map(one => one.textContent).join(', ')"
+        page.until("it is seen", lambda seen=offered, told=words: page.page.evaluate(seen) == told)

@@ -4,7 +4,7 @@
 import { BUTTONS, CHOICES, HEADINGS, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
 import { angle, azimuth } from "../core/format.js";
-import { state, mount, subscribe } from "../core/store.js";
+import { can, state, mount, subscribe } from "../core/store.js";
 import { sync } from "../finding/place.js";
 import { order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
@@ -37,24 +37,26 @@ export function start() {
   const holds = button(BUTTONS.hold, () => order({ do: mount()?.held ? "release" : "hold" }));
   const parks = button(BUTTONS.park, () => goFar({ do: "park" }, HEADINGS.park, parkWords()));
   const homes = button(BUTTONS.home, () => goFar({ do: "home" }, HEADINGS.home, "It slews to its home position."));
+  const unparks = button(BUTTONS.unpark, () => order({ do: "unpark" }).then(look));
   const searches = button(BUTTONS.search, search);
   const [tracking, followed] = [row(HEADINGS.tracking, onOff), row(HEADINGS.follow, rates)];
+  const parking = row(HEADINGS.park, el("div", { class: "chips" }, parks, homes, unparks));
   byId("orders").replaceChildren(
     tracking,
     followed,
-    row(HEADINGS.park, el("div", { class: "chips" }, parks, homes, button(BUTTONS.unpark, () => order({ do: "unpark" }).then(look)))),
+    parking,
     row(HEADINGS.mount, el("div", { class: "chips" }, wakes, holds, searches, syncs)),
   );
   subscribe(() => {
     const seen = mount();
-    const can = (name) => !seen?.can || seen.can.includes(name);
     tracks.set(seen ? (seen.tracks ? "on" : "off") : null);
     follows.set(following());
     wakes.hidden = !seen?.asleep;
     tracking.hidden = !can("SetTracking");
     // An alt-azimuth mount tracks at the sidereal rate only: its two motors have no other.
     followed.hidden = !can("TrackRate") || seen?.equatorial === false;
-    for (const [one, name] of [[parks, "Park"], [homes, "Home"], [syncs, "Sync"]]) one.hidden = !can(name);
+    for (const [one, name] of [[parks, "Park"], [homes, "Home"], [unparks, "Unpark"], [searches, "Goto"], [syncs, "Sync"]]) one.hidden = !can(name);
+    parking.hidden = parks.hidden && homes.hidden && unparks.hidden;
     say(holds, seen?.held ? BUTTONS.release : BUTTONS.hold);
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });

@@ -3,12 +3,14 @@
 
 import { BUTTONS, CHOICES, NAMES } from "../core/labels.js";
 import { button, byId, choice, el, say } from "../core/dom.js";
-import { gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
+import { can, gatewayNow, mount, skyAt, state, subscribe } from "../core/store.js";
 import { askOptics } from "../finding/details.js";
 import { field } from "../finding/kept.js";
 import { notice, order } from "../frame/notices.js";
 import { DEGREE, separation, vector } from "../sky/sphere.js";
 
+/** What the mount must be able to do for a choice; it is a goto for all others. */
+const NEEDS = { hold: "Move", pulse: "Pulse" };
 /** Milliseconds of a guide pulse. */
 const PULSE = 1000;
 /** Towards higher declination or altitude, and higher right ascension or lower azimuth; the names on both kinds of mounts. */
@@ -137,10 +139,11 @@ export function start() {
     el("div", { class: "chips", id: "spiral", role: "group", "aria-label": NAMES.spiral, hidden: true },
       button(`${BUTTONS.place} 1`, () => searchOn(spiral.number + 1), { id: "spiral-next" }), button(BUTTONS.back, () => searchOn(0)), button(BUTTONS.end, end)));
   subscribe(() => {
-    const seen = mount();
-    const pulse = box.querySelector("[data-value=pulse]");
-    pulse.hidden = Boolean(seen?.can && !seen.can.includes("Pulse"));
-    if (pulse.hidden && mode === "pulse") box.querySelector("[data-value=hold]").click();
+    const choices = [...box.children];
+    for (const one of choices) one.hidden = !can(NEEDS[one.dataset.value] ?? "Goto");
+    const offered = choices.filter((one) => !one.hidden);
+    if (offered.length && !offered.some((one) => one.dataset.value === mode)) offered[0].click();
+    for (const part of document.querySelectorAll("#pad, .speed, #pad-hint")) part.hidden = !offered.length;
     for (const one of document.querySelectorAll("#steps button, #spiral button")) one.disabled = !state.act;
     draw();
   });

@@ -53,10 +53,10 @@ export function choice(box, choices, chosen) {
     button(words, () => chosen(value), { role: radio ? "radio" : null, "data-value": value, [state]: "false" }));
   box.replaceChildren(...buttons);
   box.onkeydown = radio ? (event) => {
-    const from = buttons.indexOf(event.target);
+    const offered = buttons.filter((one) => !one.hidden), from = offered.indexOf(event.target);
     if (!NEXT[event.key] || from < 0) return;
     event.preventDefault();
-    const to = buttons[(from + NEXT[event.key] + buttons.length) % buttons.length];
+    const to = offered[(from + NEXT[event.key] + offered.length) % offered.length];
     to.focus();
     to.click();
   } : null;

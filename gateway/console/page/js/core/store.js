@@ -29,6 +29,9 @@ export function changed() {
 /** The selected mount; null before the first state. */
 export const mount = () => state.mounts[state.chosen] ?? null;
 
+/** Whether the selected mount can do something, as far as it is known. */
+export const can = (name) => mount()?.can?.includes(name) ?? true;
+
 /** The present time by the gateway's clock, Unix seconds; by this device's clock before the first message. */
 export const gatewayNow = () =>
   state.hello ? state.hello.now + (performance.now() - state.heardAt) / 1000 : Date.now() / 1000;
