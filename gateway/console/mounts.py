@@ -71,7 +71,7 @@ class Mounts:
             [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"
         )
         if not done or not target.is_file():
-            raise UserError(text)
+            raise UserError(text.removeprefix("mount-gateway: "))
         return target
 
     async def _run(self, words: Sequence[str], what: str) -> tuple[bool, str]:

@@ -150,7 +150,7 @@ class Console:
             try:
                 path = await self._mounts.report(path)
             except UserError as error:
-                raise web.HTTPConflict(reason=str(error)) from None
+                return web.Response(status=409, text=str(error))
         return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .page import DESK, Console, Visit
+from .page import DESK, Console, Program, Visit
 
 HOSTILE = b"<img src=x onerror=alert(1)><script>alert(2)</script>#"
 
@@ -102,13 +102,29 @@ def test_a_command_is_explained(visit: Callable[..., Visit]) -> None:
     page.until("it is explained", lambda: "right ascension of the telescope" in page.text("#explained"))
 
 
-def test_a_recording_is_fetched(visit: Callable[..., Visit]) -> None:
+def test_a_recording_and_its_report_are_fetched(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
-    page.page.click("#record")
-    page.until("it runs", lambda: page.text("#record").startswith("End recording"))
-    with page.page.expect_download() as fetched:
+    reports = page.page.get_by_role("button", name="Report", exact=True)
+
+    def record(program: Program | None = None) -> None:
         page.page.click("#record")
-    path = fetched.value.path()
-    assert fetched.value.suggested_filename.endswith(".rec") and path.stat().st_size > 0
-    page.until("it has ended", lambda: page.text("#record") == "Record")
+        page.until("it runs", lambda: page.text("#record").startswith("End recording"))
+        if program is not None:
+            program.say(b":GR#", 9)
+        with page.page.expect_download() as fetched:
+            page.page.click("#record")
+        path = fetched.value.path()
+        assert fetched.value.suggested_filename.endswith(".rec") and path.stat().st_size > 0
+        page.until("it has ended", lambda: page.text("#record") == "Record")
+
+    record()
+    reports.click()
+    page.until("why there is none", lambda: "nothing happened in this recording" in page.text("#notices"))
+    page.faults = [fault for fault in page.faults if "409 (Conflict)" not in fault]
+    with console.program() as program:
+        record(program)
+    with page.page.expect_download() as fetched:
+        reports.click()
+    assert fetched.value.suggested_filename.endswith(".html")
+    assert "<title>" in fetched.value.path().read_text("utf-8")

@@ -40,6 +40,17 @@ at = "tcp://127.0.0.1:0"
 """
 
 
+#: Keeps what the page asks for of what nobody polls.
+SAID = """() => {
+  const send = WebSocket.prototype.send;
+  window.said = [];
+  WebSocket.prototype.send = function (text) {
+    said.push(...[JSON.parse(text)].filter(one => one.do === 'look'));
+    return send.call(this, text);
+  };
+}"""
+
+
 class Two:
     """A Celestron in the north and a Meade in the south; the truth of each is read past the gateway."""
 
@@ -62,7 +73,9 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
 def test_one_is_shown_and_moved_and_both_are_stopped(two: Two, browser: Browser, size: tuple[int, int]) -> None:
     page = Visit(browser, two.url, size, {"light-mode": "day", "rate": "7"}, "west: Celestron")
     north = page.text("#readings")
+    page.page.evaluate(SAID)
     page.page.get_by_role("radio", name="east").click()
+    page.until("the side of its pier is asked for", lambda: page.page.evaluate("said.some(one => one.mount === 1)"))
     page.until("the other one is shown", lambda: page.text("#name").startswith("east: Meade LX"))
     page.until("with its own readings", lambda: page.text("#readings") != north)
     assert f"{-SOUTH.latitude:.1f} S" in page.text("#readings")

@@ -1,5 +1,6 @@
 // What no program polls: the side of the pier, and the rate at which the mount tracks. While the page is seen and the
-// mount neither slews nor is moved, the gateway asks the mount for them now and then, and when it has come to rest.
+// mount neither slews nor is moved, the gateway asks the mount for them now and then, when it has come to rest, and when
+// it is chosen.
 
 import { ask } from "../core/socket.js";
 import { changed, mount, state, subscribe } from "../core/store.js";
@@ -30,8 +31,10 @@ export async function look() {
 export function start() {
   setInterval(look, EVERY);
   setTimeout(look, 2000);
-  let moved = false;
+  let moved = false, shown = state.chosen;
   subscribe(() => {
+    if (state.chosen !== shown) look();
+    shown = state.chosen;
     const moves = Boolean(mount()?.moves);
     if (moved && !moves) setTimeout(look, RESTED);
     moved = moves;

@@ -21,7 +21,7 @@ export function changingList(title, lines, none = "", { line = (words) => [words
   return whole;
 }
 
-/** @typedef {[string, (seen: any) => string, ("large"|"words")?]} Row  label, value for a mount's state, style */
+/** @typedef {[string, (seen: any) => string, ("large"|"where"|"words")?]} Row  label, value for a mount's state, style */
 
 /** @param {Row[]} described @returns {{list: any, draw(seen: any): void}} `seen` is null before the first state */
 export function rows(described) {

@@ -4,7 +4,7 @@
 import { BUTTONS } from "../core/labels.js";
 import { button, el, say } from "../core/dom.js";
 import { span } from "../core/format.js";
-import { order } from "../frame/notices.js";
+import { notice, order } from "../frame/notices.js";
 import { token } from "../core/socket.js";
 import { changed, gatewayNow, state, subscribe } from "../core/store.js";
 
@@ -12,24 +12,41 @@ import { changed, gatewayNow, state, subscribe } from "../core/store.js";
 let report = "";
 const running = () => state.recordings[state.chosen] ?? null;
 
+const withToken = (address) => `${address}?token=${encodeURIComponent(token)}`;
+
 /** Download a file, by clicking a link in code. */
-function fetchFile(address) {
-  const link = el("a", { href: `${address}?token=${encodeURIComponent(token)}`, download: address.split("/").at(-1) });
+function download(address, name) {
+  const link = el("a", { href: address, download: name });
   document.body.append(link);
   link.click();
   link.remove();
+}
+
+/** Download the report, or say why there is none: it is made now, and may fail. */
+async function fetchReport() {
+  notice("The report is being made.");
+  try {
+    const answer = await fetch(withToken(report));
+    if (!answer.ok) return notice(`There is no report: ${await answer.text()}`, "refused");
+    const whole = URL.createObjectURL(await answer.blob());
+    download(whole, report.split("/").at(-1));
+    URL.revokeObjectURL(whole);
+    return notice("");
+  } catch {
+    return notice("There is no report: the gateway cannot be reached.", "refused");
+  }
 }
 
 async function press() {
   const answer = await order({ do: "record", on: !running() });
   if (!answer.ok || !answer.download) return;
   report = answer.report;
-  fetchFile(answer.download);
+  download(withToken(answer.download), answer.download.split("/").at(-1));
   changed();
 }
 
 export function recordButtons() {
-  const reports = button(BUTTONS.report, () => fetchFile(report), { id: "report", hidden: true });
+  const reports = button(BUTTONS.report, fetchReport, { id: "report", hidden: true });
   const made = button(BUTTONS.record, press, { id: "record" });
   const draw = () => {
     const now = running();
