@@ -33,6 +33,23 @@ def test_a_place_that_is_pasted(visit: Callable[..., Visit], size: tuple[int, in
     assert page.text("#notices") == "", "it stays until it is closed"
 
 
+def test_a_device_that_looks_for_its_place_keeps_nobody_waiting(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.page.evaluate(
+        "navigator.geolocation.getCurrentPosition = told => { window.tell = () => told({coords: "
+        "{latitude: 48.1, longitude: 11.6}}) }"
+    )
+    page.show("readings")
+    for typed, stands in (("", "48.1000, 11.6000"), ("45.5, 10.5", "45.5, 10.5")):
+        page.page.get_by_role("button", name="Set the site…").click()
+        page.until("it asks at once", lambda: page.page.locator("#ask-site").is_visible())
+        if typed:
+            page.page.fill("#ask-site", typed)
+        page.page.evaluate("tell()")
+        page.until("its place", lambda where=stands: page.page.input_value("#ask-site") == where)
+        page.page.click("#ask-no")
+
+
 def test_limits_are_narrowed_and_taken_back(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("more")

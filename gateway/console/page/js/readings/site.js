@@ -2,7 +2,7 @@
 // The gateway checks both like those of any other program.
 
 import { BUTTONS, HEADINGS, READINGS } from "../core/labels.js";
-import { button, el, group } from "../core/dom.js";
+import { button, byId, el, group, say } from "../core/dom.js";
 import { sentence, span, utc, UNKNOWN } from "../core/format.js";
 import { answered, notice, order } from "../frame/notices.js";
 import { question } from "../frame/question.js";
@@ -34,13 +34,22 @@ export function typedSite(text) {
   return { latitude, longitude: longitude < -180 ? longitude + 360 : longitude };
 }
 
+const written = (place) => (place ? `${place.latitude.toFixed(4)}, ${place.longitude.toFixed(4)}` : "");
+
 async function tellSite() {
-  const own = await ownPlace(), now = own ?? mount()?.site;
-  const given = await question({
-    title: HEADINGS.whereSite, yes: HEADINGS.setSite,
-    words: `${own ? "This is where this device is. " : "Paste or type it, like 48.1, 11.6. "}${mount()?.site_holds ? `It would hold for ${mount().site_holds}. ` : ""}To keep it for good, write it under [mount] in gateway.toml.`,
-    fields: [{ name: "site", label: "Latitude and longitude in degrees, north and east positive", value: now ? `${now.latitude.toFixed(4)}, ${now.longitude.toFixed(4)}` : "" }],
+  const value = written(mount()?.site), holds = mount()?.site_holds;
+  const words = `${holds ? ` It would hold for ${holds}.` : ""} To keep it for good, write it under [mount] in gateway.toml.`;
+  const asked = question({
+    title: HEADINGS.whereSite, yes: HEADINGS.setSite, words: `Paste or type it, like 48.1, 11.6.${words}`,
+    fields: [{ name: "site", label: "Latitude and longitude in degrees, north and east positive", value }],
   });
+  const field = byId("ask-site");
+  ownPlace().then((own) => {
+    if (!own || field.value !== value) return; // something was typed meanwhile
+    field.value = written(own);
+    say(byId("ask-words"), `This is where this device is.${words}`);
+  });
+  const given = await asked;
   if (!given) return;
   const place = typedSite(given.site);
   if (!place) return notice("That is no place on Earth: write latitude and longitude as degrees, like 48.1, 11.6.", "refused");
