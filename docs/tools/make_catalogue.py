@@ -48,6 +48,7 @@ MORE_NAMES = {
     "NGC6231": "Northern Jewel Box", "NGC6334": "Cat's Paw Nebula", "NGC6992": "Eastern Veil Nebula",
     "NGC6960": "Witch's Broom", "NGC7331": "Deer Lick Galaxy", "NGC7662": "Blue Snowball",
     "NGC7789": "Caroline's Rose", "ε1 Lyr": "Double Double", "θ1 Ori": "Trapezium", "NGC104": "47 Tucanae",
+    "ESO56-115": "LMC", "NGC292": "SMC", "Cl399": "Coathanger",
 }  # fmt: skip
 WRONG = {("IC434", "Flame Nebula")}
 ABOUT = {

@@ -102,10 +102,12 @@ def stars() -> dict[int, Star]:
 
 @cache
 def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
-    """Return the numbers of stars by letter and constellation (``αOri``), the brightest first; and all spellings of
-    constellations."""
+    """Return the numbers of stars by letter and constellation (``αOri``); and all spellings of constellations.
+
+    Of stars with the same letter it means the double that one looks at (ε1 Lyr), or else the brightest.
+    """
     found: dict[str, int] = {}
-    for star in sorted(stars().values(), key=lambda star: star.magnitude):
+    for star in sorted(stars().values(), key=lambda star: (star.number not in doubles(), star.magnitude)):
         for name in filter(None, star.letters.split("|")):
             letter, constellation = name.split(" ")
             found.setdefault(letter + constellation, star.number)

@@ -95,7 +95,8 @@ def test_the_names_mean_what_they_mean_elsewhere() -> None:
     (("58Ori",), ("HIP27989",)), (("theta1", "Ori"), ("Trapezium",)), (("61", "Cygni"), ("HIP104214",)),
     (("α", "Cen"), ("Rigel", "Kent")), (("beta", "cyg"), ("Albireo",)), (("eta", "Cas"), ("24Cas",)),
     (("NGC7000",), ("North", "America")), (("andromeda",), ("m", "31")), (("Lagoon",), ("M8",)),
-    (("Rosette",), ("c49",)),
+    (("Rosette",), ("c49",)), (("lmc",), ("Large", "Magellanic", "Cloud")), (("SMC",), ("NGC292",)),
+    (("coathanger",), ("Coathanger", "Asterism")), (("epsilon", "lyr"), ("Double", "Double")),
     (("Veil",), ("ngc-6960",)), (("pleiades",), ("Messier", "45")), (("Caldwell", "14"), ("double", "cluster")),
 ])  # fmt: skip
 def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...]) -> None:
