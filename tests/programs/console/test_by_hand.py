@@ -206,3 +206,12 @@ def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) ->
         page.hear(json.dumps({"diff": {"mounts": {"0": {"can": can}}}}))
         offered = f"{buttons}.map(one => one.textContent).join(', ')"
         page.until("it is seen", lambda seen=offered, told=words: page.page.evaluate(seen) == told)
+
+
+@pytest.mark.parametrize(("drive", "name"), [(1.0, "Stars"), (0.9763, "Moon"), (0.9973, "Sun")])
+def test_it_shows_what_it_follows(visit: Callable[..., Visit], drive: float, name: str) -> None:
+    """As an equatorial mount whose motors turn at that part of the stars' speed."""
+    page = visit(told={'"equatorial":false': '"equatorial":true', '"drive\\":': f'"drive\\":{drive},\\"told\\":'})
+    page.show("control")
+    pressed = page.page.locator("[aria-label='Rate of tracking'] [aria-pressed=true]")
+    page.until("it is shown", lambda: pressed.count() == 1 and pressed.text_content() == name)

@@ -12,11 +12,14 @@ window.pad = { index: 0, mapping: 'standard', axes: [0, 0, 0, 0],
 navigator.getGamepads = () => (window.gone ? [null] : [window.pad]);
 """
 HOLD = "(pad.axes = [0, -1, 0, 0], pad.buttons[5] = { pressed: true, value: 1 })"
+SHOWN = "Object.defineProperty(document, 'hidden', { value: false, configurable: true })"
 #: What ends it, besides its release.
 LOSSES = {
     "release": "pad.buttons[5] = { pressed: false, value: 0 }",
     "unplugged": "(window.gone = true, dispatchEvent(new Event('gamepaddisconnected')))",
     "STOP": "pad.buttons[1] = { pressed: true, value: 1 }",
+    "hidden": "(Object.defineProperty(document, 'hidden', { value: true, configurable: true }), "
+    "document.dispatchEvent(new Event('visibilitychange')))",
     "focus": "(document.hasFocus = () => false)",
 }
 
@@ -30,7 +33,7 @@ def test_it_moves_while_its_shoulder_button_is_held(console: Console, visit: Cal
     page.page.get_by_role("button", name="Use a gamepad here").click()
     page.show("control")
     for loss in LOSSES.values():
-        page.page.evaluate(f"{PAD}; window.gone = false; dispatchEvent(new Event('gamepadconnected'))")
+        page.page.evaluate(f"{PAD}; window.gone = false; {SHOWN}; dispatchEvent(new Event('gamepadconnected'))")
         page.page.wait_for_timeout(150)
         start = console.truth.position()
         page.page.evaluate(HOLD)

@@ -9,9 +9,11 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import FilePayload
 
-from ..sky import NIGHT, NORTH, spot_at
+from ..sky import NIGHT, NORTH, Spot, separation, spot_at
 from .page import Console, Visit
 
+#: Of date.
+ALDEBARAN = Spot(69.35, 16.56)
 #: A file with a list of one's own: the last two lines are no places.
 OWN_LIST = "albireo\n05:34:32 +22:00:52 J2000\nXyzzyx\n5.588 -5.39\n"
 OWN_FILE: FilePayload = {"name": "own.txt", "mimeType": "text/plain", "buffer": OWN_LIST.encode()}
@@ -168,6 +170,8 @@ def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> Non
     before = console.truth.position()
     page.page.click("#sync")
     page.until("it asks", lambda: page.text("#ask-title") == "Sync on Aldebaran?")
+    told = re.match(r"It is ([\d.]+)° from where the mount believes that it points\. ", page.text("#ask-words"))
+    assert told and float(told[1]) == pytest.approx(separation(before, ALDEBARAN), abs=0.1)
     assert page.page.locator("#stop").is_enabled() and not page.page.evaluate("document.querySelector('#stop').inert")
     page.page.click("#ask-no")
     page.until("it is gone", lambda: not page.page.locator("#ask").is_visible())
