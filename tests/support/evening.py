@@ -106,6 +106,13 @@ class Play:
         await self.one.stop()
         seconds = await self.rests(5.0)
         await self.stands()
+        await self.one.leave(*self.high(50.0))
+        await asyncio.sleep(3.0)
+        await self.one.stop()
+        there = self.high(25.0)
+        await self.one.goto(*there)
+        await self.rests()
+        must(off(self.sim.truth(), there) < EXACT, "a goto just after an abort does not arrive")
         return f"{seconds:.1f} s"
 
     async def sync(self) -> str:
