@@ -17,10 +17,10 @@ from gateway.mount.site.astrometry import SiteAstrometry
 JUMP = 30.0
 #: The resolution of positions in degrees: a second of right ascension or a 16-bit reading; that of low precision.
 DIGIT, COARSE_DIGIT = 0.006, 0.025
-#: Degrees between two positions from which the direction of the motion can be told; near the pole it cannot.
+#: Degrees between two positions from which the direction of the motion can be told; near the pole or zenith it cannot.
 RISEN, NEAR_POLE = 0.2, 85.0
-#: When the pole is passed, right ascension changes by half a circle: by at least this, degrees, on both sides as near.
-HALF_CIRCLE, PASSES = 90.0, 45.0
+#: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: degrees, and how near.
+HALF_CIRCLE, PASSES = 90.0, 60.0
 NEVER = -1e9
 
 
@@ -60,7 +60,7 @@ class Seen(Struct, frozen=True):
 
     ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
     ``farthest`` are the distances from which each Sun is being approached. ``upright`` is False from the time when
-    the tube passed the pole, or sank although it was lifted, until it is seen back or the next goto has ended.
+    the tube passed pole or zenith, or sank although it was lifted, until it is seen back or the next goto has ended.
     """
 
     before: PositionSample | None = None
@@ -111,20 +111,28 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     before, last = seen.before, seen.last
     if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
         return seen
-    if equatorial and max(abs(before.place.dec), abs(last.place.dec)) > NEAR_POLE:
+    was, now = (one.place.dec if equatorial else one.altitude or 0.0 for one in (before, last))
+    if max(abs(was), abs(now)) > NEAR_POLE:
         return seen
-    rose = last.place.dec - before.place.dec if equatorial else (last.altitude or 0.0) - (before.altitude or 0.0)
+    rose = now - was
     if abs(rose) > RISEN and 0.4 < abs(rose) / (speed * seen.elapsed) < 2.0:  # otherwise something else moved the tube
         return replace(seen, upright=rose * last.lifting.sense > 0)
     return seen
 
 
-def passed(seen: Seen, last: PositionSample | None, place: op.Equatorial) -> Seen:
-    """Update ``upright`` after the motion of a polar mount that is no goto: the pole may lie between two positions."""
-    if last is None or min(abs(last.place.dec), abs(place.dec)) < PASSES:
+def passed(
+    seen: Seen,
+    last: PositionSample | None,
+    sample: PositionSample,
+    astrometry: SiteAstrometry,
+    status: op.Status | None,
+) -> Seen:
+    """Update ``upright`` after a motion that is no goto: the pole, or the zenith, may lie between two positions."""
+    if last is None or status is None:
         return seen
-    turned = abs(wrap180(place.ra - last.place.ra))
-    return replace(seen, upright=not seen.upright) if turned > HALF_CIRCLE else seen
+    before, after = (axis_sample(astrometry, status, False, one.at, one.place).axes for one in (last, sample))
+    passes = abs(wrap180(after[0] - before[0])) > HALF_CIRCLE and min(abs(before[1]), abs(after[1])) > PASSES
+    return replace(seen, upright=not seen.upright) if passes else seen
 
 
 def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:

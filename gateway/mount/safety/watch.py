@@ -189,10 +189,10 @@ class LimitWatch:
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
             self.seen = fold.first(self.seen, last)
-        status = self._mount.cache.value(op.GetStatus)
-        if status is not None and status.equatorial and not (self._mount.movement.slewing or self.moved_by_others):
-            self.seen = fold.passed(self.seen, last, place)
-        sample = self._sample(now, place, last)
+        sample, status = self._sample(now, place, last), self._mount.cache.value(op.GetStatus)
+        near = max(abs(place.dec), sample.altitude or 0.0) > fold.PASSES
+        if near and not (self._mount.movement.slewing or self.moved_by_others):
+            self.seen = fold.passed(self.seen, last, sample, self._mount.astrometry, status)
         if last is None or now < self._coasts_until or last.era != sample.era:
             self.seen = fold.first(self.seen, sample)
             return

@@ -59,10 +59,10 @@ async def synced(bridge: Bridge, away: float) -> tuple[str, tuple[float, float]]
     return why, (first, second)
 
 
-def counted(bridge: Bridge, turned: tuple[float, float]) -> bool:
+def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) -> bool:
     """Whether what the axes were turned by is one of the sums that the gateway takes for possible."""
     sums = bridge.controller.synced.value.axes
-    return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < 0.2 for one in sums)
+    return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < within for one in sums)
 
 
 @pytest.mark.parametrize("by", ["arrow", "guide pulse"])
@@ -151,6 +151,32 @@ def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, build: Bui
             why, turned = await synced(bridge, 8.0)
             assert not why
             assert counted(bridge, turned)
+
+    run(program())
+
+
+@pytest.mark.parametrize("tracks", [True, False])
+@pytest.mark.parametrize("rate", [b":RS#", b":RM#"])
+@pytest.mark.parametrize(("mount", "driven"), [("lx200gps", "lx200"), ("autostar", "lx200"), ("cpc", "nexstar")])
+def test_over_the_zenith_both_ways_count(mount: str, driven: str, rate: bytes, tracks: bool) -> None:
+    """Lower at its azimuth: a mount that tracks keeps the way in which it points, one that does not turns around."""
+
+    async def program() -> None:
+        async with standing(mount, driven=driven, start=EVENING) as bridge:
+            controller, mechanics = bridge.controller, bridge.sim.mechanics
+            await near_the_pole(bridge, driven, Build.ALTAZ, 80.0)
+            if not tracks:
+                await controller.perform(op.SetTracking(on=False))
+            await over(bridge, 0.02, rate)
+            here = controller.astrometry.horizon(await controller.read_now(op.Position()))
+            lower = [controller.astrometry.equatorial(op.Horizontal(here.az, here.alt - away)) for away in (8.0, 0.9)]
+            with pytest.raises(SyncTooFar, match="may turn an axis by 180 degrees"):
+                await controller.perform(op.Sync(lower[0].ra, lower[0].dec))
+            before = mechanics.correction
+            await controller.perform(op.Sync(lower[1].ra, lower[1].dec))
+            first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
+            assert (abs(first) < 1.0) is tracks
+            assert counted(bridge, (first, second), 1.0)
 
     run(program())
 

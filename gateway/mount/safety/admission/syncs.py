@@ -20,6 +20,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
+from gateway.mount.safety.altitude_axis import TOO_HIGH
 from gateway.mount.safety.sync_sum import SyncSum, Turns, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
@@ -81,8 +82,9 @@ async def _turns(
     axes: op.Horizontal | None = None
     if driver.german:
         others = await pointing(mount, ask, watch)
-    if driver.implementation(op.AxisPosition):  # on an alt-az mount they were read while it moved
-        axes = await ask.read(op.AxisPosition()) if equatorial else mount.cache.value(op.AxisPosition)
+    if driver.implementation(op.AxisPosition):  # low on an alt-az mount those tell it that were read while it moved
+        asks = equatorial or start[1] > TOO_HIGH
+        axes = await ask.read(op.AxisPosition()) if asks else mount.cache.value(op.AxisPosition)
     turns = []
     for turned in sums:
         if axes is not None:
