@@ -11,7 +11,7 @@ const from = (name) => import(new URL(name, folder));
 const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scene } = await from("scene.js");
 const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
 const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
-const { Labels } = await from("paint/labels.js"), { Picture } = await from("paint/picture.js");
+const { tube } = await from("paint/mount.js"), { Labels } = await from("paint/labels.js"), { Picture } = await from("paint/picture.js");
 const { Stick } = await from("../control/stick.js");
 const { typedPlace } = await from("../finding/typed.js");
 const { Night, culmination, lookingFrom, tonight, worth } = await from("../finding/tonight.js");
@@ -50,6 +50,13 @@ const answers = {
       labels.beside(195, 300, "Vega", { size: 12, colour: "" });
       return context.texts.Vega[0] < 195 ? "left" : "right";
     });
+  },
+  /** How opaque each line of the mount's reticle is. */
+  opacity: (shape, mount) => {
+    const lines = [], keep = (known, name, value) => { known[name] = value; return true; };
+    const context = new Proxy({}, { set: keep, get: (known, name) => known[name] ?? (() => name === "stroke" && lines.push(known.globalAlpha)) });
+    tube({ context, view: view(shape), colours: {}, scene: new Scene(mount, 0, 0), labels: { keepFree: () => {} } });
+    return lines;
   },
   /** Altitude and azimuth of a place of J2000. */
   overHorizon: (mount, unix, ra, dec) => sphere.angles(new Scene(mount, 0, unix).place(ra, dec)),

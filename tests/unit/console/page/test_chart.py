@@ -163,6 +163,13 @@ def test_the_trail_does_not_grow_for_ever() -> None:
     assert max(told) <= 600
 
 
+def test_where_a_mount_points_is_faint_while_it_is_not_sure(sky: Sky) -> None:
+    points = mount(sky, position={"alt": 50.0, "az": 180.0})
+    unsure = [{"aligned": False}, {"state": "down"}]
+    sure, *others = ask(*(("opacity", PHONE, points | more) for more in ({"aligned": True, "state": "up"}, *unsure)))
+    assert sure == [1, 1] and all(max(one) < 0.6 for one in others)
+
+
 def test_the_chart_in_words(sky: Sky) -> None:
     bodies = [{"name": "Moon", "ra2000": 330.0, "dec2000": 10.0}, {"name": "Mars", "ra2000": 150.0, "dec2000": -10.0}]
     here = mount(sky, bodies=bodies, position={"alt": 41.2, "az": 283.0}, target={"alt": 10.0, "az": 44.0})

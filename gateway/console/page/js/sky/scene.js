@@ -27,6 +27,8 @@ export class Scene {
     /** The rotation from J2000 to the horizon. */
     this.sky = known ? product(this.ofDate, precession(unix)) : null;
     this.tube = over(mount?.position);
+    /** Whether the mount knows where it points. */
+    this.sure = mount?.aligned !== false && mount?.state !== "down";
     this.target = over(mount?.target);
     this.way = this.#expectedWay(mount ?? {});
     /** @type {Body[]} */

@@ -224,6 +224,6 @@ export class Sky {
 
 /** What a picture depends on, except the time and the position of the tube. */
 function shape(mount) {
-  const { index, site, target, bodies, limits, equatorial, german } = mount ?? {};
-  return JSON.stringify([index, site, target, bodies, limits, equatorial, german]);
+  const { index, site, target, bodies, limits, equatorial, german, aligned, state } = mount ?? {};
+  return JSON.stringify([index, site, target, bodies, limits, equatorial, german, aligned, state]);
 }

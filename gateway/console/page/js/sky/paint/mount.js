@@ -13,6 +13,8 @@ const UNSEEN = 3, APART = Math.cos(5 * DEGREE);
 const BELOW = "below the horizon";
 /** Patterns of dashed lines. */
 const DASHES = [3, 3];
+/** The opacity of the reticle of a mount that does not know where it points. */
+const UNSURE = 0.45;
 
 export function trail({ context, view, colours, trail: { points }, time }) {
   context.strokeStyle = colours.trail;
@@ -92,7 +94,9 @@ export function tube({ context, view, colours, scene, labels }) {
     context.stroke();
   };
   context.setLineDash(scene.tube[2] < 0 ? DASHES : []);
+  context.globalAlpha = scene.sure ? 1 : UNSURE;
   twice(context, colours.tube, colours.shade, 2.25, draw);
+  context.globalAlpha = 1;
   context.setLineDash([]);
   labels.keepFree(x, y, 14);
 }
