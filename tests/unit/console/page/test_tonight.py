@@ -115,6 +115,29 @@ def test_a_night_has_its_list(evening: Evening) -> None:
         assert drawn == pytest.approx(list(right), abs=0.15)
 
 
+def test_what_is_too_near_the_sun_or_past_the_meridian_is_left_out() -> None:
+    """In a night without darkness; an equatorial mount that cannot change the side of its pier."""
+    go_offline()
+    from astropy.coordinates import TETE, AltAz, EarthLocation, SkyCoord, get_body
+    from astropy.time import Time
+
+    mount, unix, sun_and_moon = told(Evening("Tromsø", 69.6, 18.9, "2026-06-20 20:00", 0.0, []))
+    known = objects()
+    limits: dict[str, Any] = {**LIMITS, "sun": 40.0, "hour_angle": 30.0}
+    all_, right = ask(*(("tonight", mount, unix, sun_and_moon, known, one) for one in (LIMITS, limits)))
+    by_name = {one["names"][0]: one for one in known}
+    place = EarthLocation.from_geodetic(18.9, 69.6)
+
+    def allowed(rows: list[Any]) -> Any:
+        stars = SkyCoord(*([by_name[row[0]][key] for row in rows] for key in ("ra", "dec")), unit="deg")
+        times = Time([row[2] for row in rows], format="unix")
+        seen, sun = (body.transform_to(AltAz(obstime=times, location=place)) for body in (stars, get_body("sun", times)))
+        angle = times.sidereal_time("apparent", 18.9).deg - stars.transform_to(TETE(obstime=times)).ra.deg
+        return (seen.separation(sun).deg > 39.5) & (abs((angle + 180.0) % 360.0 - 180.0) < 30.5)
+
+    assert not allowed(all_["list"]).all() and allowed(right["list"]).all() and len(right["list"]) > 50
+
+
 def test_one_looks_when_it_is_dark() -> None:
     """In the afternoon the list is that of the evening; in steps of ten minutes it stays the same."""
     hours = {"2026-06-20 15:30": 22, "2026-06-20 16:35": 22, "2026-06-20 23:08": 23}

@@ -99,7 +99,8 @@ function row({ object, altitude, unix }, from) {
 
 /** The rows to show, and what is said above them. */
 function content(objects, night) {
-  const now = gatewayNow(), from = lookingFrom(now, night, skyAt), limits = mount().limits;
+  const now = gatewayNow(), from = lookingFrom(now, night, skyAt), { limits: all, equatorial, german } = mount();
+  const limits = { ...all, hour_angle: equatorial && !german ? all.hour_angle : null }; // a German mount changes its side
   const chosen = shown === "own" ? own(objects) : objects.filter(BELONGS[shown]);
   const placed = chosen.filter((object) => object.ra !== undefined);
   const found = tonight(placed, { from, sceneAt: skyAt, night, limits });

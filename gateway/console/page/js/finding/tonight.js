@@ -1,12 +1,14 @@
 // What is up tonight, and in which order: pure functions of places, a sky and a night, without the page.
 
 import { lit } from "../sky/moon.js";
-import { angles, DEGREE, dot, precession, TURN, turned, vector } from "../sky/sphere.js";
+import { angles, DEGREE, dot, precession, reversed, TURN, turned, vector } from "../sky/sphere.js";
 
 /** How far ahead a list looks, and its steps, seconds. */
 const AHEAD = 7200, STEP = 600;
 /** The Sun's altitude at which it is dark enough to look; how much later that may be. */
 const DARK = -6, LATER = 57600;
+/** The Sun's lowest altitude for its limit to apply. */
+const SUN_IS_UP = -1;
 /** The magnitude that an object without one is given; by how much doubles count as fainter. */
 const UNMEASURED = 11, DOUBLE = 4;
 const SMALLEST = 1, LARGEST = 60;
@@ -58,14 +60,21 @@ export function worth({ kinds, magnitude, size }, altitude, moonlight) {
 /**
  * The objects that stand within the limits now or within two hours, the best first.
  * @param {Array<{names: string[], kinds: string, ra: number, dec: number, magnitude: number|null, size: number|null}>} objects
- * @param {{from: number, sceneAt: (unix: number) => any, night: Night, limits: {lowest: number, highest: number}}} sky
+ * @param {{from: number, sceneAt: (unix: number) => any, night: Night, limits: {lowest: number, highest: number, sun?: number, hour_angle?: number|null}}} sky
  */
 export function tonight(objects, { from, sceneAt, night, limits }) {
   const times = Array.from({ length: AHEAD / STEP + 1 }, (_, index) => from + index * STEP);
   const skies = times.map((unix) => {
     const scene = sceneAt(unix), up = Math.max(0, Math.sin(night.altitude("moon", unix, scene) * DEGREE));
-    return { unix, zenith: scene.sky.slice(6), moonlight: 3 * night.lit(unix) * up };
+    const [north, east, zenith] = [0, 3, 6].map((row) => scene.sky.slice(row, row + 3)), latitude = scene.latitude * DEGREE;
+    const meridian = zenith.map((part, axis) => Math.cos(latitude) * part - Math.sin(latitude) * north[axis]);
+    const isUp = night.altitude("sun", unix, scene) > SUN_IS_UP;
+    const sun = isUp ? turned(reversed(precession(unix)), night.direction("sun", unix)) : null;
+    return { unix, zenith, east, meridian, sun, moonlight: 3 * night.lit(unix) * up };
   });
+  const nearest = Math.cos((limits.sun ?? 0) * DEGREE), past = (limits.hour_angle ?? 180) * DEGREE;
+  const isAllowed = ({ sun, east, meridian }, at) =>
+    (!sun || dot(sun, at) < nearest) && Math.abs(Math.atan2(dot(east, at), dot(meridian, at))) <= past;
   const lowest = Math.sin(Math.max(limits.lowest, 1) * DEGREE), highest = Math.sin(limits.highest * DEGREE);
   const found = [];
   for (const object of objects) {
@@ -73,7 +82,7 @@ export function tonight(objects, { from, sceneAt, night, limits }) {
     let best = null, height = 0;
     for (const sky of skies) {
       const high = dot(sky.zenith, at);
-      if (high > height && high >= lowest && high <= highest) [best, height] = [sky, high];
+      if (high > height && high >= lowest && high <= highest && isAllowed(sky, at)) [best, height] = [sky, high];
     }
     if (!best) continue;
     const altitude = Math.asin(height) / DEGREE;
