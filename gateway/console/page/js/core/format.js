@@ -45,12 +45,6 @@ export const angle = (degrees, digits = 1) => (known(degrees) ? `${degrees.toFix
 export const azimuth = (degrees) =>
   known(degrees) ? `${angle(degrees)} ${WINDS[Math.round(degrees / 22.5) % 16]}` : UNKNOWN;
 
-/** 45.5, 10.25 -> 45.500° N, 10.250° E */
-export function site(latitude, longitude) {
-  const turned = ((longitude + 540) % 360) - 180;
-  return `${Math.abs(latitude).toFixed(3)}° ${latitude < 0 ? "S" : "N"}, ${Math.abs(turned).toFixed(3)}° ${turned < 0 ? "W" : "E"}`;
-}
-
 const clockOf = (unix, options) => new Intl.DateTimeFormat(undefined, { hourCycle: "h23", ...options }).format(unix * 1000);
 
 /** The local time of this device, hours and minutes. */
