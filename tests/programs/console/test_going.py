@@ -206,6 +206,8 @@ def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) 
     assert page.text("#place .equinox [aria-pressed=true]") == "of date" and page.text("#asks") == ""
     page.page.click("#place .equinox >> text=J2000")
     page.until("it is of 2000", lambda: page.text("#place .equinox [aria-pressed=true]") == "J2000")
+    page.page.fill("#object", "Vega")
+    page.until("its equinox is not another's", lambda: not page.page.locator("#place .equinox .chip").last.is_enabled())
     page.find("alt 60 az 180")
     page.until("that place", lambda: page.text("#place .figures").startswith("Altitude60.0°Azimuth180.0° S"))
 

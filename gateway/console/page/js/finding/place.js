@@ -180,7 +180,7 @@ function coordinates({ request, found }) {
   const j2000 = Boolean(request.typed && request.j2000);
   const words = j2000 ? `${hours(found.ra2000)}  ${declination(found.dec2000)}` : `${hours(found.ra)}  ${declination(found.dec)}`;
   const equinox = (label, value) =>
-    button(label, () => look({ ...request, j2000: value }, found.name), { class: "chip", "aria-pressed": String(j2000 === value) });
+    button(label, () => look({ ...request, j2000: value }, found.name), { class: "chip", disabled: other, "aria-pressed": String(j2000 === value) });
   return el("p", { class: "equinox" }, `${words} `, ...(request.typed
     ? [el("span", { role: "group", "aria-label": NAMES.equinox }, equinox(BUTTONS.ofDate, false), equinox(BUTTONS.j2000, true))]
     : [BUTTONS.ofDate]));

@@ -36,7 +36,7 @@ export function outdated() {
 
 /** Remove the refusal of what is looked for anew; one of a stop stays. */
 export function settled() {
-  const shown = byId("notices").firstElementChild;
+  const shown = byId("notices").querySelector(".refused");
   if (shown && !/STOP/.test(shown.textContent)) shown.remove();
 }
 
