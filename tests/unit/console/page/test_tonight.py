@@ -131,7 +131,8 @@ def test_what_is_too_near_the_sun_or_past_the_meridian_is_left_out() -> None:
     def allowed(rows: list[Any]) -> Any:
         stars = SkyCoord(*([by_name[row[0]][key] for row in rows] for key in ("ra", "dec")), unit="deg")
         times = Time([row[2] for row in rows], format="unix")
-        seen, sun = (body.transform_to(AltAz(obstime=times, location=place)) for body in (stars, get_body("sun", times)))
+        frame = AltAz(obstime=times, location=place)
+        seen, sun = (body.transform_to(frame) for body in (stars, get_body("sun", times)))
         angle = times.sidereal_time("apparent", 18.9).deg - stars.transform_to(TETE(obstime=times)).ra.deg
         return (seen.separation(sun).deg > 39.5) & (abs((angle + 180.0) % 360.0 - 180.0) < 30.5)
 
