@@ -3,7 +3,8 @@
 Longitude and every clock are shifted together by some hours and minutes of sidereal time, so that the sky over the
 mount stays as it was; the latitude is rounded to 5 degrees. Altitudes and azimuths are those of the same hour angle and
 declination at that site. Only the check's own connections are kept, no name, path, address or note, and of a server's
-values no text; what cannot be hidden is refused.
+values no text. A reply counts as that to the question before it, and loses its characters if it cannot be understood.
+What cannot be hidden is refused.
 """
 
 from __future__ import annotations
@@ -173,7 +174,8 @@ class _Hiding:
             return _json(json.loads(data) | {"ErrorMessage": ""})
         if self._server and "value" in told:
             return _json(self._plain(command, told["value"], at))
-        moved = self._there.moved(command, told, self._now | {"time": (self._now.get("time", 0.0) + at) % 86400})
+        time = {"time": (self._now["time"] + at) % 86400} if "time" in self._now else {}
+        moved = self._there.moved(command, told, self._now | time)
         if moved == told:
             return data
         if any(isinstance(value, float | int) and abs(value - told[name]) > SEEN for name, value in moved.items()):
