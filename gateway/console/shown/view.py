@@ -20,7 +20,7 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
-OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate", "Unpark")
+OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
 #: Advice for a terminal, and what stands in its place on a page, which has buttons for that.
 ON_PAGE = {
     "The mount is held. To release it, type mount-gateway stop --release.": "The mount is held: release it first.",

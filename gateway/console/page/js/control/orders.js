@@ -55,8 +55,8 @@ export function start() {
     tracking.hidden = !can("SetTracking");
     // An alt-azimuth mount tracks at the sidereal rate only: its two motors have no other.
     followed.hidden = !can("TrackRate") || seen?.equatorial === false;
-    for (const [one, name] of [[parks, "Park"], [homes, "Home"], [unparks, "Unpark"], [searches, "Goto"], [syncs, "Sync"]]) one.hidden = !can(name);
-    parking.hidden = parks.hidden && homes.hidden && unparks.hidden;
+    for (const [one, name] of [[parks, "Park"], [homes, "Home"], [unparks, "Park"], [searches, "Goto"], [syncs, "Sync"]]) one.hidden = !can(name);
+    parking.hidden = parks.hidden && homes.hidden;
     say(holds, seen?.held ? BUTTONS.release : BUTTONS.hold);
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });
