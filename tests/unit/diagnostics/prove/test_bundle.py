@@ -127,7 +127,7 @@ def test_no_reply_tells_the_true_latitude_or_time(mount: str, tmp_path: Path) ->
     assert abs(wrap180(sidereal_time(after, told[1]) - sidereal_time(before, SITE[1]))) < 0.02
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("mount", sorted({*MOUNTS, "lx200:lx200"}))
 def test_planted_names_are_gone(mount: str) -> None:
     one = made(mount)
     assert all(name.encode() in one.original for name in (*PLANTED[:4], "192.168.1.77", "secret"))
