@@ -24,11 +24,6 @@ export class Exchanges {
     return touched;
   }
 
-  clear() {
-    this.all = [];
-    this.#byPair.clear();
-  }
-
   #drop(exchange) {
     for (const [pair, known] of this.#byPair) if (known === exchange) this.#byPair.delete(pair);
   }
