@@ -20,6 +20,7 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
+from gateway.core.wire_log import Entry
 from gateway.mount.motion.run_on import Place, drift
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
@@ -79,6 +80,9 @@ class Telescope:
         self._steps = list(self.driver.ticks)
         self.controller.reader.position.connect(lambda _: self._seen())
         self.controller.wanted.changed.connect(self._ordered)
+        #: What the gateway has said when it switched tracking off; empty if it has not.
+        self.switched_off = ""
+        self.controller.wire_log.sinks.append(self._noted)
 
     @property
     def latest(self) -> Place | None:
@@ -128,11 +132,9 @@ class Telescope:
             yield from (moving.by for _, moving in wanted.motion)
         yield from (order.by for order in wanted.pending if begins_motion(order.operation))
 
-    @property
-    def switched_off(self) -> str:
-        """What the gateway has said of tracking that it has switched off; empty if it has not done that lately."""
-        said = (notice.text for notice in reversed(self.controller.wire_log.recent))
-        return next((f"the gateway says: {text}" for text in said if text.startswith(SWITCHED_OFF)), "")
+    def _noted(self, entry: Entry) -> None:
+        if entry.note.startswith(SWITCHED_OFF):
+            self.switched_off = f"the gateway says: {entry.note}"
 
     def _ordered(self, wanted: Wanted) -> None:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
