@@ -1,7 +1,7 @@
 """The state of one mount for all pages: what is collected for each frame, and what is cached for longer.
 
-Cached are the answer times of the mount's line, the connected clients with their last commands, and the bodies of the
-sky. The state is made in small steps; between them the event loop answers clients and carries out stops.
+Cached are the mount's abilities, the answer times of its line, the connected clients with their last commands, and the
+bodies of the sky. The state is made in small steps; between them the event loop answers clients and carries out stops.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from gateway.app.status import Rate
 from gateway.console.shown import view
 from gateway.console.shown.talk import Talk, spoken
 from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.mount.controller import MountController
 
 #: How many answer times are stored for new pages.
 KEPT = 240
@@ -24,8 +25,8 @@ KEPT = 240
 Sample = tuple[float, float | None]
 #: For how many clients the last command is stored; how many bytes of it are shown.
 MOST, SHOWN = 200, 40
-#: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; the clients.
-BODIES_FRESH, BODIES_MISSING, PROGRAMS_FRESH = 10.0, 1.0, 1.0
+#: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
+BODIES_FRESH, BODIES_MISSING, OTHERS_FRESH = 10.0, 1.0, 1.0
 #: How many clients are listed in one step; the pause between two steps, seconds.
 AT_ONCE, TURN = 10, 0.001
 
@@ -111,7 +112,8 @@ class ShownMount:
         self.answer_times, self.talk, self._programs = AnswerTimes(), Talk(gateway, index), ConnectedPrograms(gateway)
         self._program_list: list[dict[str, Any]] = []
         self._bodies: list[dict[str, Any]] = []
-        self._programs_at = self._bodies_at = -1e9
+        self._abilities: dict[str, Any] = {}
+        self._programs_at = self._bodies_at = self._abilities_at = -1e9
         self._bodies_basis: Any = None
         self._loop = asyncio.get_running_loop()
 
@@ -132,16 +134,25 @@ class ShownMount:
         for part in view.parts(self.gateway, self._index):
             state |= part
             await let_others_run()
+        state |= self._can(controller)
         rate = self.answer_times.rate.per_second(controller.now(), controller.line.answers)
         state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
         state["programs"] = await self._connected()
         state["bodies"] = await self._sky_bodies()
         return state
 
+    def _can(self, controller: MountController) -> dict[str, Any]:
+        """Return the abilities; refresh the cached ones when they are stale."""
+        now = self._loop.time()
+        if now - self._abilities_at >= OTHERS_FRESH:
+            self._abilities_at = now
+            self._abilities = view.abilities(controller)
+        return self._abilities
+
     async def _connected(self) -> list[dict[str, Any]]:
         """Return the clients; refresh the cached list when it is stale or the number of connections has changed."""
         now, many = self._loop.time(), sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
-        if now - self._programs_at >= PROGRAMS_FRESH or many != len(self._program_list):
+        if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
             self._programs_at = now
             self._program_list = await _collected(self._programs.connections(now), AT_ONCE)
         return self._program_list

@@ -13,6 +13,7 @@ import pytest
 from gateway.app.gateway import Gateway
 from gateway.console.shown import view
 from gateway.console.shown.publisher import Publisher
+from gateway.mount.controller import MountController
 from tests.support.busy_computer import Recorded, run_busy
 
 Work = Callable[[Recorded, Publisher], Coroutine[Any, Any, None]]
@@ -51,6 +52,28 @@ def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
         assert first[0].whole is first[0].whole
         assert len(second[0].changes) < len(second[0].whole) / 2
         assert second[0].number == first[0].number + 1
+
+    published(tmp_path, work)
+
+
+def test_what_a_mount_can_is_not_asked_for_every_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        asked = 0
+        abilities = view.abilities
+
+        def count(controller: MountController) -> dict[str, Any]:
+            nonlocal asked
+            asked += 1
+            return abilities(controller)
+
+        monkeypatch.setattr(view, "abilities", count)
+        publisher.subscribe()
+        number = 0
+        for _ in range(10):
+            frame = await publisher.next(number)
+            number = frame.number
+        assert asked <= 4, "ten frames are two seconds"
+        assert json.loads(frame.whole)["state"]["mounts"][0]["speeds"]
 
     published(tmp_path, work)
 
