@@ -8,8 +8,9 @@ and then while one of them presses a direction key and stops again and again. Th
 them in Chromium, are connected first to another gateway and then to this one, so that the computer has the same work.
 The pages run in a process of their own (``console_pages.py``). Then a page presses a direction key and STOP: the
 measure is the first stopping byte on the mount's line, minus the exchange in flight. Resident memory and the time to
-the surfaces' ``ready`` are compared with ``--no-console``. ``chrt -f 10`` in front keeps other programs out of the
-figures. All traffic stays on the loopback interface; every process is ended by its own id.
+the surfaces' ``ready`` are compared with ``--no-console``, and first visits are timed (``console_ready.py``).
+``chrt -f 10`` in front keeps other programs out of the figures. All traffic stays on the loopback interface; every
+process is ended by its own id.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ import aiohttp
 
 from gateway.app.config.endpoints import parse_device
 from gateway.app.simulated import make_simulator
+from tests.benchmarks.console_ready import tell_ready
 from tests.benchmarks.figures import middle, percentile
 from tests.benchmarks.processes import HOST, environment
 from tests.soak.paced import PacedMount
@@ -186,6 +188,7 @@ async def measure(options: argparse.Namespace) -> None:
             bare = await stretch(options, running, mount)
         async with gateway(port, True, bytecode) as running, gateway(another, True, bytecode) as elsewhere:
             await asyncio.sleep(WARM)
+            await tell_ready(running.where, options.rounds)
             found: dict[str, list[Round]] = {"no console": [bare], "elsewhere": [], "here": []}
             for _ in range(options.rounds):
                 for name, where in (("elsewhere", elsewhere.where), ("here", running.where)):
