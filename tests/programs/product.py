@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import sys
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -42,22 +43,34 @@ def endpoints(ready: Sequence[str]) -> list[Endpoint]:
 
 
 def _simulator(
-    workshop: Workshop, mount: str, site: Site, speed: float, aligned: bool, *more: str
+    workshop: Workshop,
+    mount: str,
+    site: Site,
+    speed: float,
+    aligned: bool,
+    *more: str,
+    moment: datetime.datetime = NIGHT,
 ) -> tuple[Endpoint, Endpoint]:
     """A simulated mount on two TCP ports."""
     anywhere = "tcp://127.0.0.1:0"
     argv = [*PRODUCT, "sim", mount, "--at", anywhere, "--at", anywhere, "--speed", f"{speed:g}"]
-    argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}", *more]
+    argv += ["--time", moment.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}", *more]
     process = workshop.start(argv if aligned else [*argv, "--unaligned"], ends_well=True)
     wire, second_wire = endpoints(process.wait_for_lines("ready ", 2))
     return wire._replace(speed=speed), second_wire
 
 
 def start_simulator(
-    workshop: Workshop, mount: str, site: Site, *, speed: float = 1.0, aligned: bool = True
+    workshop: Workshop,
+    mount: str,
+    site: Site,
+    *,
+    speed: float = 1.0,
+    aligned: bool = True,
+    moment: datetime.datetime = NIGHT,
 ) -> tuple[Endpoint, HandControl]:
     """A simulated hand control on two TCP ports: the first for the program under test, and the truth."""
-    wire, second_wire = _simulator(workshop, mount, site, speed, aligned)
+    wire, second_wire = _simulator(workshop, mount, site, speed, aligned, moment=moment)
     truth = (SynScan if "synscan" in mount else HandControl)(second_wire.port, "starsense" in mount)
     workshop.keep(truth.close)
     return wire, truth

@@ -24,7 +24,7 @@ def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
 @pytest.fixture(scope="package")
 def browser(console: Console) -> Iterator[Browser]:
     with sync_playwright() as playwright:
-        opened = open_browser(playwright)
+        opened = open_browser(playwright.chromium)
         yield opened
         opened.close()
 

@@ -7,6 +7,7 @@ the console's own, and no complaint.
 from __future__ import annotations
 
 import contextlib
+import datetime
 import io
 import os
 import socket
@@ -16,16 +17,30 @@ from types import MappingProxyType
 from typing import Any
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute
+from playwright.sync_api import Browser, BrowserType, Page, WebSocketRoute
 
 from ..processes import PATIENCE, Process, Workshop, requires, wait_until
 from ..product import PRODUCT, endpoints, start_simulator
-from ..sky import NORTH, Spot, separation
+from ..sky import NIGHT, NORTH, Spot, separation
 
 PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
 VIEWS = ("sky", "control", "readings", "talk", "more")
 _WARDED = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update")
 
+
+#: Pairs of what one reads or presses that overlap, as far as they are not scrolled out of sight.
+OVERLAPPING = """() => {
+  const those = document.querySelectorAll("#does, #name, .banner p, .asks, button, input, .views a");
+  const seen = [...those].flatMap((one) => {
+    const { left, top, right, bottom } = one.getBoundingClientRect();
+    const around = ["main", ".pane", ".under"].map((name) => one.closest(name)).filter(Boolean);
+    const low = Math.min(bottom, ...around.map((other) => other.getBoundingClientRect().bottom));
+    return one.checkVisibility() && right - left > 1 && top < low ? [{ one, left, top, right, low }] : [];
+  });
+  const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.low - 1 && b.top < a.low - 1;
+  return seen.flatMap((a, index) => seen.slice(index + 1).filter((b) => meet(a, b))
+    .map((b) => `${a.one.id || a.one.textContent} × ${b.one.id || b.one.textContent}`));
+}"""
 
 #: Seconds for which the mount must rest to be at rest; degrees a second that are less than any motion by hand.
 RESTS, TRACKS = 0.3, 0.008
@@ -34,9 +49,9 @@ RESTS, TRACKS = 0.3, 0.008
 class Console:
     """The gateway's processes, and the truth about the mount read past it."""
 
-    def __init__(self, workshop: Workshop, *more: str) -> None:
+    def __init__(self, workshop: Workshop, *more: str, moment: datetime.datetime = NIGHT) -> None:
         requires("chromium")
-        mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0)
+        mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0, moment=moment)
         argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
         argv += ["--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
         argv += ["--state", str(workshop.folder / "state"), *more]
@@ -163,6 +178,11 @@ class Visit:
         told = self.page.locator(".exchange", has_text=":GC#")
         self.until("it is told", lambda: program.say(b":GC#", 9) and told.count() > 0)
 
+    def overlapping(self) -> list[str]:
+        """Pairs of what one reads or presses that overlap now."""
+        found: list[str] = self.page.evaluate(OVERLAPPING)
+        return found
+
     def does(self, words: str) -> bool:
         """Whether the first line of the page says this."""
         return self.text("#does") == words
@@ -179,7 +199,7 @@ class Visit:
         assert not self.faults, self.faults
 
 
-def open_browser(playwright: Playwright) -> Browser:
+def open_browser(chromium: BrowserType, *more: str) -> Browser:
     """Debian's Chromium without a window."""
-    args = list(_WARDED) if os.geteuid() == 0 else list(_WARDED[1:])
-    return playwright.chromium.launch(executable_path="/usr/bin/chromium", args=args)
+    args = [*(_WARDED if os.geteuid() == 0 else _WARDED[1:]), *more]
+    return chromium.launch(executable_path="/usr/bin/chromium", args=args)

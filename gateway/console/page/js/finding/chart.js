@@ -8,16 +8,16 @@ import { light, onLight } from "../frame/night.js";
 import { onPlace, showPicked } from "./place.js";
 import { mount, state, subscribe } from "../core/store.js";
 
-/** Where the figures in the corners of the chart stand on it. */
-function figures() {
+/** Where the figures in the corners of the chart and its buttons stand on it. */
+function covered() {
   const chart = byId("chart").getBoundingClientRect();
-  return [...byId("glance").querySelectorAll("dt, dd")].map((one) => one.getBoundingClientRect()).filter(({ width }) => width)
+  return [...byId("chart").querySelectorAll("dt, dd, button")].map((one) => one.getBoundingClientRect()).filter(({ width }) => width)
     .map(({ left, top, right, bottom }) => [left - chart.left, top - chart.top, right - chart.left, bottom - chart.top]);
 }
 
 export async function start() {
   const { Sky } = await import("../sky/sky.js");
-  const sky = new Sky(byId("sky"), { onPick: showPicked, say: (words) => say(byId("sky-says"), words), covered: figures });
+  const sky = new Sky(byId("sky"), { onPick: showPicked, say: (words) => say(byId("sky-says"), words), covered });
   byId("chart-up").addEventListener("click", turn);
   onTurn((up) => {
     sky.setUp(up);

@@ -12,14 +12,16 @@ export class Labels {
     this.context = context;
     this.view = view;
     this.taken = [];
+    this.shade = "";
     /** Cached widths of text; on which side of its point each text was written last. */
     this.widths = new Map();
     this.sides = new Map();
   }
 
-  /** Begin a new picture; the page's own text covers these areas, each [left, top, right, bottom]. */
-  begin(covered) {
+  /** Begin a new picture; the page's own text and buttons cover these areas, each [left, top, right, bottom]. */
+  begin(covered, shade) {
     this.taken = [...covered];
+    this.shade = shade;
   }
 
   /** Reserve an area where no text may be drawn. */
@@ -29,7 +31,7 @@ export class Labels {
 
   /**
    * Write beside a point, within the sky: where it stood before, or to its right; without room there, to its left, below
-   * or above it.
+   * or above it. What must be written stands in the nearest free line of the chart otherwise.
    * @param {{size: number, weight?: number, colour: string, gap?: number, must?: boolean, spacing?: number}} style
    */
   beside(x, y, text, style) {
@@ -42,9 +44,16 @@ export class Labels {
     const before = places[this.sides.get(text)] ?? places[0];
     const fits = [before, ...places].find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
     this.sides.set(text, places.indexOf(fits ?? before));
-    const inwards = places[x < this.view.x ? 0 : 1];
-    const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? inwards : null);
+    const found = fits ?? (style.must ? this.#nearest(places[0], width, style.size) : null);
     if (found) this.#write(found, width, text, style);
+  }
+
+  /** The free place of the chart that is nearest to one, line by line; undefined without any. */
+  #nearest([left, top], width, height) {
+    const within = (place, most) => Math.max(2, Math.min(place, most - 2));
+    const lines = Array.from({ length: Math.ceil((2 * this.view.height) / height) }, (_, line) => (line % 2 ? 1 : -1) * Math.ceil(line / 2) * height);
+    const places = lines.map((down) => [within(left, this.view.width - width), within(top + down, this.view.height - height)]);
+    return places.find((place) => this.#free(place, width, height));
   }
 
   /** Write text centred on a point, if there is room. Returns whether there was. */
@@ -75,6 +84,11 @@ export class Labels {
     context.fillStyle = style.colour;
     context.textBaseline = "middle";
     context.textAlign = "left";
+    // A dark edge, so that it is legible over stars and lines.
+    context.strokeStyle = this.shade;
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeText(text, left, top + style.size / 2);
     context.fillText(text, left, top + style.size / 2);
     this.taken.push([left, top, left + width, top + style.size]);
   }

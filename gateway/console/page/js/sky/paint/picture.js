@@ -37,7 +37,7 @@ export class Picture {
     }
     context.setTransform(state.density, 0, 0, state.density, 0, 0);
     context.clearRect(0, 0, view.width, view.height);
-    labels.begin(state.covered);
+    labels.begin(state.covered, state.colours.shade);
     disk(brush);
     withinSky(context, view);
     grid(brush);
