@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,14 @@ from tests.support.sampling import as_a_rule
 
 from .page import DESK, PHONE, VIEWS, Visit
 
-GRID = [("day", PHONE), ("night", DESK), ("forced", PHONE), ("day", DESK), ("night", PHONE), ("forced", DESK)]
+SIDE, SMALL = (844, 390), (320, 568)
+GRID = [("day", PHONE), ("night", DESK), ("forced", SIDE), ("night", SMALL)]
+GRID += [
+    (mode, size)
+    for mode in ("day", "night", "forced")
+    for size in (PHONE, DESK, SIDE, SMALL)
+    if (mode, size) not in GRID
+]
 AXE = (Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text("utf-8")
 FOUND = """async () => (await axe.run()).violations.map(one => `${one.id}: ${one.nodes.map(node =>
   `${node.target} ${node.any[0]?.message ?? ''}`).slice(0, 4).join(' | ')}`)"""
@@ -31,21 +39,85 @@ def test_arrow_keys_choose_in_a_group(visit: Callable[..., Visit]) -> None:
     assert stops == [-1, -1, 0], "Tab reaches the chosen one"
 
 
-@pytest.mark.parametrize(("mode", "size"), GRID[: as_a_rule(3, whole=6)])
+#: Counts what changes in the regions that a screen reader reads out.
+LISTEN = """() => {
+  window.heard = [];
+  const read = "[role=status], [role=alert], output, [aria-live=polite], [aria-live=assertive]";
+  for (const one of document.querySelectorAll(read)) {
+    if (one.ariaLive === "off") continue;
+    const watch = new MutationObserver(() => window.heard.push(one.textContent));
+    watch.observe(one, { subtree: true, childList: true, characterData: true });
+  }
+}"""
+
+
+def test_a_screen_reader_hears_changes_of_state_and_not_each_position(visit: Callable[..., Visit]) -> None:
+    page = visit(DESK, {"never": "told"})
+    page.page.evaluate(LISTEN)
+
+    def told(**more: object) -> None:
+        page.hear(json.dumps({"diff": {"mounts": {"0": more}}}))
+        page.page.wait_for_timeout(30)
+
+    for step in range(20):
+        at = {"ra": 80 + step, "dec": 10, "ra2000": 80 + step, "dec2000": 10, "alt": 50, "az": 100 + step, "age": 0}
+        told(position=at, sidereal=step)
+    assert page.page.evaluate("heard") == []
+    told(does="slewing", slewing=True, moves=True)
+    assert page.page.evaluate("heard") == ["Slewing"]
+
+
+def test_with_reduced_motion_nothing_is_animated(visit: Callable[..., Visit]) -> None:
+    page = visit(DESK)
+    moving = (
+        "[...document.querySelectorAll('*')].filter(one => (style => style.animationName !== 'none' || "
+        "style.transitionDuration !== '0s' || style.scrollBehavior !== 'auto')(getComputedStyle(one))).length"
+    )
+    assert page.page.evaluate(moving) > 0
+    page.page.emulate_media(reduced_motion="reduce")
+    assert page.page.evaluate(moving) == 0
+
+
+def asks(page: Visit) -> None:
+    page.show("sky")
+    page.page.fill("#object", "5.588 -5.39")
+    page.page.press("#object", "Enter")
+
+
+def mine(page: Visit) -> None:
+    page.show("sky")
+    page.page.click("#tonight-button")
+    page.page.click("[data-kind=own]")
+    page.page.click("#tonight summary")
+
+
+def question(page: Visit, button: str) -> None:
+    page.page.get_by_role("button", name=button).click()
+
+
+STATES: dict[str, Callable[[Visit], None]] = {
+    **{view: lambda page, view=view: page.show(view) for view in VIEWS},
+    "fields": lambda page: question(page, "Narrow the limits…"),
+    "mine": mine,
+    "tonight": lambda page: page.page.click("[data-kind=all]"),
+    "asks": asks,
+    "card": lambda page: page.find("Aldebaran"),
+    "sync": lambda page: page.page.click("#sync"),
+}
+
+
+@pytest.mark.parametrize(("mode", "size"), GRID[: as_a_rule(4, whole=len(GRID))])
 def test_axe_finds_nothing(visit: Callable[..., Visit], mode: str, size: tuple[int, int]) -> None:
+    """Also of a mount that is not aligned; by night at the brightness that nobody has chosen yet."""
     light = "night" if mode == "night" else "day"
-    page = visit(size, light_mode=light, light_shown=light, light_step="4")
-    if mode == "forced":
-        page.page.emulate_media(forced_colors="active")
-    page.find("Aldebaran")
+    page = visit(size, {'"aligned":true': '"aligned":false'}, light_mode=light, light_shown=light)
+    page.page.emulate_media(forced_colors="active" if mode == "forced" else "none", reduced_motion="reduce")
     page.page.evaluate(AXE)
     faults = {}
-    for view in VIEWS:
-        page.show(view)
+    for state, reach in STATES.items():
+        reach(page)
         if found := page.page.evaluate(FOUND):
-            faults[view] = found
-    page.show("sky")
-    page.page.click("#sync")
-    if found := page.page.evaluate(FOUND):
-        faults["a question"] = found
+            faults[state] = found
+        if state == "fields":
+            page.page.click("#ask-no")
     assert not faults

@@ -13,5 +13,5 @@
   const hour = new Date().getHours();
   root.dataset.light = light ?? (hour >= 20 || hour < 6 ? "night" : "day");
   root.toggleAttribute("data-night", root.dataset.light === "night");
-  root.dataset.step = step ?? "3";
+  root.dataset.step = step ?? "4";
 })();
