@@ -65,7 +65,7 @@ function show({ whole, parts }, mount) {
   say(parts.at, mount.mount === "mount" ? "" : mount.gateway);
   say(parts.does, !mount.available ? "gateway is gone" : !mount.online ? "mount does not answer" : mount.does);
   const place = mount.ra === null ? "" : `RA ${hours(mount.ra * 15)}  Dec ${declination(mount.dec)}`;
-  const over = mount.alt === null ? "" : `  Alt ${angle(mount.alt)}  Az ${azimuth(mount.az)}`;
+  const over = mount.alt === null ? "" : `\nAlt ${angle(mount.alt)}  Az ${azimuth(mount.az)}`;
   say(parts.where, place + over);
   const programs = mount.programs ? `${mount.programs} program${mount.programs === 1 ? "" : "s"}` : "";
   say(parts.more, [mount.model, programs, `told ${span(mount.age)} ago`].filter(Boolean).join(" · "));
