@@ -40,14 +40,15 @@ def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit], size: tup
 def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size)
     page.find("Aldebaran")
-    # The mount's clock is of another night, and the notice of that would take room.
-    page.page.evaluate("document.getElementById('banners').hidden = true")
+    assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
+    assert page.page.get_by_role("heading", level=1).count() == 1
     for view, whole in (
         ("sky", "#chart, #search, #go, #sync"),
         ("control", "#pad, #rate, #orders"),
         ("talk", "#explain"),
     ):
         page.show(view)
+        assert page.overlapping() == [], view
         scrolls = page.page.evaluate("(main => main.scrollHeight - main.clientHeight)(document.querySelector('main'))")
         assert scrolls <= 0, view
         hidden = page.page.evaluate(
@@ -72,7 +73,8 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
         "}).map(other => other.id || other.textContent) }"
     )
     page.find("Aldebaran")
-    page.page.evaluate("document.getElementById('banners').hidden = true")  # the mount's clock is of another night
+    assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
+    assert page.overlapping() == []
     page.page.fill("#object", "Xyzzyx")
     page.page.press("#object", "Enter")
     page.until("it is refused", lambda: page.page.locator(".notice.refused").is_visible())
