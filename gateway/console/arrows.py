@@ -8,7 +8,8 @@ one changes nothing. If a second page still holds the same arrow, the motion bec
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Set
+from collections.abc import Callable, Set
+from functools import partial
 from typing import NamedTuple
 
 from gateway.app.gateway import Gateway
@@ -99,17 +100,25 @@ class Arrows:
             held = self._held.get(released)
             if held is not None and press in (0, held.press):
                 del self._held[released]
-                any(page.take_over(released, held) for page in self._pages)
+                refused = partial(self._let_go, held, True)
+                any(page.take_over(released, held, refused) for page in self._pages)
                 self._let_go(held, lost)
 
-    def take_over(self, direction: Direction, released: Held) -> bool:
-        """Move the mount by this page's arrow, if it was pressed before one that another page has released."""
+    def take_over(self, direction: Direction, released: Held, refused: Callable[[], None]) -> bool:
+        """Move the mount by this page's arrow, if it was pressed before one that another page has released.
+
+        If that is ``refused``, the motion of the other page ends: nobody holds it any more.
+        """
         held = self._held.get(direction)
         if held is None or held.since > released.since or held.ends != self._ends():
             return False
         self._held[direction] = held = held._replace(request=new_number())
-        self._controller.spawn(self._move(direction, held))
+        self._controller.spawn(self._take(direction, held, refused))
         return True
+
+    async def _take(self, direction: Direction, held: Held, refused: Callable[[], None]) -> None:
+        if not (await self._move(direction, held)).done:
+            refused()
 
     def _ends(self) -> tuple[int, int]:
         """Return how many stops and gotos there were so far."""
