@@ -114,7 +114,7 @@ def test_random_plays_leave_nothing_moving(scripts: Node) -> None:
 
 
 def test_an_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:
-    """A page that still holds the arrow of another one may be refused to go on with it: the line of the mount is slow."""
+    """A page that still holds the arrow of another one may be refused to go on with it: the mount is slow to answer."""
     outcome = run(play(scripts, 85, 0.05, 0.5, "cpc", 0.3))
     assert not outcome.run_away and outcome.moved > 1.0, outcome
 
