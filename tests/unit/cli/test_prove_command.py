@@ -18,7 +18,8 @@ import pytest
 
 from gateway.app.config import Config, MountConfig
 from gateway.cli import main
-from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
+from gateway.cli.inspect.prove import checked, summary
+from gateway.cli.inspect.prove_terminal import COLUMNS, Terminal
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove import bundle, small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, save
