@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING
 
@@ -47,8 +48,15 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
     endpoints = chosen_gateways(arguments)
     if len(endpoints) > 1:
-        names = _flags(endpoint.title for endpoint in endpoints)
-        raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {names}")
+        title, times = Counter(endpoint.title for endpoint in endpoints).most_common(1)[0]
+        if times == 1:
+            names = _flags(endpoint.title for endpoint in endpoints)
+            raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {names}")
+        processes = " and ".join(str(endpoint.pid) for endpoint in endpoints if endpoint.title == title)
+        raise UserError(
+            f"{times} gateways here have {title} (processes {processes}): end one of them, or give its mount a name "
+            '(name = "pier" under [mount] of its gateway.toml), which --mount takes'
+        )
     if not endpoints:
         report_no_gateway(arguments)
         return None

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.recording.format import read
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main
@@ -176,6 +177,17 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     stopped = f"{unknown.removeprefix('mount-gateway: ')}. Nothing was stopped"
     assert say("stop", "--mount", "dom", *which)[::2] == (1, stopped)
     assert say("status", "--mount", "attic", *which)[2].startswith("mount-gateway: no gateway runs here for attic; ")
+
+
+def test_of_two_mounts_with_the_same_text_the_processes_are_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two demos: no --mount tells them apart."""
+    twins = [ControlEndpoint("nexstar@sim", pid, 1, "") for pid in (71, 72)]
+    monkeypatch.setattr("gateway.app.control.reach.running", lambda mount, state: twins)
+    assert main(["goto", "Polaris"]) == 2
+    told = capsys.readouterr().err
+    assert "2 gateways here have nexstar@sim (processes 71 and 72): end one of them, or give its mount a name" in told
 
 
 def test_gateways_of_two_folders_stand_apart(
