@@ -182,6 +182,13 @@ def toml(finding: Finding, network: bool = False) -> str:
             f"# in its place, for phones and other computers, too; then {ANYBODY}",
             f"# at = {json.dumps(surface(mount, True))}",
         ]
+    spoken = other_surface(mount.protocol)
+    rows += [
+        "# in its place, for programs that want a serial port, on this computer (not on Windows):",
+        f'# at = "{spoken}@pty:/tmp/{spoken}"',
+        f"# in its place, for a driver that makes a COM port on a Windows computer; then {ANYBODY}",
+        f'# at = "{spoken}@rfc2217://0.0.0.0:4032"',
+    ]
     return "\n".join(rows) + "\n"
 
 

@@ -47,6 +47,11 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
     assert "anybody in your network can move the mount: these" in path.read_text()
     assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
+    for program in ("pty:/tmp/lx200", "rfc2217://0.0.0.0:4032"):
+        path.write_text(
+            toml(mount(), network).replace(f'# at = "lx200@{program}"', f'[[surface]]\nat = "lx200@{program}"')
+        )
+        assert make_config(*read_tables(path)).surface[1].at == f"lx200@{program}"
     assert ("# allow = " in path.read_text()) is network
 
 
