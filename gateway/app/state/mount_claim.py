@@ -19,17 +19,25 @@ SCHEMES = ("socket", "rfc2217", "http")
 HERE = ("localhost", "::1", "0.0.0.0", "::")
 
 
+class MountTaken(UserError):
+    """Another gateway has the mount; ``by`` names its process, such as ``process 17``."""
+
+    def __init__(self, words: str, by: str) -> None:
+        super().__init__(words)
+        self.by = by
+
+
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    If there is no folder for locks, ``warn`` gets a message and the mount is served without a lock. Raises UserError if
-    another gateway has this mount.
+    If there is no folder for locks, ``warn`` gets a message and the mount is served without a lock. Raises MountTaken
+    if another gateway has this mount.
     """
     name = address(mount.where)
     try:
         return None if name is None else Claim(name)
     except LockHeld as by:
-        raise UserError(taken(str(mount), str(by))) from None
+        raise MountTaken(taken(str(mount), str(by)), str(by)) from None
     except OSError as error:
         warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
         return None

@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from gateway.app.state.mount_claim import MountTaken
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.protocols.registry import PROTOCOLS
@@ -95,7 +96,9 @@ async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = 
                 return
     words = not_found_message(gateway)
     if line.unopened:
-        raise UserError(f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened)}")
+        told = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened)}"
+        other = _other_gateway(gateway, line.unopened)
+        raise MountTaken(told, f"process {other}") if other else UserError(told)
     await line.close()
     raise UserError(words)
 
@@ -126,14 +129,20 @@ async def _answers_at(where: str, baud: int) -> bool:
     return bool(await who_answers(where, baud) or await who_answers(where, baud))
 
 
+def _other_gateway(gateway: Gateway, reason: str) -> int | None:
+    """Return the process of the gateway that has this mount's port; None if the port is not in use by one of ours."""
+    if "in use" not in reason or gateway.store is None or gateway.store.held:
+        return None
+    return read_pid(gateway.store.lock_path)
+
+
 def _port_advice(gateway: Gateway, reason: str) -> str:
     """Return what to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
         return port_advice(gateway.mount.where)
     from gateway.diagnostics.detect.ports import gateway_of_another, holder
 
-    store = gateway.store
-    if store is not None and not store.held and (other := read_pid(store.lock_path)):
+    if other := _other_gateway(gateway, reason):
         return (
             f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
             "need another --surface, end it and start it with that one, too"
