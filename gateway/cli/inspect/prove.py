@@ -55,6 +55,7 @@ def add_prove(commands: Commands) -> None:
 
 
 def _prove(arguments: argparse.Namespace) -> int:
+    from gateway.app.state.mount_claim import MountTaken
     from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
     from gateway.diagnostics.prove.findings import load, save
     from gateway.diagnostics.prove.guide import LOOKING, MOVING, Guide
@@ -90,7 +91,13 @@ def _prove(arguments: argparse.Namespace) -> int:
                 terminal.say("The gateway begins anew: what passes on the line is recorded from here on.")
             here = checked(config, folder, record=stages is MOVING)
             serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
-            code = with_loop(False, serve, stages is MOVING)
+            try:
+                code = with_loop(False, serve, stages is MOVING)
+            except MountTaken as taken:
+                raise UserError(
+                    f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "
+                    "type this command again"
+                ) from None
             record = here.mount[0].record
             for path in folder.glob(f"{Path(record).name}*") if record and not moved else ():
                 path.unlink()  # nothing but the beginning of a session is in it
@@ -118,7 +125,7 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
                 terminal.say(line)
             if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
                 file.write_text(text, "utf-8")
-        if not await terminal.agrees("y: make a file for the author of the gateway  n: end"):
+        if not await terminal.agrees("y: make a file for whoever gave you mount-gateway  n: end"):
             return
         terminal.say("Making it takes some seconds …")
         try:
@@ -131,13 +138,15 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
             (inside / name).write_bytes(data)
             terminal.say(f"{inside / name}: {len(data.splitlines())} lines")
         terminal.say(
-            "That is all of it: look into it. There is no name or address in it; longitude and time are others. An "
-            "alt-az mount's motions may tell the latitude, and who knows when you made the check the longitude."
+            "That is all of it: look into it. There is no name or address in it; longitude and hours are others, the "
+            "date is the true one. An alt-az mount's motions may tell the latitude, and who knows when you made the "
+            "check the longitude."
         )
+        terminal.say(f"To read it: mount-gateway decode {inside / '1.rec'}")
         path = bundle.unused(bundle.name_of(findings))
         if await terminal.agrees(f"y: save it as {path}  n: do not"):
             bundle.save(path, files)
-            terminal.say(f"Saved {path}. Please send it to the author.")
+            terminal.say(f"Saved {path}. Please send it to whoever gave you mount-gateway.")
 
 
 def checked(config: Config, folder: Path, record: bool) -> Config:

@@ -119,7 +119,7 @@ class _Hiding:
         for event, said in conversation(events, self._protocol, self._model):
             if gone := [one.command for one in said if (event.at, one.data) in self._gone]:
                 raise UserError(
-                    f"the mount's answer to {gone[0]} was not hidden: please tell the author of the gateway"
+                    f"the mount's answer to {gone[0]} was not hidden: please tell whoever gave you mount-gateway"
                 )
 
     def _of_mount(self, event: Event, said: Sequence[Heard]) -> Iterator[Event]:

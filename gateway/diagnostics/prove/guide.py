@@ -118,7 +118,8 @@ class Guide:
                 continue
             key = ""
             while key in ("", "a"):
-                person.say(f"{title}: {stage.will}{self._where() * stage.moves}")
+                again = " It goes on behind what was measured." * self._resumes(stage)
+                person.say(f"{title}: {stage.will}{again}{self._where() * stage.moves}")
                 if stage.moves and (why := self._why_not()):
                     person.say(f"Not now: {why}.")
                     break
@@ -129,6 +130,10 @@ class Guide:
                 self.left = True
                 break
         return self._findings
+
+    def _resumes(self, stage: Stage) -> bool:
+        """Whether a stage has been ended behind rates that are not measured again."""
+        return any(one.rate is not None for one in self._findings.stages.get(stage.name, []))
 
     def _where(self) -> str:
         """Return in words where it points; empty if that is not known."""

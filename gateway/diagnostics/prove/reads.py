@@ -107,7 +107,7 @@ async def settings(telescope: Telescope, report: Report) -> None:
         telescope.check()
     helps = telescope.driver.protocol.commands
     changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
-    means = "Set it back at the hand control, and tell the author of the gateway."
+    means = "Set it back at the hand control, and tell whoever gave you mount-gateway."
     if changed:
         report.found(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
     else:

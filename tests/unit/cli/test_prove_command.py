@@ -17,6 +17,7 @@ from unittest.mock import patch
 import pytest
 
 from gateway.app.config import Config, MountConfig
+from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
 from gateway.cli.inspect.prove import checked, summary
 from gateway.cli.inspect.prove_terminal import COLUMNS, Terminal
@@ -125,6 +126,22 @@ def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> No
     assert "start it in a terminal" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("where", ["socket://127.0.0.1:4999", "/dev/ttyUSB0"])
+def test_a_mount_that_a_gateway_has_is_not_checked(
+    where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def taken(*_: object) -> int:
+        raise MountTaken(f"nexstar@{where}: words for a program", "process 17")
+
+    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", taken)
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        "mount-gateway: another mount-gateway (process 17) has this mount: end it first (Ctrl-C in its terminal), then "
+        "type this command again\n"
+    )
+
+
 def _other_rates(folder: Path) -> None:
     """Leave a check of a mount with other rates in a folder: what was found, and its recording."""
 
@@ -169,3 +186,5 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
     assert list(saved.played) == ["1.rec"] and saved.played["1.rec"].requests > 100
     assert (tmp_path / "prove" / "to-send" / "1.rec").read_bytes() == (tmp_path / "1.rec").read_bytes()
     assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= COLUMNS
+    assert "To read it: mount-gateway decode prove/to-send/1.rec" in screen
+    assert "send it to whoever gave you mount-gateway" in " ".join(screen.split())

@@ -329,8 +329,10 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
             save(tmp_path / "findings.json", stopped)
             proven.findings = load(tmp_path / "findings.json")
             assert not stopped.whole("motions") and proven.findings == stopped
-            found = await proven.check(Onlooker("ssyssss"))
+            again = Onlooker("ssyssss")
+            found = await proven.check(again)
             assert found.whole("motions") and not found.of("differs")
+            assert [line[:10] for line in again.said if "goes on behind what was measured" in line] == ["4/8 motion"]
             verdicts = {one.what: one.verdict for one in found.stages["motions"]}
             assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
 
