@@ -28,7 +28,8 @@ HERE = (
     (r"@/dev/ttyUSB\d", "@sim"),
     (r"--mount (\S+@sim)", r"--mount \1 --sun 0"),  # by day the Sun may stand before what the pages point at
     (r"(tcp|rfc2217)://[\d.]+:\d+", r"\1://127.0.0.1:0"),
-    (r"/tmp/lx200", "{folder}/lx200"),
+    (r"--allow 192\.168\.1\.0/24", "--allow 127.0.0.1"),
+    (r"/tmp/(lx200|nexstar)", r"{folder}/\1"),
     (r"\bdemo\b", "demo --port 0 --pty {folder}/demo"),
     (r"\bdetect\b", "detect {folder}/ttyUSB0"),
     (r"--write gateway.toml", "--write found.toml"),
