@@ -19,7 +19,7 @@ PULSES, LASTS, EVERY = 20, 0.2, 0.5
 EXCHANGES, SOON = 16, 0.15
 #: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
 LATE = LASTS / 8.0
-#: The part of the guide rate by which it may be off, besides half an exchange of each pulse that the gateway times.
+#: The part of the guide rate by which it may be off.
 OFF = 0.25
 
 
@@ -58,8 +58,7 @@ async def run(telescope: Telescope, report: Report) -> None:
             if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
                 rate = abs(rate)
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
-            error = (OFF + exchange / 2.0 / LASTS) * assumed
-            finding = _judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, error, tick)
+            finding = judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
             if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
                 words = "this computer or its line was too busy for pulses as short as these"
                 finding = Finding(finding.what, NOT_MEASURABLE, words, finding.assumed)
@@ -68,11 +67,17 @@ async def run(telescope: Telescope, report: Report) -> None:
         program.close()
 
 
-def _judged(what: str, rate: float, assumed: float, error: float, tick: float) -> Finding:
+def judged(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
+    """Return the finding on the guide rate of an axis: it shows to two steps of the reading (``tick``, degrees) in all
+    pulses, and to half an exchange (seconds) of each pulse, which the gateway may time."""
     words = rate_words(rate), rate_words(assumed)
     if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", words[1])
-    if abs(rate - assumed) <= error + 2.0 * tick / (PULSES * LASTS):
-        return Finding(what, SAME, *words)
+    shows = exchange / 2.0 / LASTS * assumed + 2.0 * tick / (PULSES * LASTS)
+    measured = f"{words[0]} ± {rate_words(shows)}"
+    if (off := abs(rate - assumed)) <= OFF * assumed:
+        return Finding(what, SAME, measured, words[1])
+    if off <= OFF * assumed + shows:
+        return Finding(what, NOT_MEASURABLE, f"{measured}, too rough to judge", words[1])
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
-    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + words[0], words[1], means)
+    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, words[1], means)
