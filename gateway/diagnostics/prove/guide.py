@@ -25,7 +25,8 @@ AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A part of the check. ``will`` says what comes, in one sentence; ``moves``: whether it moves the mount.
+    """A part of the check. ``will`` says what comes, in one sentence; ``moves``: whether it moves the mount;
+    ``points``: whether it needs a mount that knows where it points, as every one does that moves it.
 
     ``run`` raises Ended. ``why`` says why it is needed; nothing if it is not.
     """
@@ -35,18 +36,19 @@ class Stage(NamedTuple):
     moves: bool
     run: Callable[[Telescope, Report], Awaitable[None]]
     why: Callable[[Telescope], str] = lambda telescope: "it belongs to every check"
+    points: bool = False
 
 
 LOOKING: tuple[Stage, ...] = (
     Stage("reads", "asks it everything that it can be asked. Nothing moves.", False, reads.run),
-    Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run),
+    Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run, points=True),
 )
 MOVING: tuple[Stage, ...] = (
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
-    Stage("motions", "turns it all ways at all rates, up to 5°: 6 min.", True, small_motions.run),
-    Stage("goto", "goes 5° and back, stops a goto on its way: 1 min.", True, gotos.run),
-    Stage("guiding", "sends short pulses in all directions: 2 min.", True, guiding.run),
-    Stage("program", "goes 5° and back by another protocol: 1 min.", True, view.run),
+    Stage("motions", "turns it all ways at all rates, up to 5°: about 5 min.", True, small_motions.run),
+    Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
+    Stage("guiding", "sends short pulses in all directions: about 1 min.", True, guiding.run),
+    Stage("program", "goes 5° and back by another protocol: about 15 s.", True, view.run),
     Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
 STAGES = LOOKING + MOVING
@@ -97,7 +99,8 @@ class Guide:
                 self._findings = Findings(mount, identity.model, version)
             elif version != reads.UNKNOWN:
                 found.mount, found.version = mount, version
-        person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
+        if STAGES[0] in self._stages:
+            person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
         telescope.settings = self._findings.told
         try:
@@ -108,6 +111,7 @@ class Guide:
             return self._findings
         if any(stage.moves for stage in self._stages):
             person.say("Take care of its cables, and keep a hand near its switch.")
+        refused = ""  # why the stage before could not be carried out
         for stage in self._stages:
             title = f"{STAGES.index(stage) + 1}/{len(STAGES)} {stage.name}"
             if self._findings.whole(stage.name):
@@ -118,11 +122,12 @@ class Guide:
                 continue
             key = ""
             while key in ("", "a"):
+                before, refused = refused, self._why_not(stage)
+                if refused:
+                    person.say(f"{title}: not now{' either' if refused == before else f': {refused}'}.")
+                    break
                 again = " It goes on behind what was measured." * self._resumes(stage)
                 person.say(f"{title}: {stage.will}{again}{self._where() * stage.moves}")
-                if stage.moves and (why := self._why_not()):
-                    person.say(f"Not now: {why}.")
-                    break
                 key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
                 if key in ("y", "a"):
                     key = await self._stage(stage)
@@ -145,15 +150,15 @@ class Guide:
             return ""
         return f" It points {here.alt:.0f}° high, at azimuth {here.az:.0f}°."
 
-    def _why_not(self) -> str:
-        """Return why nothing may be moved now; empty if it may."""
+    def _why_not(self, stage: Stage) -> str:
+        """Return why a stage cannot be carried out now; empty if it can."""
         controller = self._telescope.controller
-        if controller.hold.on:
+        if stage.moves and controller.hold.on:
             return "it is held (mount-gateway stop --release ends that)"
-        if controller.driver.asleep or controller.driver.parked:
+        if stage.moves and (controller.driver.asleep or controller.driver.parked):
             return "it is parked or asleep; take it up first (mount-gateway unpark)"
         status: op.Status | None = controller.cache.value(op.GetStatus)
-        if status is not None and not status.aligned:
+        if (stage.moves or stage.points) and status is not None and not status.aligned:
             return "it is not aligned, so that it does not know where it points; align it first"
         return ""
 
@@ -250,6 +255,8 @@ class Guide:
 
     def found(self, finding: Finding) -> None:
         self._here.append(finding)
+        if any(one is finding for one in self.before):  # a rate that was measured before the stage was ended
+            return
         self._person.say(finding.line)
         if finding.verdict == DIFFERS and finding.means:
             self._person.say(f"  {finding.means}")

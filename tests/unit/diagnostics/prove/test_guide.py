@@ -203,10 +203,10 @@ def test_nothing_moves_after_a_mishap_and_all_is_as_before(mount: str, mishap: s
 #: What may be so from the beginning: the settings, and the altitudes within which the tube stays.
 NOON = 1768514400.0 + 13.3 * 3600.0
 CONDITIONS: dict[str, tuple[dict[str, Any], tuple[float, float], str]] = {
-    "unaligned": ({"aligned": False}, (0.0, 90.0), "Not now: it is not aligned"),
+    "unaligned": ({"aligned": False}, (0.0, 90.0), "not now: it is not aligned"),
     "near a limit": ({"config": {"lowest": 40.0, "highest": 50.0}}, (39.0, 51.0), ""),
     "near the Sun": ({"start": NOON, "site": (24.0, 10.0)}, (0.0, 90.0), ""),  # both are at 45° in the south
-    "held": ({}, (0.0, 90.0), "Not now: it is held"),
+    "held": ({}, (0.0, 90.0), "not now: it is held"),
 }
 
 
@@ -228,8 +228,20 @@ def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
                 first = proven.truths[0].sun_distance
                 assert min(truth.sun_distance for truth in proven.truths) > min(first, 40.0) - 0.2
             if what == "held" or (what == "unaligned" and "nexstar" in mount):  # the others do not tell that
-                assert sum(words in line for line in person.said) >= 4
+                refused = [line for line in person.said if ": not now" in line]
+                assert len(refused) >= 4 and sum(words in line for line in refused) == 1, person.said
+                assert all(line.endswith((words, ": not now either.")) or words in line for line in refused)
                 assert not any(truth.moving for truth in proven.truths)
+
+    run_calm(play())
+
+
+def test_the_sky_of_a_mount_that_is_not_aligned_is_compared_another_time() -> None:
+    async def play() -> None:
+        async with Proven("nexstar:6-8se", aligned=False) as proven:
+            found = await proven.check(person := Onlooker("yq"))
+            assert any(line.startswith("2/8 sky: not now: it is not aligned") for line in person.said), person.said
+            assert list(found.stages) == ["reads"] and len(person.asked) == 2
 
     run_calm(play())
 
@@ -326,6 +338,8 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
             person = Onlooker("ssyaq")  # after the first stop again at once, and then in another session
             person.when |= dict.fromkeys(("rate 9 west/east", "rate 9 north/south"), person.stop.set)
             stopped = await proven.check(person)
+            assert sum("same  rate 6 west/east" in line for line in person.said) == 1
+            assert any("goes on behind what was measured" in line for line in person.said)
             save(tmp_path / "findings.json", stopped)
             proven.findings = load(tmp_path / "findings.json")
             assert not stopped.whole("motions") and proven.findings == stopped
