@@ -40,7 +40,7 @@ Examples:
 def add_prove(commands: Commands) -> None:
     prove = commands.add_parser(
         "prove",
-        description="Leads through a check of the mount, in about twelve minutes: it asks before anything moves, "
+        description="Leads through a check of the mount, in about nine minutes: it asks before anything moves, "
         "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",
         late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
@@ -84,11 +84,12 @@ def _prove(arguments: argparse.Namespace) -> int:
                 finally:
                     moved = guide.moved
                 going = not guide.left
+                if going and stages is LOOKING:
+                    terminal.say("From here on, what passes on the line is recorded for the file.")
+                    terminal.between = True
 
         if going:
             going = None
-            if stages is MOVING:
-                terminal.say("The gateway begins anew: what passes on the line is recorded from here on.")
             here = checked(config, folder, record=stages is MOVING)
             serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
             try:
@@ -101,7 +102,7 @@ def _prove(arguments: argparse.Namespace) -> int:
             record = here.mount[0].record
             for path in folder.glob(f"{Path(record).name}*") if record and not moved else ():
                 path.unlink()  # nothing but the beginning of a session is in it
-    findings = load(kept)
+    terminal.between, findings = False, load(kept)
     if going is None:
         for line in summary(findings):
             terminal.say(line)
@@ -125,6 +126,9 @@ async def _afterwards(findings: Findings, file: Path | None, folder: Path, termi
                 terminal.say(line)
             if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
                 file.write_text(text, "utf-8")
+        if not recordings(folder):
+            terminal.say("No file yet: it needs one of the stages place to program.")
+            return
         if not await terminal.agrees("y: make a file for whoever gave you mount-gateway  n: end"):
             return
         terminal.say("Making it takes some seconds …")

@@ -24,13 +24,16 @@ class Terminal(Screen):
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
         self._bar, self._asks = 0, False
-        #: Whether the last questions were left by q.
+        #: Whether q was pressed in a stage, or left the last questions.
         self._left = False
+        #: Whether one gateway ends and the next begins, which is not shown, but for new warnings; the warnings so far.
+        self.between, self._warned = False, set[str]()
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
         """Read single keys while the block lasts."""
         self.stop, self._keys = asyncio.Event(), asyncio.Queue()  # of this event loop
+        self.between = False
         if sys.platform == "win32":
             poll = asyncio.ensure_future(self._poll())
             try:
@@ -73,16 +76,26 @@ class Terminal(Screen):
             await asyncio.sleep(EVERY)
 
     def _pressed(self, key: str) -> None:
-        if key == " " or (key in "qQ" and not self._asks):  # whoever wants to leave in the middle wants it to stop
+        leaves = key in "qQ" and not self._asks
+        self._left |= leaves
+        if key == " " or leaves:  # whoever wants to leave in the middle wants it to stop
             self.stop.set()
         self._keys.put_nowait(key.lower())
 
     def say(self, text: str) -> None:
-        """Print lines of at most 60 columns."""
+        """Print lines of at most 60 columns; none between two gateways."""
+        if not self.between:
+            self._say(text)
+
+    def warn(self, text: str) -> None:
+        """Print a warning, but none that the gateway before has given, too."""
+        if not (self.between and text in self._warned):
+            self._say(text)
+        self._warned.add(text)
+
+    def _say(self, text: str) -> None:
         indent = " " * (len(text) - len(text.lstrip()))
         self._print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
-
-    warn = say
 
     def progress(self, part: float, what: str) -> None:
         """Show how far the stage has come, below the last line."""
@@ -99,11 +112,14 @@ class Terminal(Screen):
             print(before + text, end="", flush=True)
 
     async def key(self, question: str, keys: str) -> str:
-        """Return one of these keys, or the space bar; what was pressed before the question does not count, but that.
-        Any other key repeats the question."""
+        """Return one of these keys, or the space bar; what was pressed before the question does not count, but that,
+        and q after it. Any other key repeats the question."""
         while not self._keys.empty():
             self._keys.get_nowait()
         while not self.stop.is_set():
+            if self._left:
+                self._left = False
+                return "q"
             self._print(f"{textwrap.fill(question, COLUMNS - 4)} > ")
             self._asks = True
             if (key := await self._keys.get()) in keys:

@@ -10,6 +10,7 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import patch
@@ -19,7 +20,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import checked, summary
+from gateway.cli.inspect.prove import _afterwards, checked, summary
 from gateway.cli.inspect.prove_terminal import COLUMNS, Terminal
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove import bundle, small_motions
@@ -51,7 +52,8 @@ def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it() -> None:
     async def talk() -> None:
         terminal = Terminal()
-        terminal._pressed("q")  # before the question: it stops, but it does not count
+        for key in "y ":  # before the question: only the space bar counts
+            terminal._pressed(key)
         assert await terminal.key("y: yes  q: leave", "yq") == " "
         terminal.stop.clear()
         for keys, answer in (("xY", "y"), ("x ", " ")):
@@ -64,6 +66,48 @@ def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it()
         assert terminal.stop.is_set()
 
     asyncio.run(talk())
+
+
+def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
+    async def talk() -> None:
+        terminal = Terminal()
+        for key in "qy":
+            terminal._pressed(key)
+        assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
+        terminal.stop.clear()
+        assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 1.0) == "q"
+        asking = asyncio.ensure_future(terminal.agrees("y: save it  n: do not"))  # that one q answered one question
+        await asyncio.sleep(0)
+        terminal._pressed("y")
+        assert await asyncio.wait_for(asking, 1.0)
+
+    asyncio.run(talk())
+
+
+def test_between_two_gateways_only_new_warnings_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal = Terminal()
+    terminal.warn("its clock is wrong")
+    terminal.between = True
+    for line in ("its clock is wrong", "the mount does not answer"):
+        terminal.say("ready lx200")
+        terminal.warn(line)
+    terminal.between = False
+    terminal.say("the end")
+    assert capsys.readouterr().out.splitlines() == ["its clock is wrong", "the mount does not answer", "the end"]
+
+
+def test_without_a_recording_no_file_is_offered(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    class Silent(Terminal):
+        @contextlib.contextmanager
+        def open(self) -> Iterator[Terminal]:
+            yield self
+
+        async def agrees(self, question: str) -> bool:
+            raise AssertionError(question)
+
+    findings = Findings(stages={"reads": [Finding("identity", SAME)]})
+    asyncio.run(_afterwards(findings, None, tmp_path, Silent()))
+    assert "No file yet: it needs one of the stages place to program." in capsys.readouterr().out
 
 
 def test_where_nothing_moves_the_space_bar_is_no_answer() -> None:
@@ -180,6 +224,7 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
     process.kill()
     os.close(ours)
     assert process.wait() == 0, screen
+    assert all(screen.count(words) == 1 for words in ("found Celestron", "Your mount: ", "From here on")), screen
     assert "+ rates = [" in screen and "rates = [" in toml.read_text()
     assert {path.name for path in (tmp_path / "prove").iterdir()} == {"findings.json", "1.rec", "to-send"}
     saved = bundle.load(tmp_path / "prove-6-8se-4.21.zip", tmp_path)
