@@ -19,6 +19,7 @@ __all__ = [
     "Fault",
     "Frame",
     "FrameError",
+    "Held",
     "Invalid",
     "Moment",
     "NearSun",
@@ -32,6 +33,7 @@ __all__ = [
     "TooHigh",
     "Unsupported",
     "UserError",
+    "WayBlocked",
     "connect",
     "connect_blocking",
     "decode",
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
     from gateway.core.errors import (
         BelowHorizon,
         Fault,
+        Held,
         Invalid,
         NearSun,
         NoAnswer,
@@ -60,6 +63,7 @@ if TYPE_CHECKING:
         TooHigh,
         Unsupported,
         UserError,
+        WayBlocked,
     )
     from gateway.core.operations import Moment, Place
     from gateway.core.wire_log import Entry

@@ -50,6 +50,8 @@ class BlockingGateway:
     ready = _waits(RunningGateway.ready)
     position = _waits(RunningGateway.position)
     goto = _waits(RunningGateway.goto)
+    goto_object = _waits(RunningGateway.goto_object)
+    park = _waits(RunningGateway.park)
     arrived = _waits(RunningGateway.arrived)
     moving = _waits(RunningGateway.moving)
     sync = _waits(RunningGateway.sync)

@@ -15,12 +15,15 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from msgspec.structs import replace
 
+from gateway.app.api.arrival import until_over
+from gateway.app.api.checks import checked_request, find, spot
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.reach import ANSWERED, ask_state, running
 from gateway.app.control.reach import request as send
-from gateway.app.status import OLD_AFTER, State
+from gateway.app.status import OLD_AFTER, State, StatusLine
 from gateway.core import errors, requests
-from gateway.core.errors import Fault, Invalid, NoAnswer, UserError
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, UserError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -48,7 +51,10 @@ class ConnectedGateway:
 
     async def status(self) -> State:
         """Return all that is known of the mount, newly read: what ``mount-gateway status --json`` shows."""
-        state = await ask_state(self._endpoint)
+        return await self._state(fresh=True)
+
+    async def _state(self, fresh: bool) -> State:
+        state = await ask_state(self._endpoint, fresh)
         if not isinstance(state, State):
             raise NoAnswer(state.words)
         return state
@@ -62,30 +68,33 @@ class ConnectedGateway:
 
     async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto."""
-        await self.ask(requests.Goto(_spot(ra, dec, j2000)))
+        await self.ask(requests.Goto(spot(op.Goto(ra, dec), j2000)))
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
-        from gateway.app.control import objects  # loads the catalogues
-
-        await self.ask(requests.Goto(await asyncio.to_thread(objects.find, name)))
+        await self.ask(requests.Goto(await find(name)))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until the last goto, park or home of this program has ended, and return the position.
 
-        Raises Stopped if it ended before its goal, and TimeoutError if it takes longer.
+        Raises Stopped if it ended before its goal, TimeoutError if it takes longer, and NoAnswer if the mount is lost
+        meanwhile.
         """
-        try:
-            async with asyncio.timeout(seconds):
-                while self._goal and (await self._answer(requests.Follow(self._goal))).outcome == requests.UNDER_WAY:
-                    await asyncio.sleep(LOOK)
-        except TimeoutError:
-            raise TimeoutError(f"The motion has not ended within {seconds:g} s; it goes on.") from None
+
+        async def under_way() -> bool:
+            if not self._goal:
+                return False
+            return (await self._answer(requests.Follow(self._goal))).outcome == requests.UNDER_WAY
+
+        async def look() -> StatusLine:
+            return (await self._state(fresh=False)).look
+
+        await until_over(under_way, look, seconds, LOOK)
         return await self.position()
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        await self.ask(requests.Sync(_spot(ra, dec, j2000)))
+        await self.ask(requests.Sync(spot(op.Sync(ra, dec), j2000)))
 
     async def park(self) -> None:
         """Slew to the park position and turn tracking off; return when the mount has accepted it."""
@@ -97,12 +106,9 @@ class ConnectedGateway:
 
     async def ask(self, request: requests.Request) -> str:
         """Have any request of ``gateway.core.requests`` carried out, and return the gateway's words for it."""
+        request = checked_request(request)
         if isinstance(request, requests.Base) and not request.who:
             request = replace(request, who=f"a Python program (process {os.getpid()})")
-        try:
-            requests.decode(requests.encode(request))
-        except (TypeError, ValueError) as error:
-            raise Invalid(f"{type(request).__name__}: {error}.") from None
         words = (await self._answer(request)).words
         if isinstance(request, requests.Goto | requests.Park | requests.Home):
             self._goal = request.number
@@ -115,13 +121,6 @@ class ConnectedGateway:
         if answer.outcome == requests.FAILED:
             raise getattr(errors, answer.fault, Fault)(answer.words)
         return answer
-
-
-def _spot(ra: float, dec: float, j2000: bool) -> requests.Spot:
-    try:
-        return requests.Spot(float(ra) % 360.0, float(dec), j2000)
-    except (TypeError, ValueError):
-        raise Invalid("Right ascension and declination are numbers, in degrees.") from None
 
 
 def connect(mount: str | None = None, *, state: str | None = None) -> ConnectedGateway:

@@ -13,23 +13,24 @@ import contextlib
 import inspect
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from msgspec import ValidationError, convert
 from msgspec.structs import replace
 
+from gateway.app.api.arrival import until_over
+from gateway.app.api.checks import checked, find
 from gateway.app.api.own_goto import OwnGoto
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.refusals import explain
 from gateway.app.mount_state import mount_state
-from gateway.app.status import format_position
+from gateway.app.status import StatusLine, format_position
 from gateway.app.watchdog.client import Watchdog, available
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Stopped, TooHigh, UserError
+from gateway.core.errors import BelowHorizon, Fault, NoAnswer, Stopped, TooHigh, UserError
 from gateway.core.motion_kinds import GOTOS
+from gateway.core.requests import Body
 from gateway.core.wire_log import Entry, WireLog
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ FIND_MOUNT = 20.0
 NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
 #: What to look at if a mount is silent.
 SILENT = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
-#: Types of fields -> one of their values.
-EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
 #: Keys that only ``mount-gateway run`` honours -> what does it here.
 ONLY_RUN = {
     "wait": "ready(seconds) waits for the mount",
@@ -98,27 +97,46 @@ class RunningGateway:
         """
         await self._point(op.Goto(ra, dec), j2000)
 
+    async def goto_object(self, name: str) -> None:
+        """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
+        stops = self._controller.stops
+        where = await find(name)
+        if isinstance(where, Body):
+            place = await self.perform(op.MoonPlace() if where.name == "Moon" else op.PlanetPlace(where.name))
+        else:
+            place = await self.perform(op.ToEquinoxOfDate(where.ra, where.dec))
+        if self._controller.stops != stops:
+            raise Stopped
+        await self.perform(op.Goto(place.ra, place.dec))
+
+    async def park(self) -> None:
+        """Slew to the park position and turn tracking off; return when the mount has accepted it."""
+        await self.perform(op.Park())
+
     async def _point(self, wanted: op.Goto | op.Sync, j2000: bool) -> None:
         place = await self.perform(op.ToEquinoxOfDate(wanted.ra, wanted.dec)) if j2000 else wanted
         await self.perform(replace(wanted, ra=place.ra % 360.0, dec=place.dec))
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until the goto of this program has ended, or without one until none is in progress; return the position.
+        """Wait until the goto or park of this program has ended, or if it has none under way until no program has one;
+        return the position.
 
-        Raises Stopped with the reason if the goto ended before its goal, also if it did before this was called, and
-        TimeoutError if it has not ended within ``seconds``.
+        Raises Stopped with the reason if the motion ended before its goal, also if that of this program did before this
+        was called, TimeoutError if it has not ended within ``seconds``, and NoAnswer if the mount is lost meanwhile.
         """
-        stops, goto = self._controller.stops, self._goto
-        try:
-            async with asyncio.timeout(seconds):
-                while not goto.replaced and await self.perform(op.Slewing()):
-                    await asyncio.sleep(LOOK)
-        except TimeoutError:
-            raise TimeoutError(f"The goto has not ended within {seconds:g} s; it goes on.") from None
+        goto, stops = self._goto, None if self._goto.under_way else self._controller.stops
+
+        async def under_way() -> bool:
+            return not goto.replaced and await self.perform(op.Slewing())
+
+        async def look() -> StatusLine:
+            return mount_state(self._controller).look
+
+        await until_over(under_way, look, seconds, LOOK)
         here = await self.position()
         if goto.why:
             raise Stopped(f"{goto.why}, at {format_position(op.Equatorial(*here))}.")
-        if not goto.known and (self.ended_short or self._controller.stops != stops):
+        if stops is not None and (stops != self._controller.stops or (not goto.known and self.ended_short)):
             raise Stopped(self.ended_short or None)
         return here
 
@@ -159,7 +177,7 @@ class RunningGateway:
         A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds. Raises
         Invalid for what is no operation, and for a field of a wrong type.
         """
-        operation = _checked(operation)
+        operation = checked(operation)
         if isinstance(operation, NEEDS_SITE):
             with contextlib.suppress(Fault):  # the operation says what is missing
                 await self.site()
@@ -241,35 +259,3 @@ shown(open_gateway, "AbstractAsyncContextManager[RunningGateway]")
 def _keys(settings: Mapping[str, object]) -> dict[str, object]:
     """Return keyword arguments under the key names of ``gateway.toml``."""
     return {name.replace("_", "-"): value for name, value in settings.items()}
-
-
-def _checked(operation: op.Operation[_T]) -> op.Operation[_T]:
-    """Return an operation whose fields have the types that are declared. Raises Invalid for one of another type."""
-    if not isinstance(operation, op.Operation):
-        raise Invalid(f"{repr(operation)[:40]} is no operation; write one like gateway.core.operations.Position().")
-    fields = {name: _plain(getattr(operation, name)) for name in operation.__struct_fields__}
-    try:
-        operation = convert(fields, type(operation))
-    except ValidationError as error:
-        why, _, field = str(error).strip("`").partition(" - at `$.")
-        raise Invalid(f"{type(operation).__name__}: {field}: {why}{_right(type(operation), field)}.") from None
-    if isinstance(operation, op.SetGuideRate) and not 0.0 <= operation.rate <= 1.0:
-        raise Invalid(f"The guide rate must be from 0 to 1, a fraction of sidereal, not {operation.rate:g}.")
-    if isinstance(operation, op.Pulse | op.PulseAxis) and operation.ms < 0:
-        raise Invalid(f"The duration of a pulse must not be negative, as {operation.ms} is.")
-    if operation == op.SetSite():
-        raise Invalid("A site needs a latitude, a longitude, or both.")
-    return operation
-
-
-def _right(kind: type[op.Operation], field: str) -> str:
-    """Return what to write for a field whose type is one of those that programs seldom get right at first."""
-    hint = str(kind.__annotations__.get(field, ""))
-    return next((f"; write op.{right}" for name, right in EXAMPLES.items() if name in hint), "")
-
-
-def _plain(value: object) -> object:
-    """Return a number of another library as one of Python's own, and everything else as it is."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return value
-    return int(value) if isinstance(value, Integral) else float(value)

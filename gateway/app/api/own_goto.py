@@ -29,6 +29,11 @@ class OwnGoto:
     def known(self) -> bool:
         return self._slew is not None
 
+    @property
+    def under_way(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._slew is not None and not self._over
+
     def _changed(self, wanted: Wanted) -> None:
         motion = wanted.motion
         if isinstance(motion, Slew) and motion.by is self._host and motion is not self._slew:

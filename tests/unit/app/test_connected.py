@@ -16,6 +16,7 @@ from gateway import (
     BlockingConnectedGateway,
     ConnectedGateway,
     Fault,
+    Held,
     Invalid,
     NoAnswer,
     Stopped,
@@ -26,7 +27,7 @@ from gateway import (
     open_blocking_gateway,
     open_gateway,
 )
-from gateway.app.api import connected
+from gateway.app.api import arrival, connected
 from gateway.app.control.exchange import REQUEST, UNKNOWN, ControlEndpoint, read_endpoints
 from gateway.app.control.orders import LONGEST
 from gateway.app.control.reach import ANSWERED, request
@@ -34,8 +35,8 @@ from gateway.app.control.server import Control
 from gateway.app.status import OLD_AFTER, State, StatusLine
 from gateway.astro.spherical import wrap180
 from gateway.core import requests
-from gateway.core.errors import Held
 from gateway.core.operations import Direction, Equatorial
+from tests.support.cable import Cable
 from tests.support.process import PATIENCE
 
 SIM: dict[str, Any] = {"lowest": -90, "sun": 0, "speed": 8}
@@ -107,11 +108,23 @@ def test_what_is_refused_is_the_error_that_it_is() -> None:
             ra, dec = await mount.position()
             with pytest.raises(SyncTooFar, match="Sync refused"):
                 await mount.sync(ra + 90.0, dec)
-            for wrong in (float("nan"), "ten", None):
-                with pytest.raises(Invalid, match=r"Goto|numbers"):
+            for wrong in (float("nan"), "5", None):
+                with pytest.raises(Invalid, match=r"The right ascension must be a number of degrees, not "):
                     await mount.goto(wrong, 10.0)  # type: ignore[arg-type]
-            with pytest.raises(Invalid, match="TellSite"):
-                await mount.ask(requests.TellSite(91.0, 0.0))
+            with pytest.raises(Invalid, match=r"The declination must be a number of degrees from -90 to 90, not 91\."):
+                await mount.sync(ra, 91.0)
+            for site in (91.0, float("nan")):
+                with pytest.raises(Invalid, match="TellSite: latitude: Expected"):
+                    await mount.ask(requests.TellSite(site, 0.0))
+            with pytest.raises(Invalid, match="Spot: ra: Expected a number, got nan"):
+                await mount.ask(requests.Goto(requests.Spot(float("nan"), 0.0)))
+            with pytest.raises(Invalid, match="Goto: where: Expected"):
+                await mount.ask(requests.Goto("Vega"))  # type: ignore[arg-type]
+            for nothing in ("Home", requests.Home):
+                with pytest.raises(Invalid, match=r" is no request; write one like gateway\.core\.requests\.Home"):
+                    await mount.ask(nothing)  # type: ignore[arg-type]
+            with pytest.raises(Invalid, match="The name of an object must be a text, not 42"):
+                await mount.goto_object(42)  # type: ignore[arg-type]
             with pytest.raises(UserError, match="did you mean Vega"):
                 await mount.goto_object("Vegaa")
             await mount.ask(requests.Hold())
@@ -136,6 +149,23 @@ def test_a_goto_that_is_stopped_says_so() -> None:
     play(work())
 
 
+def test_a_mount_that_is_lost_during_a_goto_is_not_waited_for_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrival, "LOST", 1.0)
+
+    async def work() -> None:
+        async with open_gateway("nexstar@sim", **{**SIM, "speed": 1}) as gateway:
+            await gateway.ready()
+            mount = connect()
+            ra, dec = await mount.position()
+            await mount.goto(ra + 90.0, dec)
+            Cable(gateway._gateway).pull()
+            async with asyncio.timeout(PATIENCE):
+                with pytest.raises(NoAnswer, match="not known whether the motion goes on: cannot open"):
+                    await mount.arrived()
+
+    play(work())
+
+
 def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
     assert ANSWERED >= LONGEST
 
@@ -155,7 +185,7 @@ def test_a_gateway_that_has_ended_does_not_answer() -> None:
 
 @pytest.mark.parametrize(("age", "told"), [(0.5, True), (OLD_AFTER + 1.0, False)])
 def test_an_old_position_is_none(age: float, told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def state(endpoint: ControlEndpoint) -> State:
+    async def state(*_: object) -> State:
         return State(StatusLine("pier", "down", "no such port", Equatorial(10.0, 20.0), age), "nexstar@sim")
 
     monkeypatch.setattr(connected, "ask_state", state)

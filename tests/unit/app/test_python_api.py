@@ -10,6 +10,7 @@ import re
 import runpy
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -25,10 +26,12 @@ from gateway import (
     Entry,
     Fault,
     FrameError,
+    Invalid,
     NoAnswer,
     RunningGateway,
     Splitter,
     Stopped,
+    Unsupported,
     UserError,
     decode,
     decode_reply,
@@ -36,12 +39,14 @@ from gateway import (
     encode_reply,
     open_gateway,
 )
-from gateway.app.api import frames
+from gateway.app.api import arrival, frames
+from gateway.app.control import objects
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
+from tests.support.cable import Cable
 from tests.support.each import each
 from tests.support.forked import POSSIBLE
-from tests.support.process import Running
+from tests.support.process import PATIENCE, Running
 
 ROOT = Path(gateway.__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -255,8 +260,90 @@ def test_a_goto_that_takes_too_long_is_told_in_words() -> None:
         async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
             await running.ready()
             await running.goto(20.0, 80.0)
-            with pytest.raises(TimeoutError, match=r"The goto has not ended within 0\.05 s; it goes on\."):
+            with pytest.raises(TimeoutError, match=r"The motion has not ended within 0\.05 s; it goes on\."):
                 await running.arrived(0.05)
+
+    asyncio.run(program())
+
+
+def test_an_object_is_found_by_its_name_and_the_mount_is_parked_by_a_method() -> None:
+    async def program() -> None:
+        seen: list[bytes] = []
+
+        def watch(entry: Entry) -> None:
+            if entry.arrow == ">" and entry.data[:1] in b"TRrBb":
+                seen.append(entry.data)
+
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0, speed=200, watch=watch) as running:
+            await running.ready()
+            await running.goto_object("Polaris")
+            ra, dec = await running.arrived(30)
+            polaris = await running.perform(op.ToEquinoxOfDate(37.95, 89.26))
+            assert (ra, dec) == pytest.approx((polaris.ra, polaris.dec), abs=0.5)
+            with pytest.raises(Unsupported, match="positions of the planets are not available yet"):  # in tests, never
+                await running.goto_object("Jupiter")
+            with pytest.raises(UserError, match="did you mean Vega"):
+                await running.goto_object("Vegaa")
+            with pytest.raises(Invalid, match=r"The name of an object must be a text, not 42\."):
+                await running.goto_object(42)  # type: ignore[arg-type]
+            await running.park()
+            await running.arrived(30)
+            activity = await running.perform(op.GetActivity())
+            assert activity.parked and not activity.goto
+            assert seen[-1] == b"T\x00"  # the last order of all: tracking is turned off
+
+    asyncio.run(program())
+
+
+def test_a_stop_while_a_name_is_looked_up_leaves_the_goto_unbegun(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            find, go_on = objects.find, threading.Event()
+            monkeypatch.setattr(objects, "find", lambda name: (go_on.wait(30), find(name))[1])
+            going = asyncio.ensure_future(running.goto_object("Polaris"))
+            await asyncio.sleep(0.1)
+            await running.stop()
+            go_on.set()
+            with pytest.raises(Stopped):
+                await going
+            assert not await running.moving()
+
+    asyncio.run(program())
+
+
+def test_a_stop_of_a_goto_of_another_program_is_told_to_who_waits_for_its_end() -> None:
+    async def program() -> None:
+        async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            ra, dec = await running.position()
+            await running.goto(ra + 1.0, dec)
+            await running.arrived(30)
+            await ask(running, b":Sr02:00:00#:Sd-70*00:00#:MS#")
+            waiting = asyncio.ensure_future(running.arrived(30))
+            await asyncio.sleep(0.1)
+            assert not waiting.done()
+            await ask(running, b":Q#")
+            with pytest.raises(Stopped):
+                await waiting
+            assert await running.arrived(30)
+
+    asyncio.run(program())
+
+
+def test_a_mount_that_is_lost_during_a_goto_is_not_waited_for_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrival, "LOST", 1.0)
+
+    async def program() -> None:
+        async with open_gateway(SIM, site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            await running.goto(20.0, 80.0)
+            Cable(running._gateway).pull()
+            with pytest.raises(TimeoutError, match=r"within 0\.5 s, and it is not known whether it goes on: "):
+                await running.arrived(0.5)
+            async with asyncio.timeout(PATIENCE):
+                with pytest.raises(NoAnswer, match=r"not known whether the motion goes on: cannot open .*no such port"):
+                    await running.arrived()
 
     asyncio.run(program())
 

@@ -29,3 +29,5 @@ def answers_without_an_event_loop(gateway: BlockingGateway) -> None:
     assert_type(gateway.perform(op.Goto(80.0, 20.0)), None)
     assert_type(gateway.site(), op.Place)
     assert_type(gateway.time(), op.Moment)
+    assert_type(gateway.goto_object("Vega"), None)
+    assert_type(gateway.park(), None)
