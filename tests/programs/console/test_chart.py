@@ -163,3 +163,19 @@ def test_the_sky_stands_where_astropy_has_it(
     far = sorted(off(*at, REACH, lambda part: np.clip(part.min(axis=2) - 112, 0, None)) for at in alone)
     print(f"{len(far)} stars, {far[len(far) // 2]:.2f} px in the middle, {far[-1]:.2f} px at most")
     assert len(far) >= 50 and far[-1] <= 2.0
+
+
+def test_it_is_drawn_in_the_frame_in_which_its_size_changes(visit: Callable[..., Visit]) -> None:
+    """A canvas whose size is set is empty, and would be seen so until the next frame."""
+    page = visit()
+    painted = page.page.evaluate("""() => new Promise((told) => {
+      const chart = document.querySelector("#chart"), sky = document.querySelector("#sky"), wide = sky.height;
+      new ResizeObserver(() => {
+        if (sky.height === wide) return;
+        const { data } = sky.getContext("2d").getImageData(0, 0, sky.width, sky.height);
+        told(data.filter((one, index) => index % 4 === 3 && one).length);
+      }).observe(chart);
+      chart.style.flex = "none";
+      chart.style.height = "250px";
+    })""")
+    assert painted > 10_000

@@ -90,6 +90,44 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
         assert chart["x"] + chart["width"] <= pad["x"] and orders["y"] + orders["height"] <= stop["y"]
 
 
+@pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
+def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    """Before a goto, on its way and at its end; then the next thing to press is the sync."""
+    page = visit(size, told={'"diff"': '"unheard"'})
+    page.find("Aldebaran")
+    page.until("the whole card", lambda: page.page.locator("#place .details").is_visible())
+
+    def boxes() -> list[object]:
+        return [page.page.locator(one).bounding_box() for one in ("#go", "#sync", "#place .close", "#chart")]
+
+    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
+    before, going = boxes(), {"slewing": True, "moves": True, "target": there}
+    go, sync, close = before[:3]
+    assert isinstance(go, dict) and isinstance(sync, dict) and isinstance(close, dict)
+    assert go["y"] == sync["y"] and go["x"] + go["width"] <= sync["x"] and go["width"] == sync["width"]
+    assert max(one["x"] + one["width"] for one in (sync, close)) <= size[0]
+    for state, words, blue in (
+        (going, "On its way…", "go"),
+        ({"slewing": False, "moves": False, "target": None, "position": there, "aligned": True}, "Go again", "sync"),
+    ):
+        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
+        page.until(words, lambda words=words: page.text("#go") == words)
+        assert boxes() == before
+        assert page.page.evaluate("document.querySelector('#place .primary').id") == blue
+
+
+@pytest.mark.parametrize("size", [PHONE, (844, 390)])
+def test_a_parked_mount_is_unparked_at_one_place(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size, told={'"parked":false': '"parked":true', '"clock_doubt":"': '"clock_doubt":"","told":"'})
+    unparks = page.page.get_by_role("button", name="Unpark")
+    assert unparks.count() == 1 and page.page.locator(".banner.parked").is_visible(), "beside the sky"
+    page.show("control")
+    assert unparks.count() == 1
+    box, stop = unparks.bounding_box(), page.page.locator(".stop-bar").bounding_box()
+    assert box and stop and (box["y"] + box["height"] <= stop["y"] or box["x"] + box["width"] <= stop["x"])
+    assert page.overlapping() == []
+
+
 @pytest.mark.parametrize("size", [(320, 568), (667, 375), (844, 390), (900, 560)])
 def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     """The longest one: nothing of it is beyond the screen for good, and STOP covers none of its buttons."""

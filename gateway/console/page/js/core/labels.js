@@ -8,7 +8,7 @@ export const STATES = {
 };
 /** Buttons. */
 export const BUTTONS = {
-  close: "Close", tonight: "Tonight", go: "Go there", going: "On its way…", again: "It is there: go again", sync: "Sync…", syncHere: "Sync here…", keepList: "Keep this list", keep: "Keep it", centred: "It is centred: sync",
+  close: "Close", tonight: "Tonight", go: "Go there", going: "On its way…", again: "Go again", sync: "Sync…", syncHere: "Sync here…", keepList: "Keep this list", keep: "Keep it", centred: "It is centred: sync",
   pin: "Type the pin", gamepad: "Use a gamepad here", wake: "Wake", hold: "Hold still", release: "Release", park: "Park…", home: "Home…", search: "Search…", unpark: "Unpark", place: "Place", back: "Back", end: "End",
   narrow: "Narrow the limits…", configured: "As configured", time: "Use this device's time", site: "Set the site…", report: "Report", record: "Record", pause: "Pause", goOn: "Go on",
   copy: "Copy", field: "Field of view…", favourite: "☆ Favourite", isFavourite: "★ Favourite", seen: "Seen?", isSeen: "✓ Seen", ofDate: "of date", j2000: "J2000",

@@ -36,7 +36,7 @@ function requestNow({ alt, az, typed, ...request }) {
   return { ...request, ra, dec, j2000: false };
 }
 
-export const showName = (name) => look({ do: "look_up", name }, name);
+export const showName = (name, refused) => look({ do: "look_up", name }, name, refused);
 
 /** Choose what was typed as numbers: of date unless J2000 was written with it; the card changes that. */
 export function showTyped(place) {
@@ -106,8 +106,8 @@ async function go() {
 /** Whether a goto was asked for and not answered yet. */
 let asked = false;
 
-/** A goto leads to the chosen position if its target is this close, degrees. */
-const SAME = 0.05;
+/** A goto leads to the chosen position if its target is this close, degrees; so far it stays there while it is centred by hand. */
+const SAME = 0.05, CENTRED = 0.5;
 
 /** Whether the telescope is already slewing there. */
 function onItsWay() {
@@ -122,11 +122,12 @@ const apartFrom = (at) => separation(vector(at.ra2000, at.dec2000), vector(chose
 /** Whether the mount rests, or tracks, and has told where; at an arrival it is asked once more, and meanwhile it has not. */
 const isSettled = (seen) => seen?.position?.ra2000 != null && seen.aligned !== null && !seen.moves;
 
-/** Whether the telescope points at what is chosen, by its mount; as before while that is being read again. */
+/** Whether the telescope points at what is chosen, by its mount; as before while that is read again, or it is moved by hand. */
 function isThere() {
   const seen = mount();
-  if (isSettled(seen)) chosen.there = seen.aligned && apartFrom(seen.position) < SAME;
-  return Boolean(chosen.there) && !seen.moves;
+  if (seen?.slewing) chosen.there = false;
+  else if (isSettled(seen)) chosen.there = seen.aligned && apartFrom(seen.position) < (chosen.there ? CENTRED : SAME);
+  return Boolean(chosen.there);
 }
 
 /** How far what is chosen is from where the mount believes that it points. */
@@ -172,7 +173,7 @@ const kindOf = (found) =>
 /** Other names, those that are words before those that are numbers. */
 function alsoCalled({ also }) {
   const names = also ? also.split(", ") : [], words = names.filter((name) => /[a-z]{3}/.test(name));
-  return names.length ? ` · ${[...words, ...names.filter((name) => !words.includes(name))].slice(0, 3).join(", ")}` : "";
+  return names.length ? ` · ${[...words, ...names.filter((name) => !words.includes(name))].slice(0, 3).join(", ").replace(/(\d) /g, "$1\u00a0")}` : "";
 }
 
 /** Coordinates of date, as everywhere on the page; of typed ones the equinox can be changed. */
@@ -198,9 +199,9 @@ function card(found) {
       el("div", {}, el("dt", {}, READINGS.az), el("dd", {}, azimuth(found.az))),
       el("div", {}, el("dt", {}, event), el("dd", {}, when)),
       el("div", {}, el("dt", {}, READINGS.culminates), el("dd", {}, culminates(found)))),
-    other || !found.may ? el("p", { class: "why" }, other ? "Press Find for what is typed above." : found.why) : null,
+    found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
-      button(BUTTONS.go, go, { class: "primary", id: "go", disabled: !may || !found.may }),
+      button(BUTTONS.go, go, { id: "go", disabled: !may || !found.may }),
       button(BUTTONS.syncHere, sync, { id: "sync", disabled: !may })),
     lower ? lower.details(found, again) : null,
   ].filter(Boolean);
@@ -222,10 +223,13 @@ function draw() {
   if (chosen) tellWay(byId("go"), asked || onItsWay());
 }
 
-/** Update the card in place, because a button that is replaced under a finger is not pressed. */
+/** Update the card in place, because a button that is replaced under a finger is not pressed. At the target, sync comes next. */
 function tellWay(goes, going) {
-  say(goes, going ? BUTTONS.going : isThere() ? BUTTONS.again : BUTTONS.go);
+  const there = !going && isThere();
+  say(goes, going ? BUTTONS.going : there ? BUTTONS.again : BUTTONS.go);
   goes.setAttribute("aria-disabled", String(going));
+  goes.classList.toggle("primary", !there);
+  byId("sync").classList.toggle("primary", there);
 }
 
 function redraw(box, key) {
@@ -234,6 +238,10 @@ function redraw(box, key) {
   const focused = box.contains(document.activeElement) ? document.activeElement.id : "";
   box.hidden = !chosen;
   document.body.classList.toggle("has-place", Boolean(chosen));
+  const waits = Boolean(chosen && other);
+  box.classList.toggle("stale", waits);
+  box.title = waits ? "Press Find for what is typed." : "";
+  document.querySelector("#search [type=submit]").classList.toggle("primary", waits);
   box.replaceChildren(...(chosen ? card(chosen.found) : []));
   if (focused) byId(focused)?.focus();
 }

@@ -39,7 +39,18 @@ export function take(text) {
   close();
   byId("object").blur();
   if (place) showTyped(place);
-  else showName(text);
+  else showName(text, (words) => suggestInstead(text, words));
+}
+
+/** Offer the names that are like an unknown one; if there are none, say only that it is unknown. */
+async function suggestInstead(text, words) {
+  const mine = ++latest;
+  const { found = [] } = await ask({ do: "search", text });
+  if (mine !== latest) return;
+  if (!found.length) return notice(words, "refused");
+  say(byId("asks"), found.length > 1 ? "Did you mean one of these?" : "Did you mean this?");
+  byId("object").focus();
+  offer(found);
 }
 
 function offer(names) {

@@ -114,7 +114,8 @@ export class Sky {
     this.#canvas.width = Math.round(width * this.#density);
     this.#canvas.height = Math.round(height * this.#density);
     this.#view.resize(width, height);
-    this.#changed();
+    cancelAnimationFrame(this.#frame);
+    this.#draw(); // at once, because a canvas whose size is set is empty
   }
 
   enlarge(factor, x = this.#view.width / 2, y = this.#view.height / 2) {
