@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec.structs import replace
+
 from gateway.core import operations as op
 from gateway.core.motion_kinds import ENDS, GOTOS
 from gateway.mount.context import Context
@@ -71,6 +73,12 @@ class Consequences:
                 self.at_rest()
                 self._context.run_on.forget()
                 self._gate.hibernation_began()
+
+    def followed(self, operation: op.Operation) -> None:
+        """Handle a follow-up of the driver: the last step of a park has turned tracking off, and nobody need ask."""
+        status: op.Status | None = self._cache.last(op.GetStatus)
+        if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
+            self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def pulse_ended(self, axis: int, asked: float, began: float) -> PulseEnded:
         """Return how late a guide pulse was ended, and log it if that matters. ``asked`` and ``began``: the loop times

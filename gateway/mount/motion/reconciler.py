@@ -414,6 +414,7 @@ class Reconciler:
             if not value.ends:
                 self._link.queue.expect_urgent((now if value.since is None else value.since) + value.seconds)
         if order.follow_up and not ends_focus(operation):
+            self._consequences.followed(operation)
             self.lasting.emit(None)
         else:
             self._takes_effect(order, operation)

@@ -121,6 +121,11 @@ class ReadingsCache:
         self.entries[kind] = entry
         self.look_again(kind)
 
+    def correct(self, kind: Kind, value: Any) -> None:
+        """Replace the last reading by what an order has made of it. It is read again when it would have been."""
+        self.entries[kind].value = value
+        self.look_again(kind)
+
     def forget(self, *kinds: Kind) -> None:
         """Forget the readings of these kinds: they are no longer true."""
         for kind in kinds:

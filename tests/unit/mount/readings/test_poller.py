@@ -44,6 +44,22 @@ def test_a_mount_that_has_parked_is_shown_as_parked(mount: str, driven: str) -> 
     assert played(mount, driven, op.Park(), 120.0, speed=4.0)[1] == "parked"
 
 
+def test_a_mount_that_parks_is_never_shown_as_tracking_meanwhile() -> None:
+    """Nobody need ask a hand control whose tracking the gateway itself has turned off."""
+
+    async def program() -> list[str]:
+        async with Bridge("6-8se", speed=4.0, config={"lowest": -90.0}) as bridge:
+            await asyncio.sleep(3.0)
+            await bridge.controller.perform(op.Park())
+            seen = [shown(bridge)]
+            while seen[-1] != "parked":
+                await asyncio.sleep(0.05)
+                seen += [shown(bridge)] * (shown(bridge) != seen[-1])
+            return seen
+
+    assert run(program()) == ["slewing", "parked"]
+
+
 def test_tracking_that_the_owner_switches_at_the_hand_control_is_seen() -> None:
     async def program() -> str:
         async with Bridge("6-8se") as bridge:
