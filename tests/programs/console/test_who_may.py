@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Iterator
 
@@ -48,12 +49,14 @@ def test_without_the_pin_it_only_looks_and_stops(own: Console, page: Visit) -> N
 def test_an_owed_stop_survives_a_reload(own: Console, page: Visit) -> None:
     page.page.evaluate("sessionStorage.setItem('stop-owed', String(Date.now() - 20000))")
     page.page.reload()
-    page.until("it is sent", lambda: page.text("#notices") == "Stopped.")
+    page.until("it is sent", lambda: re.fullmatch(r"STOP arrived 2\d s late: stopped\.", page.text("#notices")))
     page.page.evaluate("sessionStorage.setItem('stop-owed', String(Date.now() - 40000))")
+    page.page.reload()
+    page.until("a stop of long ago is not sent, and that is said", lambda: "WAS NOT SENT" in page.text("#notices"))
     page.page.reload()
     page.until("the page is there again", lambda: page.text("#name").startswith("Celestron"))
     page.page.wait_for_timeout(300)
-    assert page.text("#notices") == "", "a stop of long ago is not sent"
+    assert page.text("#notices") == "", "which is said once"
 
 
 def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> None:
@@ -70,5 +73,51 @@ def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> No
         page.until("so is for how long", lambda: "No connection to the gateway for" in page.text("#banners"))
     finally:
         own.gateway.signal(signal.SIGCONT)
-    page.until("it is connected again, and has stopped", lambda: page.text("#notices") == "Stopped.")
+    page.until("it is connected again, and has stopped", lambda: page.text("#notices").endswith("s late: stopped."))
     assert not page.text("#banners").startswith("No connection") and not page.does("No connection")
+
+
+def test_a_stop_is_tried_often_and_then_given_up_aloud(own: Console, page: Visit) -> None:
+    page.page.clock.install()
+    own.gateway.signal(signal.SIGSTOP)
+    try:
+        page.page.evaluate(
+            "() => { window.tries = 0; window.real = fetch; "
+            "window.fetch = () => { tries += 1; return Promise.reject(new Error()) } }"
+        )
+        page.page.clock.run_for(20_000)
+        page.until("it is lost", lambda: page.does("No connection"))
+        seldom = page.page.evaluate("tries")
+        page.page.tap("#stop")
+        page.page.clock.run_for(5_000)
+        assert page.page.evaluate("tries") - seldom > 12, "the next attempt does not wait for three seconds"
+        page.page.clock.run_for(22_000)
+        assert page.text("#stop-says") == "not sent yet" and "is sent again if" in page.text("#notices")
+        page.page.clock.run_for(4_000)
+        assert page.text("#stop-says") == "NOT sent: press again" and "WAS NOT SENT" in page.text("#notices")
+        page.page.evaluate("() => { window.fetch = real }")
+    finally:
+        own.gateway.signal(signal.SIGCONT)
+    page.page.clock.run_for(3_000)
+    page.until("it is connected again", lambda: not page.does("No connection"))
+    assert "WAS NOT SENT" in page.text("#notices") and page.text("#stop-says") == "NOT sent: press again"
+    page.page.tap("#stop")
+    page.until("it is stopped", lambda: page.text("#notices") == "Stopped." and page.text("#stop-says") == "all motion")
+
+
+def test_a_network_that_the_device_has_lost_is_told_of_at_once(own: Console, page: Visit) -> None:
+    page.page.evaluate("dispatchEvent(new Event('offline'))")
+    page.page.wait_for_timeout(800)
+    assert not page.does("No connection"), "a gateway on the same computer is still there"
+    own.gateway.signal(signal.SIGSTOP)
+    try:
+        took = page.page.evaluate("""new Promise((resolve) => {
+          const began = performance.now();
+          new MutationObserver(() => document.body.dataset.mount === "lost" && resolve(performance.now() - began))
+            .observe(document.body, { attributes: true });
+          dispatchEvent(new Event("offline"));
+        })""")
+        assert took < 2500, f"{took:.0f} ms"
+    finally:
+        own.gateway.signal(signal.SIGCONT)
+    page.until("it is connected again", lambda: not page.does("No connection"))

@@ -4,7 +4,7 @@
 /** What the heading and STOP say of states that the gateway has no words for. */
 export const STATES = {
   connecting: "Connecting…", lost: "No connection", opening: "Connecting to the mount", down: "The mount does not answer", unaligned: "Not aligned", unknown: "nothing is known yet",
-  stopping: "stopping…", owed: "not sent yet", allMounts: "all mounts", allMotion: "all motion",
+  stopping: "stopping…", owed: "not sent yet", notSent: "NOT sent: press again", allMounts: "all mounts", allMotion: "all motion",
 };
 /** Buttons. */
 export const BUTTONS = {

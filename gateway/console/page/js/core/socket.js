@@ -6,7 +6,12 @@ import { changed, state, take } from "./store.js";
 const BEAT = 500;
 const QUIET = 1000;
 const DEAD = 4000;
-const AGAIN = [300, 600, 1000, 2000, 3000];
+/** Milliseconds in which the gateway must answer after the device has lost its network. */
+const OFFLINE = 500;
+/** Milliseconds without news after which the figures of a mount that moves are no longer true. */
+const OLD = 1500;
+/** Milliseconds until it connects again, by the number of attempts, and at most while it is urgent. */
+const AGAIN = [300, 600, 1000, 2000, 3000], SOON = 300;
 // The gateway has closed this page, because too many are open and this one was not used for longest.
 const CROWDED = 1013;
 const LATER = 60000;
@@ -15,6 +20,9 @@ const LATER = 60000;
 let ws = null;
 let number = 0;
 let attempts = 0;
+/** The timer of the next attempt; 0 while there is none. */
+let timer = 0;
+let isUrgent = () => false;
 let heard = 0, spoke = 0;
 let asked = false;
 let beat = () => ({});
@@ -34,6 +42,11 @@ const emit = (event, value) => listeners[event].forEach((listener) => listener(v
 /** Send with every beat what a function returns. */
 export function inBeats(content) {
   beat = content;
+}
+
+/** While a function returns true, connecting again is urgent. */
+export function urgentIf(condition) {
+  isUrgent = condition;
 }
 
 /** Send a message that needs no answer. False if there is no connection. */
@@ -106,11 +119,23 @@ function lost(crowded = false) {
   waiting.clear();
   changed();
   if (was) emit("lost");
-  setTimeout(again, crowded ? LATER : AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
+  later(crowded ? LATER : undefined);
+}
+
+function later(pause = AGAIN[Math.min(attempts++, AGAIN.length - 1)]) {
+  timer = setTimeout(again, isUrgent() ? SOON : pause);
+}
+
+/** Connect again at once if the next attempt still waits. */
+export function hurry() {
+  if (!timer) return;
+  clearTimeout(timer);
+  again();
 }
 
 /** Reconnect. After a restart the gateway has a new token, which only a reloaded page knows. */
 async function again() {
+  timer = 0;
   try {
     const page = await (await fetch("/", { cache: "no-store", signal: AbortSignal.timeout(DEAD) })).text();
     if (meta("token", new DOMParser().parseFromString(page, "text/html")) !== token) {
@@ -118,7 +143,7 @@ async function again() {
       return;
     }
   } catch {
-    setTimeout(again, AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
+    later();
     return;
   }
   connect();
@@ -127,9 +152,23 @@ async function again() {
 setInterval(() => {
   if (!tell({ do: "beat", ...beat() })) return;
   const quiet = performance.now() - heard;
+  if (state.quiet !== quiet > OLD) {
+    state.quiet = quiet > OLD;
+    changed();
+  }
   if (quiet > DEAD) lost();
   else if (quiet > QUIET && !asked) {
     asked = true;
     ask({ do: "search", text: "" }).then(() => (asked = false));
   }
 }, BEAT);
+
+addEventListener("online", () => {
+  attempts = 0;
+  hurry();
+});
+// A computer without a network still reaches a gateway of its own: it is asked whether it is there.
+addEventListener("offline", () => {
+  const mine = ws, given = setTimeout(() => mine && mine === ws && lost(), OFFLINE);
+  ask({ do: "search", text: "" }).then(() => clearTimeout(given));
+});

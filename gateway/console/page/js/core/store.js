@@ -3,8 +3,8 @@
 
 import { Scene } from "../sky/scene.js";
 
-/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], toldAt: number, chosen: number, connected: boolean, crowded: boolean, act: boolean, pin: string}} */
-export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], toldAt: 0, chosen: 0, connected: false, crowded: false, act: false, pin: "" };
+/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], toldAt: number, chosen: number, connected: boolean, crowded: boolean, quiet: boolean, act: boolean, pin: string}} */
+export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], toldAt: 0, chosen: 0, connected: false, crowded: false, quiet: false, act: false, pin: "" };
 
 /** @type {Set<() => void>} */
 const listeners = new Set();

@@ -25,7 +25,7 @@ export function start() {
     const moves = seen && seen.moves;
     // The worst is said first: a mount that is lost on its way does not "move".
     document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.state !== "up" ? seen.state : seen.held ? "held" : moves ? "moves" : "up";
-    document.body.classList.toggle("unsure", !state.connected || !seen || seen.state === "down" || seen.aligned === false);
+    document.body.classList.toggle("unsure", !state.connected || !seen || (state.quiet && moves) || seen.state === "down" || seen.aligned === false);
     say(byId("does"), !state.connected ? STATES.lost : seen ? doing(seen) : STATES.connecting);
     say(byId("name"), seen ? called(seen) : "mount-gateway");
     say(document.querySelector("title"), seen ? `${state.connected ? doing(seen) : STATES.lost} · ${seen.name}` : "mount-gateway");
