@@ -155,8 +155,8 @@ class Driver:
     asleep = moved_by_others = False
     #: How it talks to the mount, which recordings tell: 1 did not read the tracking mode at once after sending it.
     exchanges = 2
-    #: Whether the mount was parked, stands at its park position, and was not unparked or moved since.
-    parked = False
+    #: Whether it was parked, and was not unparked or moved since; whether a goto is known to take it from there.
+    parked = goto_unparks = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers

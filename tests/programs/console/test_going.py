@@ -105,6 +105,43 @@ def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callab
     page.until("it was moved away", lambda: page.text("#go") == "Go there")
 
 
+def test_a_step_beside_the_target_is_no_arrival_there(visit: Callable[..., Visit]) -> None:
+    page = visit(told={'"diff"': '"unheard"'})
+
+    def hear(**state: object) -> None:
+        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
+
+    page.find("Aldebaran")
+    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
+    beside = {**there, "dec": 16.577, "dec2000": 16.527}
+    hear(position=there, aligned=True)
+    page.until("it is there", lambda: page.text("#go") == "It is there: go again")
+    hear(slewing=True, moves=True, target=beside)
+    page.until("it goes a minute of arc", lambda: page.text("#go") == "Go there")
+    hear(slewing=False, moves=False, target=None, position=beside)
+    page.until("it stands", lambda: page.text("#go") == "It is there: go again")
+    assert page.text("#notices") == ""
+
+
+def test_a_mount_that_moves_is_not_synced(visit: Callable[..., Visit]) -> None:
+    page = visit(told={'"diff"': '"unheard"'})
+    page.find("Aldebaran")
+    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": True, "moves": True}}}}))
+    page.until("it slews", lambda: page.page.get_attribute("#sync", "aria-disabled") == "true")
+    page.page.click("#sync", force=True)
+    page.until("it is said why", lambda: page.text("#notices").startswith("The mount moves: sync when it has arrived"))
+    assert not page.page.locator("#ask").is_visible()
+    page.page.click("#notices button")
+    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": False, "moves": False}}}}))
+    page.until("it stands", lambda: page.page.get_attribute("#sync", "aria-disabled") == "false")
+    page.page.click("#sync")
+    page.until("it asks", lambda: page.text("#ask-title") == "Sync on Aldebaran?")
+    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": True, "moves": True}}}}))
+    page.until("another program moves it", lambda: page.page.get_attribute("#sync", "aria-disabled") == "true")
+    page.page.click("#ask-yes")
+    page.until("it is said again", lambda: page.text("#notices").startswith("The mount moves"))
+
+
 @pytest.mark.parametrize(
     ("told", "heading", "state"),
     [
@@ -140,7 +177,7 @@ def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit])
     page.until("it is parked, and nobody else asks the mount", lambda: page.does("Parked"))
     page.show("sky")
     page.find("Aldebaran")
-    assert "unpark it first" in page.text("#banners p"), "before one goes anywhere"
+    assert page.text("#banners p") == "The mount is parked. Go there unparks it."
     page.page.click("#banners button")
     page.until("it is in service", lambda: page.does("Tracking"))
     page.until("which is over", lambda: "unpark" not in page.text("#banners"))

@@ -59,6 +59,7 @@ class NexStar(Driver):
 
     protocol = load("nexstar")
     sync_aligns = False
+    goto_unparks = True
 
     def __init__(
         self,

@@ -106,14 +106,15 @@ async function go() {
 /** Whether a goto was asked for and not answered yet. */
 let asked = false;
 
-/** A goto leads to the chosen position if its target is this close, degrees; so far it stays there while it is centred by hand. */
-const SAME = 0.05, CENTRED = 0.5;
+/** The telescope is at the chosen position if it is this close, degrees; so far it stays there while it is centred by hand; a goto
+ * leads there if its target is this close: a step of a minute of arc leads elsewhere. */
+const SAME = 0.05, CENTRED = 0.5, GOAL = 0.01;
 
 /** Whether the telescope is already slewing there. */
 function onItsWay() {
   const seen = mount(), found = chosen?.found;
   if (!seen?.slewing || !found || seen.target?.ra2000 == null) return false;
-  return apartFrom(seen.target) < SAME;
+  return apartFrom(seen.target) < GOAL;
 }
 
 /** How far what is chosen is from another place, degrees. */
@@ -138,14 +139,18 @@ function aside() {
   return `It is ${apart < 1 ? `${(apart * 60).toFixed(1)}′` : angle(apart)} from where the mount believes that it points. `;
 }
 
+const MOVES = "The mount moves: sync when it has arrived, and what you chose is in the middle of the eyepiece.";
+
 export async function sync() {
   if (!chosen || other) return notice("Choose in the sky, or find by name, what the telescope points at; then sync.", "refused");
+  if (mount()?.moves) return notice(MOVES, "refused");
   const name = chosen.found.name || "this place";
   const agreed = await question({
     title: `Sync on ${name}?`, yes: BUTTONS.centred,
     words: `${aside()}The mount will believe that it points at ${name} now, and every later goto builds on that. Do it only while ${name} is in the middle of the eyepiece.`,
   });
-  if (agreed) order({ do: "sync", ...aim() }, `Synced on ${name}`);
+  if (agreed && mount()?.moves) notice(MOVES, "refused");
+  else if (agreed) order({ do: "sync", ...aim() }, `Synced on ${name}`);
 }
 
 const withZone = (unix) => `${timeOfDay(unix)} ${zone(unix)}`;
@@ -230,6 +235,7 @@ function tellWay(goes, going) {
   goes.setAttribute("aria-disabled", String(going));
   goes.classList.toggle("primary", !there);
   byId("sync").classList.toggle("primary", there);
+  byId("sync").setAttribute("aria-disabled", String(Boolean(mount()?.moves)));
 }
 
 function redraw(box, key) {
