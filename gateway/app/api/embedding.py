@@ -102,9 +102,11 @@ class RunningGateway:
         stops = self._controller.stops
         where = await find(name)
         if isinstance(where, Body):
-            place = await self.perform(op.MoonPlace() if where.name == "Moon" else op.PlanetPlace(where.name))
-        else:
-            place = await self.perform(op.ToEquinoxOfDate(where.ra, where.dec))
+            with contextlib.suppress(Fault):  # the place of the Moon depends on the site
+                await self.site()
+        from gateway.app.control.requests import of_date  # loads all that carries out requests
+
+        place = await of_date(self._controller, where)
         if self._controller.stops != stops:
             raise Stopped
         await self.perform(op.Goto(place.ra, place.dec))
