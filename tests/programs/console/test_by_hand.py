@@ -162,7 +162,9 @@ def test_stop(console: Console, visit: Callable[..., Visit], how: str) -> None:
         if how == "Escape in a field":
             page.page.focus("#object")
         if how == "Escape in a question":
-            page.page.click("#sync")
+            page.show("more")
+            page.page.get_by_role("button", name="Narrow the limits…").click()
+            page.until("it asks", lambda: page.page.locator("#ask").is_visible())
         page.page.keyboard.press(how.split()[0])
     wait_until("the goto has ended", lambda: not console.truth.goto_running())
     page.until("and not by its arrival", lambda: page.text("#go") == "Go there")

@@ -101,6 +101,7 @@ def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], 
         return [page.page.locator(one).bounding_box() for one in ("#go", "#sync", "#place .close", "#chart")]
 
     there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
+    page.until("they are drawn, and not just drawn again", lambda: all(boxes()[:3]))
     before, going = boxes(), {"slewing": True, "moves": True, "target": there}
     go, sync, close = before[:3]
     assert isinstance(go, dict) and isinstance(sync, dict) and isinstance(close, dict)
@@ -112,7 +113,7 @@ def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], 
     ):
         page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
         page.until(words, lambda words=words: page.text("#go") == words)
-        assert boxes() == before
+        page.until("they are where they were", lambda: boxes() == before)
         assert page.page.evaluate("document.querySelector('#place .primary').id") == blue
 
 
