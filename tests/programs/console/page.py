@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import io
+import json
 import os
 import socket
 import time
@@ -42,6 +43,12 @@ OVERLAPPING = """() => {
     .map((b) => `${a.one.id || a.one.textContent} × ${b.one.id || b.one.textContent}`));
 }"""
 
+#: For ``Visit``: of what the mount does after it was opened, the page hears only what ``hear_of_mount`` tells it.
+UNHEARD: Mapping[str, str] = {'"diff"': '"unheard"'}
+#: What the gateway tells of where a mount is that points at Aldebaran.
+AT_ALDEBARAN: Mapping[str, float] = {
+    "ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0
+}  # fmt: skip
 #: Seconds for which the mount must rest to be at rest; degrees a second that are less than any motion by hand.
 RESTS, TRACKS = 0.3, 0.008
 
@@ -148,6 +155,10 @@ class Visit:
 
         route.connect_to_server().on_message(hear)
         self.hear = route.send
+
+    def hear_of_mount(self, **state: object) -> None:
+        """Tell the page this of the first mount, as the gateway tells a change; for a visit with ``told``."""
+        self.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
 
     def text(self, selector: str) -> str:
         """What an element says."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -205,7 +204,7 @@ def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) ->
         (["Sync"], "Hold still, Sync…"),
         (["Goto", "Park"], "Up, Left, Right, Down, −, +, 1′, 5′, Field, Park…, Unpark, Hold still, Search…"),
     ):
-        page.hear(json.dumps({"diff": {"mounts": {"0": {"can": can}}}}))
+        page.hear_of_mount(can=can)
         offered = f"{buttons}.map(one => one.textContent).join(', ')"
         page.until("it is seen", lambda seen=offered, told=words: page.page.evaluate(seen) == told)
 

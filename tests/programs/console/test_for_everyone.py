@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -56,7 +55,7 @@ def test_a_screen_reader_hears_changes_of_state_and_not_each_position(visit: Cal
     page.page.evaluate(LISTEN)
 
     def told(**more: object) -> None:
-        page.hear(json.dumps({"diff": {"mounts": {"0": more}}}))
+        page.hear_of_mount(**more)
         page.page.wait_for_timeout(30)
 
     for step in range(20):

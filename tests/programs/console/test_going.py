@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 
@@ -10,7 +9,7 @@ import pytest
 from playwright.sync_api import FilePayload
 
 from ..sky import NIGHT, NORTH, Spot, separation, spot_at
-from .page import Console, Visit
+from .page import AT_ALDEBARAN, UNHEARD, Console, Visit
 
 #: Of date.
 ALDEBARAN = Spot(69.35, 16.56)
@@ -78,65 +77,56 @@ def test_who_orders_another_motion_is_not_told_of_the_stop_before(visit: Callabl
 
 def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callable[..., Visit]) -> None:
     """At rest the gateway asks for status and position once more; until they are answered it tells none."""
-    page = visit(told={'"diff"': '"unheard"'})
-
-    def hear(**state: object) -> None:
-        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
-
+    page = visit(told=UNHEARD)
     page.find("Aldebaran")
-    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
-    hear(slewing=True, moves=True, target=there)
+    page.hear_of_mount(slewing=True, moves=True, target=AT_ALDEBARAN)
     page.until("it goes there", lambda: page.text("#go") == "On its way…")
-    hear(slewing=False, moves=False, target=None, position=there, aligned=None)
+    page.hear_of_mount(slewing=False, moves=False, target=None, position=AT_ALDEBARAN, aligned=None)
     page.until("it stands", lambda: page.text("#go") != "On its way…")
-    hear(aligned=True)
+    page.hear_of_mount(aligned=True)
     page.until("it is told", lambda: page.text("#notices") == "It is there: Aldebaran.")
-    for unknown in ({"position": None}, {"position": there, "aligned": None}):
-        hear(**unknown, wanted=[f"{unknown}"])
+    for unknown in ({"position": None}, {"position": AT_ALDEBARAN, "aligned": None}):
+        page.hear_of_mount(**unknown, wanted=[f"{unknown}"])
         page.until(
             "the page has heard it",
             lambda told=f"{unknown}": told in (page.page.locator("#readings").text_content() or ""),
         )
         assert page.text("#go") == "Go again"
-    hear(position={**there, "ra2000": 69.1}, aligned=True, wanted=["Centred by hand"])
+    page.hear_of_mount(position={**AT_ALDEBARAN, "ra2000": 69.1}, aligned=True, wanted=["Centred by hand"])
     page.until("it is heard", lambda: "Centred by hand" in (page.page.locator("#readings").text_content() or ""))
     assert page.text("#go") == "Go again"
-    hear(aligned=True, position={**there, "ra2000": 70.0})
+    page.hear_of_mount(aligned=True, position={**AT_ALDEBARAN, "ra2000": 70.0})
     page.until("it was moved away", lambda: page.text("#go") == "Go there")
 
 
 def test_a_step_beside_the_target_is_no_arrival_there(visit: Callable[..., Visit]) -> None:
-    page = visit(told={'"diff"': '"unheard"'})
-
-    def hear(**state: object) -> None:
-        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
-
+    page = visit(told=UNHEARD)
     page.find("Aldebaran")
-    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
-    beside = {**there, "dec": 16.577, "dec2000": 16.527}
-    hear(position=there, aligned=True, slewing=False, moves=False, target=None)  # as it was, it may still slew
+    beside = {**AT_ALDEBARAN, "dec": 16.577, "dec2000": 16.527}
+    # As the page found it, it may still slew.
+    page.hear_of_mount(position=AT_ALDEBARAN, aligned=True, slewing=False, moves=False, target=None)
     page.until("it is there", lambda: page.text("#go") == "Go again")
-    hear(slewing=True, moves=True, target=beside)
+    page.hear_of_mount(slewing=True, moves=True, target=beside)
     page.until("it goes a minute of arc", lambda: page.text("#go") == "Go there")
-    hear(slewing=False, moves=False, target=None, position=beside)
+    page.hear_of_mount(slewing=False, moves=False, target=None, position=beside)
     page.until("it stands", lambda: page.text("#go") == "Go again")
     assert page.text("#notices") == ""
 
 
 def test_a_mount_that_moves_is_not_synced(visit: Callable[..., Visit]) -> None:
-    page = visit(told={'"diff"': '"unheard"'})
+    page = visit(told=UNHEARD)
     page.find("Aldebaran")
-    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": True, "moves": True}}}}))
+    page.hear_of_mount(slewing=True, moves=True)
     page.until("it slews", lambda: page.page.get_attribute("#sync", "aria-disabled") == "true")
     page.page.click("#sync", force=True)
     page.until("it is said why", lambda: page.text("#notices").startswith("The mount moves: sync when it has arrived"))
     assert not page.page.locator("#ask").is_visible()
     page.page.click("#notices button")
-    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": False, "moves": False}}}}))
+    page.hear_of_mount(slewing=False, moves=False)
     page.until("it stands", lambda: page.page.get_attribute("#sync", "aria-disabled") == "false")
     page.page.click("#sync")
     page.until("it asks", lambda: page.text("#ask-title") == "Sync on Aldebaran?")
-    page.hear(json.dumps({"diff": {"mounts": {"0": {"slewing": True, "moves": True}}}}))
+    page.hear_of_mount(slewing=True, moves=True)
     page.until("another program moves it", lambda: page.page.get_attribute("#sync", "aria-disabled") == "true")
     page.page.click("#ask-yes")
     page.until("it is said again", lambda: page.text("#notices").startswith("The mount moves"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ..processes import wait_until
-from .page import DESK, PHONE, TABLET, VIEWS, Visit
+from .page import AT_ALDEBARAN, DESK, PHONE, TABLET, UNHEARD, VIEWS, Visit
 
 PAGE = Path(__file__).resolve().parents[3] / "gateway/console/page"
 #: Bytes of all files that every visit loads, packed one by one; seconds to the first paint.
@@ -93,25 +92,28 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
 @pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
 def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     """Before a goto, on its way and at its end; then the next thing to press is the sync."""
-    page = visit(size, told={'"diff"': '"unheard"'})
+    page = visit(size, told=UNHEARD)
     page.find("Aldebaran")
     page.until("the whole card", lambda: page.page.locator("#place .details").is_visible())
 
     def boxes() -> list[object]:
         return [page.page.locator(one).bounding_box() for one in ("#go", "#sync", "#place .close", "#chart")]
 
-    there = {"ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0}
     page.until("they are drawn, and not just drawn again", lambda: all(boxes()[:3]))
-    before, going = boxes(), {"slewing": True, "moves": True, "target": there}
+    before, going = boxes(), {"slewing": True, "moves": True, "target": AT_ALDEBARAN}
     go, sync, close = before[:3]
     assert isinstance(go, dict) and isinstance(sync, dict) and isinstance(close, dict)
     assert go["y"] == sync["y"] and go["x"] + go["width"] <= sync["x"] and go["width"] == sync["width"]
     assert max(one["x"] + one["width"] for one in (sync, close)) <= size[0]
     for state, words, blue in (
         (going, "On its way…", "go"),
-        ({"slewing": False, "moves": False, "target": None, "position": there, "aligned": True}, "Go again", "sync"),
+        (
+            {"slewing": False, "moves": False, "target": None, "position": AT_ALDEBARAN, "aligned": True},
+            "Go again",
+            "sync",
+        ),
     ):
-        page.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
+        page.hear_of_mount(**state)
         page.until(words, lambda words=words: page.text("#go") == words)
         page.until("they are where they were", lambda: boxes() == before)
         assert page.page.evaluate("document.querySelector('#place .primary').id") == blue
@@ -245,7 +247,7 @@ def test_its_heap_stays_as_it_is(visit: Callable[..., Visit]) -> None:
                 "az": step % 360,
                 "age": 0,
             }
-            page.hear(json.dumps({"diff": {"mounts": {"0": {"position": at, "sidereal": step % 360}}}}))
+            page.hear_of_mount(position=at, sidereal=step % 360)
             page.page.wait_for_timeout(8)
 
     change(100)
