@@ -33,6 +33,8 @@ CHECKS = 20
 SLEWS = 120.0
 #: Versions of hand controls that tell neither site nor mode nor model.
 OLD = ("1.2", "1.6", "2.2", "101.0")
+#: What may end a stage: a limit, or the Sun, which far from the equator is up in some of these nights.
+ENDS = ("stopped at ", "° from the Sun, and the goto was refused: The way there passes too close to the Sun.")
 #: 2026-01-01 0:00 UTC; seconds of a day.
 JANUARY, DAY = 1767225600.0, 86400.0
 #: What is known of a mount in the words of ``Proven``, and what is done to it before the gateway asks it anything.
@@ -94,8 +96,7 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
             findings = await proven.check(person)
             wrong = [one.line for one in findings.of("differs")]
             ended = [line for line in person.said if line.startswith("This stage ends")]
-            # A limit, or the Sun, which far from the equator is up in some of these nights.
-            wrong += [line for line in ended if "stopped at " not in line and " from the Sun, and " not in line]
+            wrong += [line for line in ended if not any(words in line for words in ENDS)]
             wrong += [line for line in person.said if line.endswith("..")]
             left = [stage.name for stage in STAGES if stage.name != "place" and stage.name not in findings.stages]
             wrong += [f"{name} was not done" for name in left if not any("Not now" in line for line in person.said)]

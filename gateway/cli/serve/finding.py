@@ -96,8 +96,8 @@ async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = 
                 return
     words = not_found_message(gateway)
     if line.unopened:
-        told = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened)}"
         other = _other_gateway(gateway, line.unopened)
+        told = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened, other)}"
         raise MountTaken(told, f"process {other}") if other else UserError(told)
     await line.close()
     raise UserError(words)
@@ -136,17 +136,17 @@ def _other_gateway(gateway: Gateway, reason: str) -> int | None:
     return read_pid(gateway.store.lock_path)
 
 
-def _port_advice(gateway: Gateway, reason: str) -> str:
-    """Return what to do about a mount's port that cannot be opened."""
+def _port_advice(gateway: Gateway, reason: str, other: int | None) -> str:
+    """Return what to do about a mount's port that cannot be opened; ``other`` is the gateway's process that has it."""
     if "in use" not in reason:
         return port_advice(gateway.mount.where)
-    from gateway.diagnostics.detect.ports import gateway_of_another, holder
-
-    if other := _other_gateway(gateway, reason):
+    if other:
         return (
             f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
             "need another --surface, end it and start it with that one, too"
         )
+    from gateway.diagnostics.detect.ports import gateway_of_another, holder
+
     who = holder(gateway.mount.where)
     if not who and (theirs := gateway_of_another()):
         return f"{theirs}: sudo mount-gateway status shows that, and where programs connect"

@@ -197,7 +197,7 @@ class Guide:
             words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
             if telescope.mine and not (stopped or theirs or telescope.other):
                 await telescope.stop()
-            person.say(f"This stage ends: {words.removesuffix('.')}.")
+            person.say(f"This stage ends: {words}.")
             self._ends_early(stage, words)
         finally:
             for task in (space, work):

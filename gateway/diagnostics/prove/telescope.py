@@ -44,7 +44,10 @@ Pair = tuple[float, float]
 
 
 class Ended(Exception):
-    """A stage ends before its time; the text says why."""
+    """A stage ends before its time; the text says why, without a full stop, which a refusal in it may end with."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(why.removesuffix("."))
 
 
 class StoppedByOthers(Ended):
