@@ -31,12 +31,11 @@ from gateway.protocols.registry import streams
 WHO = "mount-gateway prove"
 #: Seconds between two looks at what the mount does; for it to come to rest; between positions that show it at rest.
 LOOK, TO_REST, APART = 0.1, 15.0, 0.8
-#: A motion ends when its reading has changed so often, or after so many seconds, or degrees at the rate asked for.
-CHANGES, LONGEST, FARTHEST = 20, 10.0, 5.0
+#: A motion ends when its reading has changed so often, or after so many seconds, or degrees at the rate asked for; the
+#: other axis may turn by so many degrees meanwhile.
+CHANGES, LONGEST, FARTHEST, ACROSS = 20, 10.0, 5.0, 0.5
 #: From this rate on (degrees a second) a reading must change within so many seconds.
 FAST, UNCHANGED = 0.5, 2.0
-#: Degrees by which the other axis may turn during a motion.
-ACROSS = 0.5
 #: Degrees: the finest step of a server's angles that is believed, and a change that may be one of its calculation.
 FINEST, CALCULATED = 1.0 / 3600.0, 0.5 / 3600.0
 
