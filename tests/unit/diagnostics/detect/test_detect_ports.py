@@ -308,7 +308,7 @@ def test_a_mount_behind_rfc2217_is_found() -> None:
         server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
         listener.settimeout(5.0)
         server.start()
-        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"), first=HURRY))
+        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"), first=EAGER))
         server.join(5.0)
     assert finding.mount is not None, finding
     assert (finding.mount.model, finding.baud) == ("cge", None)
@@ -318,7 +318,7 @@ def test_a_mount_behind_a_socket_is_found() -> None:
     async def program() -> Finding:
         simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
         [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
-        finding = await look(at(port.where.replace("tcp:", "socket:")), first=HURRY)
+        finding = await look(at(port.where.replace("tcp:", "socket:")), first=EAGER)
         await port.close()
         return finding
 
