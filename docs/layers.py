@@ -17,6 +17,21 @@ PAGE = ROOT / "docs" / "architecture.md"
 BEGIN, END = "<!-- layers: python docs/layers.py -->\n", "<!-- end of layers -->\n"
 
 Graph = dict[str, set[str]]
+#: What each folder of ``gateway/`` is.
+PURPOSE = {
+    "app": "A whole gateway: its configuration, state on disk, control by other processes, discovery on the network.",
+    "astro": "The sky: spherical geometry, positions of Sun, Moon and planets, and catalogues of objects.",
+    "cli": "The command line: its parser, and the commands.",
+    "clients": "Clients: how they are admitted, recognised, and answered in order.",
+    "console": "The console: a page in the browser that shows and moves the mounts of this gateway.",
+    "core": "Values that all other layers share: operations, errors, signals, and the log of the wire.",
+    "diagnostics": "Tools that examine a gateway from outside: rehearsals, recordings, captures, port detection.",
+    "fleet": "Many mounts on one MQTT broker: each gateway publishes its mounts, and one page shows all.",
+    "mount": "One mount: its line, its readings, its motion, its limits, and its site and clock.",
+    "protocols": "One folder per protocol: its framing, its surface, its driver and its simulator.",
+    "system": "What the operating system gives a process: locks, folders, file limits, streams, the journal.",
+    "transport": "Ports for clients: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.",
+}
 
 
 def layers() -> list[str]:
@@ -67,18 +82,12 @@ def drawn(graph: Graph) -> Graph:
     }
 
 
-def sentence(layer: str) -> str:
-    """Return the first line of a folder's docstring."""
-    text = ast.get_docstring(ast.parse((ROOT / "gateway" / layer / "__init__.py").read_text("utf-8"))) or ""
-    return text.split("\n")[0]
-
-
 def picture() -> str:
     """Return the block between the two marks."""
     graph = imports()
     order = sorted(graph, key=lambda name: (-len(reached(graph, name)), name))
     arrows = [f"    {name} --> {below}" for name in order for below in sorted(drawn(graph)[name])]
-    rows = [f"| `{name}/` | {sentence(name)} | {', '.join(sorted(graph[name])) or 'nothing'} |" for name in order]
+    rows = [f"| `{name}/` | {PURPOSE[name]} | {', '.join(sorted(graph[name])) or 'nothing'} |" for name in order]
     return "\n".join(
         [
             "```mermaid", "graph TD", *arrows, "```", "",

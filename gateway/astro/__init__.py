@@ -1,1 +1,0 @@
-"""The sky: spherical geometry, positions of Sun, Moon and planets, and catalogues of objects."""

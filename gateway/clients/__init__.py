@@ -1,1 +1,0 @@
-"""Clients: how they are admitted, recognised, and answered in order."""

@@ -1,1 +1,0 @@
-"""Values that all other layers share: operations, errors, signals, and the log of the wire."""

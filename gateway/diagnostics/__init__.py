@@ -1,1 +1,0 @@
-"""Tools that examine a gateway from outside: command tables, rehearsals, recordings, captures and port detection."""

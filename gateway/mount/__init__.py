@@ -1,1 +1,0 @@
-"""One mount: its line, its readings, its motion, its limits, and its site and clock."""

@@ -1,1 +1,0 @@
-"""One folder per protocol: its framing, its surface, its driver and its simulator."""

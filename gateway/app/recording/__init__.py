@@ -1,1 +1,0 @@
-"""Records a run of a gateway: everything that enters it from outside, with its time."""

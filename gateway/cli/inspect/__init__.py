@@ -1,1 +1,0 @@
-"""Commands that inspect ports, this computer, command tables and recordings."""

@@ -1,1 +1,0 @@
-"""Commands that send requests about the mount to a running gateway."""

@@ -1,1 +1,0 @@
-"""Commands that serve: a gateway, a demonstration, a simulated mount."""

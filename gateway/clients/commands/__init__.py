@@ -1,1 +1,0 @@
-"""The commands of one connection: taken in order, carried out, and answered in time."""

@@ -1,1 +1,0 @@
-"""Replay a recording, one event loop iteration ("turn") at a time."""

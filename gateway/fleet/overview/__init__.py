@@ -1,1 +1,0 @@
-"""A web page with all mounts on a broker, and STOP for each of them and for all."""

@@ -1,1 +1,0 @@
-"""The rules that keep a mount within its owner's limits."""

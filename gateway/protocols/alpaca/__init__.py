@@ -1,1 +1,0 @@
-"""ASCOM Alpaca: the members of the telescope interface over HTTP."""

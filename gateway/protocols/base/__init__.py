@@ -1,1 +1,0 @@
-"""What all protocols build on: the surface that programs talk to, the driver that talks to mounts, and framing."""

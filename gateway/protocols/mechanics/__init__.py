@@ -1,1 +1,0 @@
-"""The mechanics that all simulated mounts share: two motors as functions of time."""

@@ -1,1 +1,0 @@
-"""Converts between bytes and named fields, by the tables under ``mappings``."""

@@ -1,1 +1,0 @@
-"""Decides before a motion whether it is allowed, and in which form this mount can carry it out."""

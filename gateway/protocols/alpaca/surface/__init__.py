@@ -1,1 +1,0 @@
-"""The Alpaca surface: the functions that the rows of ``mappings/alpaca/surface.toml`` call."""

@@ -1,1 +1,0 @@
-"""The NexStar surface: the handlers that rows of ``mappings/nexstar/surface.toml`` call."""
