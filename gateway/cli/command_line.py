@@ -20,28 +20,29 @@ from gateway.core.errors import UserError
 
 #: The flags for help.
 HELP = ("-h", "--help")
+#: The word behind ``--help`` that asks for all of it: every command or flag, models and exit codes.
+ALL = "all"
 EXIT_CODES = """\
 Exit codes:
   0  done
-  1  the answer is no: no mount was found (detect); something is to be mended (doctor); a mount could not be stopped \
-(stop); no gateway runs, or it refused (status, watch, goto, sync, move, park, unpark); the bytes differ from the \
-recording (replay), or from the tables (tables --check); the command is not valid (explain)
-  2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one \
-line on stderr says what is wrong and where
+  1  no: detect found no mount, doctor found a problem, stop could not stop a mount, the command of explain is not \
+valid; no gateway runs, or it refused (status, goto, sync, move, park, unpark)
+  2  not tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one line on stderr \
+says what is wrong and where
 """
 
 WHERE = """\
-PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: that is where programs connect.
-Without a model a mount is asked what it is, and programs are presented one that fits.
-  PROTOCOL  of a mount: lx200 (Meade, OnStep, TeenAstro), nexstar (Celestron, Sky-Watcher) or alpaca (any ASCOM \
-Alpaca telescope)
-            of a surface stellarium (Stellarium's own), too, and any (tcp:// only): every one of them and web \
-browsers, told by what they say first
+PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: the place where programs connect.
+The gateway asks a mount for its model, and presents one that fits to programs.
+  PROTOCOL  of a mount: lx200 (Meade, OnStep, TeenAstro), nexstar (Celestron, Sky-Watcher), alpaca (any ASCOM Alpaca \
+telescope)
+            of a surface: these, stellarium, or any (tcp:// only), which recognises programs and browsers by their \
+first bytes
   VERSION   of the hand control, like 4.21
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, http://HOST:PORT (alpaca), \
-or sim (a simulated one)
-            of a surface: tcp://HOST:PORT, rfc2217://HOST:PORT (for drivers that make a COM port of it), pty:PATH (a \
-virtual serial port), /dev/ttyS0, COM5
+or sim (a simulated mount)
+            of a surface: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0, COM5, rfc2217://HOST:PORT \
+(for drivers that redirect a COM port to the network)
 """
 #: The object of argparse to which a command adds its parser.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
@@ -91,27 +92,47 @@ class Layout(argparse.HelpFormatter):
         return "\n".join(indent + line for line in filled)
 
 
+class _Help(argparse.Action):
+    """Prints the help, or all of it behind ``--help all``."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, word: Any, __: str | None = None) -> None:
+        assert isinstance(parser, Parser)
+        parser.whole = word == ALL
+        parser.print_help()
+        parser.exit()
+
+
 class Parser(argparse.ArgumentParser):
-    """A parser that reports a mistake in one line. ``late`` makes the epilog when the user asks for help; ``elsewhere``
-    are the flags that the help of another command lists.
+    """A parser that reports a mistake in one line.
+
+    ``late`` makes the text below the flags, and ``more`` what ``--help all`` adds to it, when the user asks for help.
+    ``hidden`` are the flags that only ``--help all`` shows; nothing shows those that are ``elsewhere``, in the help of
+    another command.
     """
 
-    def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
+    def __init__(
+        self, *, late: Callable[[], str] | None = None, more: Callable[[], str] | None = None, **others: Any
+    ) -> None:
         self._width: int | None = 80  # argparse lays out every flag once, and nobody sees it
-        super().__init__(**others)
-        self._late = late
+        super().__init__(add_help=False, **others)
+        self._late, self._more = late, more
+        self.whole = False
+        self.hidden: Sequence[argparse.Action] = ()
         self.elsewhere: Sequence[argparse.Action] = ()
+        self.add_argument(*HELP, action=_Help, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
-        """Return the help with its epilog."""
-        self.epilog, self._width = self._text_below(), None
-        helps = [action.help for action in self.elsewhere]
-        for action in self.elsewhere:
+        """Return the help, with all flags and the rest of the text if it is to be ``whole``."""
+        more = self._more() if self.whole and self._more is not None else ""
+        self.epilog, self._width = f"{self._text_below()}\n{more}", None
+        left_out = [*self.elsewhere, *([] if self.whole else self.hidden)]
+        helps = [action.help for action in left_out]
+        for action in left_out:
             action.help = argparse.SUPPRESS
         try:
             return super().format_help()
         finally:
-            for action, words in zip(self.elsewhere, helps, strict=True):
+            for action, words in zip(left_out, helps, strict=True):
                 action.help = words
 
     def _get_formatter(self) -> argparse.HelpFormatter:
@@ -140,50 +161,56 @@ def endpoints() -> str:
     return "\n".join(lines)
 
 
-#: Every command, its module and what ``--help`` says of it, in the order of ``--help``.
-COMMANDS = {
-    "demo": ("serve.demo", "a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port"),
-    "detect": ("inspect.detect", "which mount is on which port, and how to start"),
-    "doctor": ("inspect.doctor", "what of this computer could be in the way, and what to do"),
-    "prove": ("inspect.prove", "compare your mount with what the gateway believes of it"),
-    "run": ("serve.run", "connect programs to a mount, or to several"),
-    "status": ("mount.status", "where the mount points, what it does, for whom, and within which limits"),
-    "watch": ("mount.status", "tell every second how the mount is, until Ctrl-C"),
-    "goto": ("mount.requests", "point the mount to a place or an object, through the gateway that runs"),
-    "sync": ("mount.requests", "tell the mount that it points to a place or an object now"),
-    "move": ("mount.requests", "move the mount north, south, east or west for some seconds"),
-    "park": ("mount.requests", "send the mount to its park position"),
-    "unpark": ("mount.requests", "take a parked mount up again: it tracks"),
-    "stop": ("mount.stop", "stop the mount: of every running gateway, and of one that was killed"),
-    "fleet": ("fleet", "a page with all mounts on an MQTT broker, and STOP for all of them"),
-    "config": ("serve.run", "the configuration in effect, or an example of gateway.toml"),
-    "service": ("serve.service", "a systemd unit that starts the gateway with the computer"),
-    "sim": ("serve.sim", "a simulated mount for other programs"),
-    "tables": ("inspect.tables", "what becomes of every command, per model"),
-    "explain": ("inspect.tables", "what happens to one command, in words and bytes"),
-    "almanac": ("inspect.almanac", "calculate where Sun, Moon and planets are, for a computer without astropy"),
-    "replay": ("inspect.recordings", "play a recording of run --record again and compare"),
-    "decode": ("inspect.recordings", "a recording or a capture of a serial line, in words"),
-    "report": ("inspect.recordings", "a recording as a page with plots"),
-    "completion": ("completion", "a script that completes commands and flags in your shell"),
+#: Every command by group, its module and what ``--help`` says of it, in the order of ``--help``.
+GROUPS = {
+    "Commands:": {
+        "demo": ("serve.demo", "try it without a mount, in a browser"),
+        "detect": ("inspect.detect", "find the mount, and print the command that starts the gateway"),
+        "run": ("serve.run", "start the gateway, which connects programs to a mount"),
+        "status": ("mount.status", "where the mount points, who is connected, what was refused"),
+        "goto": ("mount.requests", "point the mount: goto M42, goto 05:34:32 +22:00:52"),
+        "sync": ("mount.requests", "tell the mount which object it points at"),
+        "move": ("mount.requests", "move the mount north, south, east or west for some seconds"),
+        "park": ("mount.requests", "send the mount to its park position"),
+        "unpark": ("mount.requests", "let a parked mount track again"),
+        "stop": ("mount.stop", "stop every mount"),
+    },
+    "When it does not work, and to set it up:": {
+        "doctor": ("inspect.doctor", "find what on this computer is in the way, and what to do"),
+        "prove": ("inspect.prove", "check your own mount in nine minutes"),
+        "config": ("serve.run", "show the configuration in effect, or an example of gateway.toml"),
+        "service": ("serve.service", "print a systemd unit that starts the gateway at boot"),
+    },
+    "More commands:": {
+        "fleet": ("fleet", "show all mounts of an MQTT broker on a page, with STOP for all of them"),
+        "sim": ("serve.sim", "simulate a mount for other programs"),
+        "tables": ("inspect.tables", "what becomes of every command, per model"),
+        "explain": ("inspect.tables", "show what the gateway does with one command, in words and bytes"),
+        "almanac": ("inspect.almanac", "calculate the sky for a computer without astropy"),
+        "replay": ("inspect.recordings", "play a recording of run --record again and compare"),
+        "decode": ("inspect.recordings", "show a recording, or a capture of a serial line, in words"),
+        "report": ("inspect.recordings", "make a page with plots of a recording"),
+        "completion": ("completion", "print a script that completes commands and flags in your shell"),
+    },
 }
+COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
 
 FIRST = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
-Software of both kinds can drive Sky-Watcher (SynScan), OnStep, TeenAstro and ASCOM Alpaca mounts, too.
-
-First steps:
-  mount-gateway demo
-      without a mount: simulates one, and prints where your program can connect
-  mount-gateway detect
-      with a mount: finds its port, and prints the command that starts the gateway
-  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
-      starts it: your program connects to port 4030 as if to a Meade
-  mount-gateway goto Polaris
-      while it runs, from another terminal: moves the mount without any program
-
-mount-gateway COMMAND --help tells more, with examples.
 """
+BELOW = """\
+Start without a mount: mount-gateway demo. Start with one: mount-gateway detect prints the command for yours, such as
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+
+mount-gateway COMMAND --help explains one command. mount-gateway --help all lists the other commands, the models and \
+the exit codes.
+"""
+
+
+def listed(group: str) -> str:
+    """Return a group of commands as help shows it."""
+    rows = [f"  {name:<11} {words}" for name, (_, words) in GROUPS[group].items()]
+    return "\n".join([group, *rows, ""])
 
 
 class _Version(argparse.Action):
@@ -195,7 +222,7 @@ class _Version(argparse.Action):
 
 
 class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
-    """Commands, each with its help in the list of all."""
+    """Commands, each with its help for the menus of shells."""
 
     def add_parser(self, name: str, **others: Any) -> Any:
         return super().add_parser(name, help=COMMANDS[name][1], **others)
@@ -203,10 +230,17 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 def parser(asked: Sequence[str] = ()) -> Parser:
     """Return the parser of the whole command line, or with only the commands in ``asked``; for help without theirs."""
-    whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
+    *shown, rest = GROUPS
+    whole = Parser(
+        prog="mount-gateway",
+        usage="mount-gateway COMMAND [options]",
+        description=FIRST,
+        late=lambda: "\n".join([*map(listed, shown), BELOW]),
+        more=lambda: f"{listed(rest)}\n{endpoints()}\n\n{EXIT_CODES}",
+    )
     whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(
-        prog=whole.prog, title="commands", required=True, metavar="COMMAND", action=_Commands
+        prog=whole.prog, required=True, metavar="COMMAND", action=_Commands, help=argparse.SUPPRESS
     )
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
         if asked and asked[0] in HELP:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gateway.cli.command_line import Commands, parser
+from gateway.cli.command_line import COMMANDS, Commands, parser
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -90,5 +90,6 @@ def _words(parser: argparse.ArgumentParser) -> None:
     """Set the short help of each command as its description, because menus of shells show the description."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for shown in action._choices_actions:
-                action.choices[shown.dest].description = shown.help
+            action.help = "what to do"  # what is hidden has no menu
+            for name, command in action.choices.items():
+                command.description = COMMANDS[name][1]

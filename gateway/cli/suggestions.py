@@ -35,6 +35,7 @@ _OTHER_WORDS = {
         "stop": "abort halt",
         "sim": "simulate simulator simulated",
         "status": "info position",
+        "status --watch": "watch",
         "service": "install systemd",
         "tables": "commands",
         "run --log": "log",
@@ -56,7 +57,9 @@ _PAGES = {
 def page(words: Sequence[str]) -> list[str]:
     """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
     flag = _PAGES.get(words[0]) if words else None
-    return list(words) if flag is None else [*words[1:2], flag] if flag == "--help" else [flag]
+    if flag == "--help":
+        return [flag, *words[1:2]] if words[1:2] == ["all"] else [*words[1:2], flag]
+    return list(words) if flag is None else [flag]
 
 
 def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:

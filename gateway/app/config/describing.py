@@ -24,6 +24,8 @@ class Key(NamedTuple):
     default: object
     example: object
     flag: bool
+    #: Whether ``run --help`` shows its flag; ``run --help all`` shows every flag.
+    common: bool
     required: bool
     #: Whether the value is a list, which is separated by commas in a flag.
     several: bool
@@ -72,6 +74,7 @@ def _key(field: Any, hint: Any) -> Key:
         default=default,
         example=default if meta.extra["example"] is None else meta.extra["example"],
         flag=meta.extra["flag"],
+        common=meta.extra["common"],
         required=field.required,
         several=any(get_origin(part) in (tuple, list) for part, _ in _types(hint)),
     )

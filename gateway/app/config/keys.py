@@ -3,7 +3,8 @@
 A new key is one field here, and whoever reads it (docs/adding-a-key.md). ``key`` takes the words for ``--help`` and the
 documentation, the name of the value there, an example for keys without a default, and the limits that msgspec checks,
 which belong to the inner type of a key that may be absent. Every key of ``[mount]`` is also a flag of ``run``, except
-those with ``flag=False``, and so is every key that only a surface has; a list is separated by commas in a flag.
+those with ``flag=False``, and so is every key that only a surface has; a list is separated by commas in a flag. The
+keys that are ``common`` have their flags in ``run --help``, the others in ``run --help all``.
 """
 
 from typing import Annotated, Any, Literal
@@ -16,8 +17,11 @@ from gateway.mount.policy import Limits
 OFF = "off"
 
 
-def key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:
-    return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
+def key(
+    words: str, shown: str = "", example: Any = None, *, flag: bool = True, common: bool = False, **limits: Any
+) -> Meta:
+    extra = {"shown": shown, "example": example, "flag": flag, "common": common}
+    return Meta(description=words, extra=extra, **limits)
 
 
 #: The characters of a name: no blank, no slash, no wildcard.
@@ -49,11 +53,10 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     site: Annotated[
         tuple[_Latitude, _Longitude] | None,
         key(
-            "latitude and longitude of the mount (degrees, north and east positive), for hand controls that do not "
-            "report it. Leave it out if the mount reports its own: where the two differ, a goto that either forbids is "
-            "refused",
+            "latitude and longitude (degrees, north and east positive), for hand controls that do not report them",
             "LAT,LON",
             [48.1, 11.6],
+            common=True,
         ),
     ] = None
     mode: Annotated[
@@ -90,19 +93,19 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     lowest: Annotated[
         Annotated[float, Meta(ge=-90.0, le=90.0)] | None,
         key(
-            "lowest altitude for gotos and for motion by hand (degrees; default: 0). Motion at the mount's own keys "
-            "ends there only if this is written",
+            "lowest altitude (degrees; default: 0). It applies to the hand control's keys only if you set it",
             "DEG",
             15.0,
+            common=True,
         ),
     ] = None
     highest: Annotated[
         Annotated[float, Meta(ge=-90.0, le=90.0)] | None,
         key(
-            "highest altitude for gotos and for motion by hand (degrees; default: 90). Motion at the mount's own keys "
-            "ends there only if this is written",
+            "highest altitude (degrees; default: 90). It applies to the hand control's keys only if you set it",
             "DEG",
             85.0,
+            common=True,
         ),
     ] = None
     sync_limit: Annotated[float, key("refuse syncs further away than this (degrees)", "DEG", gt=0.0, le=180.0)] = 15.0
@@ -155,19 +158,21 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         key(
             "keep this far from the Sun while it is up (degrees; 0: no limit, for solar filters)",
             "DEG",
+            common=True,
             ge=0.0,
             le=90.0,
         ),
     ] = 20.0
     hour_angle_limit: Annotated[
         Annotated[float, Meta(gt=0.0, le=12.0)] | None,
-        key("how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5),
+        key(
+            "how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5, common=True
+        ),
     ] = None
     run_on: Annotated[
         float,
         key(
-            "how long the mount runs on after a stop, in seconds at its speed before: limits are kept from so much "
-            "farther away. mount-gateway prove measures it",
+            "seconds the mount keeps moving after a stop; limits allow for it. mount-gateway prove measures it",
             "S",
             ge=0.5,
             le=10.0,
@@ -210,7 +215,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         ),
     ] = None
     record: Annotated[
-        str | None, key("record all traffic to FILE, for replay and decode", "FILE", "/var/tmp/night.rec")
+        str | None, key("record all traffic to FILE, for decode and report", "FILE", "/var/tmp/night.rec", common=True)
     ] = None
     record_keep: Annotated[
         int, key("how many files of 10 MB a recording may have; then the oldest is deleted", "N", ge=1, le=10000)
@@ -290,9 +295,10 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     allow: Annotated[
         list[str] | None,
         key(
-            "network surfaces: only these networks or addresses may connect (default: all that can reach the port)",
+            "only these networks or addresses may connect (default: all that can reach the port)",
             "NETWORKS",
             ["192.168.1.0/24", "127.0.0.1"],
+            common=True,
         ),
     ] = None
     read_only: Annotated[

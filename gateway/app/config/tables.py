@@ -20,7 +20,8 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     at: Annotated[
         str,
         key(
-            "where a browser finds the console; another free port is taken where this one is not; off: there is none",
+            "where a browser finds the console. If the port is in use, the gateway takes the next free one; off: no "
+            "console",
             "tcp://HOST:PORT",
         ),
     ] = "tcp://127.0.0.1:4080"
@@ -102,10 +103,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     wait: Annotated[
         bool | None,
         key(
-            "keep looking for a mount that does not answer; programs can connect meanwhile. false: give up after about "
-            "10 s (default: after 40 s, because some hand controls take 25 s to start)",
+            "keep looking for a mount that does not answer; programs can connect meanwhile. false: give up after 10 s "
+            "(default: after 40 s)",
             "true|false",
             True,
+            common=True,
         ),
     ] = None
     discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
@@ -135,13 +137,13 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
             "json-refusals",
         ],
         key(
-            "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
-            "what moves or sets something; refusals: only what is refused or fails. json, json-changes and so on: the "
-            "same for programs that collect logs, one JSON object a line",
+            "show the conversation in words: all, or only program, mount, changes or refusals; json, json-changes and "
+            "so on print one JSON object a line",
             "WHAT",
+            common=True,
         ),
     ] = False
-    night: Annotated[bool, key("use only shades of red as colours on the terminal")] = False
+    night: Annotated[bool, key("use only shades of red as colours on the terminal", common=True)] = False
     status: Annotated[bool, key("show a status line on a terminal, renewed every second (not together with log)")] = (
         True
     )

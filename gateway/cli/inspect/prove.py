@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
+from gateway.cli.command_line import Commands
 from gateway.cli.inspect.prove_terminal import Terminal
 from gateway.cli.serve.settings import add_settings, settings
 from gateway.core.errors import UserError
@@ -43,7 +43,7 @@ def add_prove(commands: Commands) -> None:
         description="Leads through a check of the mount, in about nine minutes: it asks before anything moves, "
         "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",
-        late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
+        epilog=EXAMPLES,
     )
     prove.add_argument(
         "--folder", type=Path, default=Path("prove"), help="where it keeps what it has found, and its recordings"

@@ -1,6 +1,6 @@
-"""``status`` and ``watch``: show the state of mounts, as running gateways know it.
+"""``status``: show the state of mounts, as running gateways know it.
 
-``status`` shows everything once, for every gateway; ``watch`` shows one mount on one line, every second until Ctrl-C.
+It shows everything once, for every gateway; with ``--watch`` one mount on one line, every second until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from gateway.system import streams
 EXAMPLES = """\
 Examples:
   mount-gateway status
+  mount-gateway status --watch           on one line, until Ctrl-C
   mount-gateway status --json | jq .[0].look.position
 """
 
@@ -30,27 +31,22 @@ Examples:
 def add_status(commands: Commands) -> None:
     command = commands.add_parser(
         "status",
-        description="Tells of every gateway that runs here where its mount points, what it does and for whom, which "
-                    "programs are connected and where others can connect, how its line is, what limits hold, which "
-                    "folder its state is in, and what was refused or ended in the last minute. Exit code 1: no gateway "
-                    "runs here, or one does not answer.",
+        description="Shows where each mount of this computer points, what it does and for whom, which programs are "
+                    "connected and where others can connect, which limits apply, and what was refused or ended in the "
+                    "last minute. Exit code 1: no gateway runs here, or one does not answer.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    command.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
+    how = command.add_mutually_exclusive_group()
+    how.add_argument("--watch", action="store_true", help="one mount on one line, every second until Ctrl-C")
+    how.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
     gateway_client.add_which(command)
-    command.set_defaults(run=lambda arguments: asyncio.run(_show_once(arguments)))
+    command.set_defaults(run=_status)
 
 
-def add_watch(commands: Commands) -> None:
-    command = commands.add_parser(
-        "watch",
-        description="Tells every second where the mount of the gateway that runs here points and what it does: on a "
-                    "terminal on one line, else line by line; and at first, and when they change, the addresses where "
-                    "programs connect.",
-        epilog="Example:\n  mount-gateway watch\n",
-    )  # fmt: skip
-    gateway_client.add_which(command)
-    command.set_defaults(run=lambda arguments: gateway_client.run_with_gateway(arguments, _watch))
+def _status(arguments: argparse.Namespace) -> int:
+    if arguments.watch:
+        return gateway_client.run_with_gateway(arguments, _watch)
+    return asyncio.run(_show_once(arguments))
 
 
 async def _show_once(arguments: argparse.Namespace) -> int:

@@ -4,34 +4,42 @@ from __future__ import annotations
 
 import argparse
 
-from gateway.cli.command_line import EXIT_CODES, Commands, endpoints
+from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
-EXAMPLES = """\
+BELOW = """\
+A mount is nexstar@/dev/ttyUSB0, lx200@COM3, alpaca@http://HOST:PORT, or nexstar@sim (simulated). A surface, where \
+programs connect, is lx200@tcp://127.0.0.1:4030, nexstar@pty:/tmp/nexstar (a virtual serial port), \
+alpaca@tcp://127.0.0.1:11111, stellarium@tcp://127.0.0.1:10001, or any@tcp://127.0.0.1:4040 for all of these and \
+browsers. With 0.0.0.0 other computers can connect, too.
+
 Examples:
   mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
-      LX200 programs on this computer drive the Celestron that is plugged in
-  mount-gateway run --mount lx200@/dev/ttyUSB0 --surface nexstar@tcp://0.0.0.0:4030 --log
-      NexStar programs, on other computers too, drive a Meade; every word of it is shown
-  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@pty:/tmp/lx200 --lowest 15
-      a program that wants a serial port gets /tmp/lx200; nothing is pointed lower than 15 degrees
-  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface any@tcp://127.0.0.1:4040
-      programs of every protocol, and a browser, on one port
+      LX200 programs on this computer drive a Celestron
+  mount-gateway run --mount lx200@/dev/ttyUSB0 --surface nexstar@tcp://0.0.0.0:4030
+      NexStar programs, on other computers too, drive a Meade
   mount-gateway run --config gateway.toml
-      all that from a file: mount-gateway config --example prints one
+      everything from a file: mount-gateway config --example prints one
+
+mount-gateway run --help all lists every option, and mount-gateway --help all the models.
 """
 
 
 def add_run(commands: Commands) -> None:
     run = commands.add_parser(
         "run",
+        usage="mount-gateway run --mount PROTOCOL@WHERE --surface PROTOCOL@WHERE\n"
+              "       mount-gateway run gateway.toml",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
-                    "can connect, and serves until Ctrl-C, which stops the mount first.",
-        late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
+                    "can connect. Ctrl-C stops the mount and ends the gateway.",
+        late=lambda: BELOW,
+        more=str,
     )  # fmt: skip
-    add_settings(run)
-    run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
+    loop = run.add_argument(
+        "--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists"
+    )
+    run.hidden = [loop, *add_settings(run)]
     run.set_defaults(run=_run)
 
 

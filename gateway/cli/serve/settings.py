@@ -19,6 +19,7 @@ from gateway.app.config import Config, Source, make_config, read_tables
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
 from gateway.app.config.keys import OFF
+from gateway.app.config.tables import TABLES
 from gateway.core.errors import UserError
 from gateway.system import streams
 
@@ -65,13 +66,14 @@ def surface_keys() -> list[Key]:
     return [key for key in keys("surface") if key.name not in others]
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add the flags for everything that can be configured to a command."""
-    ends = parser.add_argument_group("what is connected: these, or the same in a file")
+def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Add the flags for everything that can be configured to a command; return those that few users need."""
+    before = {action.dest for action in parser._actions}
+    ends = parser.add_argument_group("connections")
     ends.add_argument(
         "--mount",
         metavar="PROTOCOL@WHERE",
-        help="for example nexstar@/dev/ttyUSB0, or nexstar@sim (see below)",
+        help="for example nexstar@/dev/ttyUSB0",
         action=Once,
         because="several mounts are written in gateway.toml, each under a [[mount]] of its "
         "own (mount-gateway config --example shows how)",
@@ -81,17 +83,17 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         metavar="PROTOCOL@WHERE",
         action="append",
         default=[],
-        help="where programs connect: lx200@tcp://127.0.0.1:4030, lx200@pty:/tmp/lx200; may be repeated",
+        help="where programs connect, for example lx200@tcp://127.0.0.1:4030; may be repeated",
     )
     ends.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
-        help="read gateway.toml; what is given here wins",
+        help="read this gateway.toml; options given here win",
         action=Once,
         because="write one file",
     )
-    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help=argparse.SUPPRESS)
     groups = {title: parser.add_argument_group(title) for title in (MOUNT, SURFACE, *GROUPS)}
     for key in (*keys("mount"), *keys("")):
         group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
@@ -100,6 +102,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_flag(groups[SURFACE], key)
     for table in TABLE_FLAGS:
         add_table_flags(parser, table)
+    common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.common}
+    common |= {*before, "mount", "surface", "config", "file", "console"}
+    return [action for action in parser._actions if action.dest not in common]
 
 
 def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:

@@ -63,7 +63,7 @@ def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -
 
 def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["run", "--help"])
+        main(["run", "--help", "all"])
     words = " ".join(capsys.readouterr().out.split())
     for part in ("--no-wait", "--guide-rate RATE", "(default 15)", "alt-az,eq-north,eq-south", "--park AZ,ALT"):
         assert part in words

@@ -11,44 +11,63 @@ import pytest
 
 from gateway.app.config.describing import keys
 from gateway.cli import main
-from gateway.cli.command_line import COMMANDS, parser
+from gateway.cli.command_line import COMMANDS, GROUPS, parser
 from gateway.cli.completion import SHELLS, script
-from gateway.cli.serve.settings import GROUPS
+from gateway.cli.serve.settings import GROUPS as SETTING_GROUPS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 
 
-def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str, columns: str = "120") -> str:
+def told(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    *words: str,
+    columns: str = "120",
+    whole: bool = False,
+) -> str:
     """The help of a command."""
     monkeypatch.setenv("COLUMNS", columns)
     with pytest.raises(SystemExit) as end:
-        main([*words, "--help"])
+        main([*words, "--help", *(["all"] if whole else [])])
     assert end.value.code == 0
     return capsys.readouterr().out
 
 
-def test_the_first_page_says_what_to_do_first(
+def test_the_first_page_fits_a_screen_and_names_the_commands_people_need(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = told(capsys, monkeypatch)
-    first = page[: page.index("commands:")]
-    assert first.index("mount-gateway demo") < first.index("mount-gateway detect") < first.index("mount-gateway run")
+    page = told(capsys, monkeypatch, columns="80")
+    assert len(page.splitlines()) <= 36
+    daily, trouble, rest = GROUPS.values()
+    listed = re.findall(r"(?m)^  ([a-z]+)  ", page)
+    assert listed == [*daily, *trouble] and rest
+    assert page.index("mount-gateway demo") < page.index("mount-gateway run --mount")
+
+
+def test_help_all_lists_every_command_model_and_exit_code(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = told(capsys, monkeypatch, whole=True)
+    assert set(re.findall(r"(?m)^  ([a-z]+)  ", page)) >= set(COMMANDS)
     for protocol in ("lx200", "nexstar"):
         assert all(f" {model}" in page for model in load(protocol).models)
     assert [line[:3] for line in page[page.index("Exit codes:") :].splitlines()[1:] if line[2:3] != " "] == [
         "  0", "  1", "  2"]  # fmt: skip
 
 
-def test_run_has_every_key_in_its_group(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    page = told(capsys, monkeypatch, "run")
-    titles = ["what is connected", "about the mount:", *(f"{title}:" for title in GROUPS), "Examples:"]
+def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few, page = (told(capsys, monkeypatch, "run", columns="80", whole=whole) for whole in (False, True))
+    assert len(few.splitlines()) <= 70
+    every = [key for key in (*keys("mount"), *keys("")) if key.flag]
+    assert all(f"\n  --{key.name}" in page for key in every)
+    assert all((f"\n  --{key.name}" in few) is key.common for key in every)
+    titles = ["connections", "about the mount:", *(f"{title}:" for title in SETTING_GROUPS), "Examples:"]
     places = [page.index(f"\n{title}") for title in titles]
     assert places == sorted(places)
-    assert all(f"\n  --{key.name}" in page for key in (*keys("mount"), *keys("")) if key.flag)
-    named = {key.name for key in (*keys("mount"), *keys(""))}
-    assert all(set(names) <= named for names in GROUPS.values())
-    safety = page[page.index("\nsafety:") : page.index("\nhow it runs:")]
-    assert "--sun" in safety and "--baud" not in safety
+    named = {key.name for key in every}
+    assert all(set(names) <= named for names in SETTING_GROUPS.values())
 
 
 @each("name", COMMANDS)
@@ -85,9 +104,8 @@ def test_a_command_that_is_too_long_for_a_line_can_still_be_copied(
     page = told(capsys, monkeypatch, "run", columns="80")
     assert (
         "  mount-gateway run --mount lx200@/dev/ttyUSB0 \\\n"
-        "          --surface nexstar@tcp://0.0.0.0:4030 --log\n"
-        "      NexStar programs, on other computers too, drive a Meade; every word of\n"
-        "      it is shown\n"
+        "          --surface nexstar@tcp://0.0.0.0:4030\n"
+        "      NexStar programs, on other computers too, drive a Meade\n"
     ) in page
 
 

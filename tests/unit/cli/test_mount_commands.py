@@ -1,4 +1,4 @@
-"""``status``, ``goto``, ``park``, ``unpark``, ``sync``, ``move`` and ``watch`` from the shell, on gateways that run."""
+"""``status``, ``goto``, ``park``, ``unpark``, ``sync`` and ``move`` from the shell, on gateways that run."""
 
 from __future__ import annotations
 
@@ -50,7 +50,14 @@ def gateway(started: list[Running], state: Path, *more: str) -> Running:
 
 
 def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
-    for words in (["status"], ["watch"], ["park"], ["move", "north"], ["goto", "M42"], ["sync", "05:00", "+10"]):
+    for words in (
+        ["status"],
+        ["status", "--watch"],
+        ["park"],
+        ["move", "north"],
+        ["goto", "M42"],
+        ["sync", "05:00", "+10"],
+    ):
         code, out, err = say(*words, "--state", str(tmp_path))
         assert (code, out) == (1, "")
         assert err.startswith("mount-gateway: no gateway runs here; mount-gateway run starts one")
@@ -212,7 +219,7 @@ def test_gateways_of_two_folders_stand_apart(
 
 def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
     where = gateway(started, tmp_path).ready()
-    command = Running("watch", "--state", str(tmp_path))
+    command = Running("status", "--watch", "--state", str(tmp_path))
     assert command.process.stdout is not None
     assert command.process.stdout.readline() == f"lx200:autostar {where}; this computer only\n"
     for _ in range(2):

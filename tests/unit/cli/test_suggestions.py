@@ -101,7 +101,8 @@ def test_it_is_said_what_was_meant(arguments: list[str], says: str, here: Path) 
 @pytest.mark.parametrize(
     ("typed", "page"),
     [
-        (["help"], "usage: mount-gateway [-h]"),
+        (["help"], "usage: mount-gateway COMMAND"),
+        (["help", "all"], "usage: mount-gateway COMMAND"),
         (["help", "goto"], "usage: mount-gateway goto "),
         (["version"], "mount-gateway "),
         (["-V"], "mount-gateway "),
