@@ -184,8 +184,7 @@ GROUPS = {
     "More commands:": {
         "fleet": ("fleet", "show all mounts of an MQTT broker on a page, with STOP for all of them"),
         "sim": ("serve.sim", "simulate a mount for other programs"),
-        "tables": ("inspect.tables", "what becomes of every command, per model"),
-        "explain": ("inspect.tables", "show what the gateway does with one command, in words and bytes"),
+        "explain": ("inspect.explain", "show what the gateway does with one command, in words and bytes"),
         "almanac": ("inspect.almanac", "calculate the sky for a computer without astropy"),
         "replay": ("inspect.recordings", "play a recording of run --record again and compare"),
         "decode": ("inspect.recordings", "show a recording, or a capture of a serial line, in words"),

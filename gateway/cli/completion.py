@@ -66,7 +66,7 @@ def script(shell: str) -> str:
             action.choices = [f"{name}@tcp://127.0.0.1:{port}" for name, port in usual_ports().items()]
         elif action.dest == "place":
             action.choices = [name for name in (*BODIES, *HIPPARCOS) if name.isalpha()]
-        elif action.dest == "model" and "--model" in action.option_strings:
+        elif action.dest == "mount" and not action.option_strings:
             action.choices = [
                 f"{name}/{version}" if version else name
                 for protocol in PROTOCOLS

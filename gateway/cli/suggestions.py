@@ -37,7 +37,6 @@ _OTHER_WORDS = {
         "status": "info position",
         "status --watch": "watch",
         "service": "install systemd",
-        "tables": "commands",
         "run --log": "log",
         "run --record FILE": "record",
     }.items()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -84,13 +83,6 @@ def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[st
     has = mount.commands
     commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
     return list(dict.fromkeys(commands))
-
-
-def counts(client: str, mount: str, kind: Kind = ANY) -> Counter[str]:
-    """Count the commands by outcome, including those beyond the manual."""
-    protocol, driven = load(client), load(mount).of(kind.model)
-    rows = protocol.surface
-    return Counter(outcome(rows.get(name), driven, kind) for name in protocol.commands)
 
 
 def missing(client: str, mount: str) -> list[str]:

@@ -108,7 +108,7 @@ def test_its_settings_as_flags_are_the_same() -> None:
 
 
 #: What went since then, as CHANGELOG says.
-GONE = {("tables", "--wire")}
+GONE: set[tuple[str, str]] = set()
 
 
 @each("line", (FILES / "flags.txt").read_text("utf-8").splitlines())

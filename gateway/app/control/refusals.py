@@ -37,7 +37,7 @@ BY_PAGE = (
     "A page of the console has narrowed the limits until the gateway ends ({limits}); it can take that back under More."
 )
 #: The explanation of an ``Unsupported`` without words of its own.
-UNSUPPORTED = "mount-gateway tables lists what this model and version can do."
+UNSUPPORTED = "This model or version has no command for it."
 
 
 def explain(fault: Fault, limits: Limits) -> str:

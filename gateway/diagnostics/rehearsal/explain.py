@@ -36,7 +36,7 @@ from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
 IDLE = 3.0
 #: The outcome of an order that changes nothing.
 NOTHING_TO_DO = "nothing to do (the mount is as the command wants it)"
-NO_HINT = "; mount-gateway tables lists them all"
+NO_HINT = "; mappings/README.md lists them all"
 #: How many equal commands in a row are shown.
 MANY = 3
 

@@ -61,7 +61,6 @@ SPEC = ProtocolSpec(
     preset="ASCOM Alpaca",
     mounts="ASCOM Alpaca telescope",
     default_model=DEFAULT_MODEL,
-    example="altaz",
     usual_port=11111,
     guide_directions="sky",
     framing=part("alpaca.http.requests", "LineFramer"),

@@ -151,9 +151,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     equinox: str = "jnow"
     #: What its programs' guide pulses mean if nobody says: ``motor`` or ``sky``.
     guide_directions: str = "motor"
-    #: A mount for the demonstration, as an endpoint and in words; a model for help texts.
+    #: A mount for the demonstration, as an endpoint and in words.
     demo: tuple[str, str] | None = None
-    example: str = ""
 
     # --- its parts; None if it has no such part ---
     #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol:

@@ -118,7 +118,6 @@ SPEC = ProtocolSpec(
     makers=("meade",),
     default_model=DEFAULT_MODEL,
     demo=("lx200:lx200gps", "LX200GPS"),
-    example="lx200gps",
     framing=part("lx200.framing", "Framer"),
     opening=OPENING,
     reply_rules=part("lx200.reply_rules", "Lx200ReplyRules"),

@@ -131,7 +131,6 @@ SPEC = ProtocolSpec(
     brands=("nexstar",),
     default_model=DEFAULT_MODEL,
     demo=("nexstar", "NexStar 6/8 SE"),
-    example="cpc/4.21",
     framing=part("nexstar.framing", "Framer"),
     opening=OPENING,
     reply_rules=part("nexstar.reply_rules", "NexStarReplyRules"),

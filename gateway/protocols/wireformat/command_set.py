@@ -18,7 +18,6 @@ from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import msgspec
-from msgspec.structs import replace
 
 from gateway.core import errors, operations
 from gateway.core.errors import MappingError
@@ -32,7 +31,6 @@ from gateway.protocols.wireformat.rows import (
     Implementation,
     Model,
     OwnRow,
-    PlayedRow,
     SurfaceRow,
 )
 
@@ -128,18 +126,8 @@ class CommandSet:
         """Command name -> the row that says what the surface does with it."""
         where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
         for key, row in rows.items():
-            if row.asks or row.outcome or row.without or row.elsewhere:
-                raise MappingError(where, key, "asks and outcomes are in played.toml, which tables --write writes")
-            if (played := self.played.get(key)) is not None:
-                shown = played.asks, played.outcome, played.without, played.elsewhere
-                rows[key] = replace(row, asks=shown[0], outcome=shown[1], without=shown[2], elsewhere=shown[3])
-            self._check_surface(where, key, rows[key])
+            self._check_surface(where, key, row)
         return rows
-
-    @cached_property
-    def played(self) -> dict[str, PlayedRow]:
-        """Command name -> what the play of its row has shown."""
-        return self._read("played.toml", PlayedRow)
 
     def _check_surface(self, where: str, key: str, row: SurfaceRow) -> None:
         if key not in self.commands:

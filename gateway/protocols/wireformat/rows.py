@@ -113,9 +113,10 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     apart           traits of mounts that it is not for
     after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
 
-    The others are in ``played.toml``, because the play of a row shows them: the operations that a function ``asks``
-    for; the ``outcome``, if it does not follow from how a mount carries them out; that ``without`` a command for any of
-    them; and that ``elsewhere``, where the row is not for the presented model or the mount.
+    asks            the operations that a function asks for; of them, those that change the mount, if there are any
+    outcome         what becomes of it, if that does not follow from how a mount carries out the operations
+    without         the outcome on a mount that can do none of them
+    elsewhere       the outcome for a presented model, or a mount, that the row is not for
     """
 
     ask: str | None = None
@@ -147,16 +148,6 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def operations(self) -> list[str]:
         """Every operation that this row may request."""
         return ([self.ask] if self.ask else []) + self.asks
-
-
-class PlayedRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``played.toml``, which ``tables --write`` writes. ``of`` is a digest of what was played."""
-
-    of: str
-    asks: list[str] = []
-    outcome: str | None = None
-    without: str | None = None
-    elsewhere: str | None = None
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

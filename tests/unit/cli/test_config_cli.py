@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import gateway
 from gateway.cli import main
 from gateway.cli.serve.signals import unless
 from gateway.core.errors import UserError
-from gateway.diagnostics import command_tables
 from gateway.protocols.wireformat.command_set import load
 from tests.support.process import Running
 
@@ -67,17 +65,6 @@ def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixt
     words = " ".join(capsys.readouterr().out.split())
     for part in ("--no-wait", "--guide-rate RATE", "(default 15)", "alt-az,eq-north,eq-south", "--park AZ,ALT"):
         assert part in words
-
-
-def test_an_installed_copy_is_not_written_into(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    inside = Path(gateway.__file__).resolve().parent / "mappings"
-    monkeypatch.setattr(command_tables, "mappings_folder", lambda: inside)
-    monkeypatch.setattr(command_tables, "text", lambda: "")
-    assert main(["tables", "--write"]) == 2
-    assert "part of an installation; run it in a checkout" in capsys.readouterr().err
-    assert not inside.exists()
 
 
 def test_a_signal_ends_the_search_for_a_mute_mount() -> None:

@@ -130,7 +130,7 @@ def test_shells_accept_their_script(shell: str, tmp_path: Path) -> None:
     text = script(shell)
     assert all(command in text for command in COMMANDS)
     assert "hour-angle-limit" in text
-    assert "avx/starsense-1.20" in text and "gt/101.0" in text  # tables --model
+    assert "avx/starsense-1.20" in text and "gt/101.0" in text
     if shutil.which(shell):
         path = tmp_path / "script"
         path.write_text(text)

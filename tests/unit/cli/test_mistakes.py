@@ -71,8 +71,8 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         (["config", *PLAIN, "--site", "148,11"], "--site '148,11': latitude is -90 to 90"),
         (["sim", "nexstar", "--site", "Rome"], "--site 'Rome': write LAT,LON"),
         (["sim", "nexstar", "--time", "yesterday"], "--time 'yesterday': write it like 2026-01-15T22:00:00Z"),
-        (["explain", "lx200", "nexstar", ":Zz#"], "lx200 has no command ':Zz#'; mount-gateway tables lists them all"),
-        (["explain", "nexstar", "lx200", "\\xfe"], "; mount-gateway tables lists them all"),
+        (["explain", "lx200", "nexstar", ":Zz#"], "lx200 has no command ':Zz#'; mappings/README.md lists them all"),
+        (["explain", "nexstar", "lx200", "\\xfe"], "; mappings/README.md lists them all"),
         (["move", "up"], "direction up: write one of north, south, east, west; on an alt-az mount north is up, south"),
         (["move", "north", "--rate", "12"], "--rate 12: write one of 1, 2, 3, 4, 5, 6, 7, 8, 9 ("),
         (

@@ -62,8 +62,6 @@ def tried(capture: Path) -> None:
     assert code == 0 and "translated" in text and "to the mount: R" in text.replace("r", "R"), text
     code, text = said("explain", "lx200", "nexstar", "?\\x0a")
     assert code == 2 and "it is one of toy" in text, text
-    code, text = said("tables", "--model", "6se")
-    assert code == 0 and "Toy commands on 6-8se" in text and "LX200 commands on 6-8se" in text, text
     heard = run(pushed())
     assert len(heard) == 5 and all(line.startswith(b"=") for line in heard), heard
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from gateway.core.errors import MappingError
-from gateway.diagnostics import command_tables
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+from tests.support.scripts import script
 
 LX200, NEXSTAR = load("lx200"), load("nexstar")
 
@@ -136,6 +136,7 @@ def test_one_more_command_changes_one_line_of_the_table_of_each_mount(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two files by hand: what it looks like, and what is done with it."""
+    command_tables = script("docs/tools/command_tables.py")
     before = command_tables.text()
     shutil.copytree(mappings_folder() / "lx200", tmp_path / "lx200")
     with (tmp_path / "lx200" / "commands.toml").open("a") as file:

@@ -16,7 +16,7 @@ import pytest
 
 import gateway
 from gateway.core.errors import MappingError, UserError
-from gateway.diagnostics import command_outcomes, command_tables
+from gateway.diagnostics import command_outcomes
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
@@ -27,8 +27,10 @@ from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_
 from gateway.protocols.wireformat.fields import Codec
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
+from tests.support.scripts import script
 
 PROTOCOLS = [load("lx200"), load("nexstar")]
+TABLES = script("docs/tools/command_tables.py")
 SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}
 
 
@@ -109,14 +111,14 @@ def test_no_function_that_a_row_might_call_is_left_over(spec: ProtocolSpec) -> N
 def test_a_name_that_does_not_exist_is_told_when_the_file_is_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, protocol: str, file: str, row: str, says: str
 ) -> None:
-    """By ``tables --check`` too: it makes every part."""
+    """By the check of the printed tables: it makes every part."""
     folder = tmp_path / protocol
     shutil.copytree(mappings_folder() / protocol, folder)
     (folder / file).write_text(row)
     changed = CommandSet(protocol, folder)
     monkeypatch.setattr(f"gateway.protocols.{protocol}.spec.load", lambda name: changed)
     with pytest.raises(MappingError, match=says) as raised:
-        command_tables.check()
+        list(TABLES.problems())
     assert f"{protocol}/{file}" in str(raised.value)
 
 
@@ -127,12 +129,8 @@ def test_a_name_that_does_not_exist_is_told_when_the_file_is_loaded(
         ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
         ("surface.toml", "QQQ = { say = {} }", "no such command"),
         ("surface.toml", 'GR = { aks = "Position" }', "aks"),
-        (
-            "surface.toml",
-            'Aa = { call = "motion.align", outcome = "kept" }',
-            "played.toml, which tables --write writes",
-        ),
-        ("surface.toml", '"$QA+" = { call = "accessories.periodic_error" }', "needs why"),
+        ("surface.toml", '"$QA+" = { call = "accessories.periodic_error", outcome = "refused" }', "needs why"),
+        ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', "keept"),
         ("surface.toml", "GR = {", "surface.toml"),
         ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
         ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),
@@ -148,8 +146,8 @@ def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) 
     assert file in str(raised.value)
 
 
-def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -> None:
-    assert command_tables.check() == 0, capsys.readouterr().err
+def test_the_printed_tables_are_up_to_date() -> None:
+    assert list(TABLES.problems()) == []
 
 
 @each(("client", "mount"), pairs())
@@ -157,11 +155,10 @@ def test_no_row_is_missing(client: str, mount: str) -> None:
     assert command_outcomes.missing(client, mount) == []
 
 
-def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
     monkeypatch.setattr(load("lx200"), "surface", kept)
-    assert command_tables.check() == 1
-    assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in capsys.readouterr().err
+    assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in TABLES.problems()
 
 
 def test_an_explanation_is_of_the_model_that_was_named() -> None:
@@ -174,18 +171,6 @@ def test_an_explanation_is_of_the_model_that_was_named() -> None:
     assert "the gateway keeps it as an offset" in explain("lx200", "nexstar:i-series/1.6", ":CM#").text
     with pytest.raises(UserError, match="no model 'cgx9'"):
         explain("lx200", "nexstar:cgx9", ":CM#")
-
-
-def test_the_table_of_one_mount() -> None:
-    told = command_tables.one("gt/101.0")
-    assert told.startswith("# LX200 commands on gt/101.0\n")
-    assert "| `:CM#` | sync to the target | kept |" in told
-    assert "missing" not in told
-    assert command_tables.one("nexstar:cpc/4.21") == command_tables.one("cpc/4.21") == command_tables.one("cpc")
-    assert "# NexStar commands on lx200\n" in command_tables.one("lx200")
-    for wrong in ("cpx", "lx200:cpc", "cpc/new"):
-        with pytest.raises(UserError, match=r"MODEL or MODEL/VERSION|no version"):
-            command_tables.one(wrong)
 
 
 def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
