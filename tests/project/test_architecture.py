@@ -39,7 +39,7 @@ def test_every_path_that_is_named_is_there(page: Path) -> None:
 def test_the_hooks_before_a_commit_run_programs_that_the_project_installs() -> None:
     text = (ROOT / ".pre-commit-config.yaml").read_text("utf-8")
     entries = re.findall(r"entry: \.venv/bin/(\S+)", text)
-    assert entries == ["ruff", "ruff", "mypy", "lint-imports", "codespell", "mount-gateway"]
+    assert entries == ["ruff", "ruff", "mypy", "lint-imports", "codespell", "python"]
     declared = (ROOT / "pyproject.toml").read_text("utf-8")
     for package in ("ruff", "mypy", "import-linter", "codespell", "pre-commit"):
         assert f'"{package}' in declared, f"{package} is no part of the extra dev"
