@@ -107,9 +107,9 @@ def test_a_broker_with_passwords_and_certificates(workshop: Workshop) -> None:
     subprocess.run(
         ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", "key.pem", "-out", "cert.pem", "-days",
          "2", "-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"],
-        cwd=here, check=True, capture_output=True, timeout=30,
+        cwd=here, check=True, capture_output=True, timeout=60,
     )  # fmt: skip
-    subprocess.run(["mosquitto_passwd", "-b", "-c", "users", "eve", "secret"], cwd=here, check=True, timeout=30)
+    subprocess.run(["mosquitto_passwd", "-b", "-c", "users", "eve", "secret"], cwd=here, check=True, timeout=60)
     for name in ("key.pem", "users"):
         (here / name).chmod(0o644)
     broker = Broker(

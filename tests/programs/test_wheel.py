@@ -173,7 +173,7 @@ def test_the_wheel_of_a_source_distribution_runs_the_demo(wheel: Path, tmp_path:
         ready = next(line for line in demo.stdout if line.startswith("ready"))
         port = int(ready.rpartition(":")[2])
         with socket.create_connection(("127.0.0.1", port), 10) as link:
-            link.settimeout(10)
+            link.settimeout(60)
             link.sendall(b":GR#")
             assert re.fullmatch(rb"\d\d:\d\d:\d\d#", link.recv(100))
     finally:

@@ -87,7 +87,7 @@ def test_every_command_does_what_it_says(
         if typed.startswith("mount-gateway ") and not set("<>|&") & set(typed):
             code = main(shlex.split(typed)[1:])
         else:
-            code = subprocess.run(["bash", "-c", typed], timeout=20, check=False).returncode
+            code = subprocess.run(["bash", "-c", typed], timeout=60, check=False).returncode
         told = capfd.readouterr()
         assert code == 0, f"{line}: {told.err or told.out}"
 

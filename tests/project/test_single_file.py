@@ -58,7 +58,7 @@ def test_it_plays_the_demo_and_shows_the_console(one: str, tmp_path: Path, start
     assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(demo.ready(), b":GR#"))
     assert demo.process.stdout is not None
     console = next(line for line in demo.process.stdout if line.startswith("ready console")).split()[-1]
-    with urllib.request.urlopen(console, timeout=20) as page:
+    with urllib.request.urlopen(console, timeout=60) as page:
         assert b"STOP" in page.read()
     assert demo.end() == 0, demo.said
 

@@ -114,7 +114,7 @@ class Weighed(Running):
     def modules(self) -> set[str]:
         self.list.unlink(missing_ok=True)
         self.process.send_signal(signal.SIGUSR1)
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + PATIENCE
         while not self.list.exists():
             assert time.monotonic() < end
             time.sleep(0.01)

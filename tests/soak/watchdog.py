@@ -60,7 +60,8 @@ def _figures() -> tuple[float, float, float]:
         at_first = _processor(number)
         time.sleep(10)
         at_rest = _processor(number) - at_first
-        watched.move(10.0)
+        watched.move()
+        time.sleep(10.0)
         figures = _memory(number), at_rest, _processor(number) - at_first - at_rest
         _end(watched, started)
     return figures

@@ -16,7 +16,7 @@ SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps", "alpaca": "alp
 #: What can happen to a gateway, as a signal; a process that is frozen or blocked continues to exist.
 FAILURES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
 #: A gateway whose event loop SIGUSR1 blocks for this many seconds; it gets no almanac (see `GATEWAY`).
-BLOCKED = 6
+BLOCKED = 5
 PROGRAM = f"""
 import signal, sys, time
 from gateway.astro.ephemeris import keeper
@@ -86,14 +86,13 @@ class Watched:
         after, ended = self.declination(), time.monotonic()
         return abs((after - before + 180.0) % 360.0 - 180.0) / (ended - began)
 
-    def move(self, seconds: float = 1.0) -> None:
+    def move(self) -> None:
         """Move south by direction key at the fastest rate, until the mount moves."""
         deadline = time.monotonic() + PATIENCE
         ask(self.where, b":RS#:Ms#:GVP#")
         while self.speed() < 1.0:
             assert time.monotonic() < deadline
             ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just recovered stops the mount first
-        time.sleep(seconds)
 
     def inflict(self, failure: str) -> float:
         """Send the signal to the gateway; return the seconds until the mount was at rest, too long by up to 0.2."""
@@ -103,8 +102,19 @@ class Watched:
             assert time.monotonic() - began < PATIENCE, "the mount still moves"
         return time.monotonic() - began
 
-    def watchdog(self) -> int | None:
-        """Return the process id of this gateway's watchdog."""
+    def watchdog(self, other: int | None = None) -> int:
+        """Wait for this gateway's watchdog, which is started a moment after its port, and return its process id.
+
+        ``other`` is one that has been killed.
+        """
+        deadline = time.monotonic() + PATIENCE
+        while (found := self._watchdog()) in (None, other):
+            assert time.monotonic() < deadline, "there is no watchdog"
+            time.sleep(0.02)
+        assert found is not None
+        return found
+
+    def _watchdog(self) -> int | None:
         for path in Path("/proc").glob("[0-9]*"):
             try:
                 words: list[Any] = (path / "cmdline").read_bytes().split(b"\0")
@@ -117,7 +127,7 @@ class Watched:
 
     def close(self) -> None:
         """End the gateway and its watchdog at once, without their repeated stops."""
-        watchdog = self.watchdog()
+        watchdog = self._watchdog()
         for number in (watchdog, self.gateway.process.pid):
             if number is not None and (number == watchdog or self.gateway.process.poll() is None):
                 os.kill(number, signal.SIGKILL)

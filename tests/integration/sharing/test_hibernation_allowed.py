@@ -115,7 +115,7 @@ def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, 
         gateway.wire_log.sinks.append(look)
         await gateway.open()
         try:
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(60):
                 assert await gateway.wait_identified(10)
                 link = await asyncio.open_connection(*address(gateway))
                 assert await ask(link, b"x") == b"#"

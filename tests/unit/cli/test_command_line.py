@@ -200,7 +200,8 @@ def test_a_silent_line_is_said_to_be_one() -> None:
 
 
 @pytest.mark.usefixtures("_hasty")
-def test_a_meade_behind_a_nexstar_endpoint_is_recognised() -> None:
+def test_a_meade_behind_a_nexstar_endpoint_is_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=PATIENCE))
     meade = Stranger({b"\x06": b"P"})
     assert "speaks lx200" in meade.taken_for_a_hand_control()
     assert b":" not in meade.heard

@@ -69,12 +69,12 @@ def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixt
 
 def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
-        mute.settimeout(20)
+        mute.settimeout(60)
         mount = f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"
         gateway = Running("run", "--surface", "lx200@tcp://127.0.0.1:0", "--mount", mount)
         link, _ = mute.accept()
         with link:
-            link.settimeout(20)
+            link.settimeout(60)
             assert link.recv(1) == b"V"
             began = time.monotonic()
             told = gateway.finish(signal.SIGINT)
@@ -94,7 +94,7 @@ def test_whatever_is_under_way_ends_with_the_signal() -> None:
                 cleaned = True
 
         asyncio.get_running_loop().call_later(0.01, done.set)
-        await asyncio.wait_for(unless(done, asyncio.ensure_future(work())), 5)
+        await asyncio.wait_for(unless(done, asyncio.ensure_future(work())), 60)
         return done.is_set(), cleaned
 
     assert asyncio.run(story()) == (True, True)

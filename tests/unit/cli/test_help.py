@@ -134,7 +134,7 @@ def test_shells_accept_their_script(shell: str, tmp_path: Path) -> None:
     if shutil.which(shell):
         path = tmp_path / "script"
         path.write_text(text)
-        subprocess.run([shell, "-n", str(path)], check=True, timeout=20)
+        subprocess.run([shell, "-n", str(path)], check=True, timeout=60)
 
 
 @pytest.mark.skipif(not shutil.which("bash"), reason="no bash here")
@@ -152,7 +152,7 @@ def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         ask mount-gateway completion f
         ask mount-gateway run --surface an
     """
-    done = subprocess.run(["bash", "-c", asking], cwd=tmp_path, capture_output=True, text=True, timeout=20, check=True)
+    done = subprocess.run(["bash", "-c", asking], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True)
     commands, *others = done.stdout.splitlines()
     assert sorted(commands.split()) == ["decode", "demo", "detect"]
     assert others == ["--mode", "alt-az eq-north eq-south", "night.toml", "fish", "any@tcp://127.0.0.1:4040"]

@@ -75,11 +75,11 @@ def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
             terminal._pressed(key)
         assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
         terminal.stop.clear()
-        assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 1.0) == "q"
+        assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 60.0) == "q"
         asking = asyncio.ensure_future(terminal.agrees("y: save it  n: do not"))  # that one q answered one question
         await asyncio.sleep(0)
         terminal._pressed("y")
-        assert await asyncio.wait_for(asking, 1.0)
+        assert await asyncio.wait_for(asking, 60.0)
 
     asyncio.run(talk())
 
@@ -129,7 +129,7 @@ def test_q_leaves_the_last_questions_too() -> None:
         await asyncio.sleep(0)
         terminal._pressed("q")
         assert not await asking
-        assert not await asyncio.wait_for(terminal.agrees("y: make a file  n: end"), 1.0)
+        assert not await asyncio.wait_for(terminal.agrees("y: make a file  n: end"), 60.0)
 
     asyncio.run(talk())
 

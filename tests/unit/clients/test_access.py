@@ -37,8 +37,8 @@ def serve(program: Callable[[Gateway, list[str]], Awaitable[None]], at: str = "t
         gateway.wire_log.sinks.append(lambda entry: said.append(entry.note) if entry.arrow == "!" else None)
         await gateway.open()
         try:
-            async with asyncio.timeout(20):
-                assert await gateway.wait_identified(10)
+            async with asyncio.timeout(120):
+                assert await gateway.wait_identified(60)
                 await program(gateway, said)
         finally:
             await gateway.close()
@@ -56,7 +56,7 @@ async def closed(gateway: Gateway, host: str) -> bool:
     reader, writer = await link(gateway, host)
     writer.write(b":GVP#")
     try:
-        async with asyncio.timeout(1):
+        async with asyncio.timeout(60):
             return await reader.read(100) == b""
     except ConnectionError:
         return True

@@ -290,7 +290,7 @@ def test_a_burst_is_answered_to_the_last() -> None:
         await ask(link, b":GR#")
         began = asyncio.get_running_loop().time()
         link[1].write(b":GR#" * 1000)
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             assert len(await link[0].readexactly(9000)) == 9000
         assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
         link[1].close()
@@ -312,7 +312,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
         (connection,) = await _some(port)
         connection._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
         connection._transport.set_write_buffer_limits(high=2048)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while port.connections:
                 try:
                     deaf.send(b":GVP#" * (SHARE // 5))

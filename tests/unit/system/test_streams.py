@@ -51,7 +51,7 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
     running = shell(redirected, *words)
     try:
         question = None
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 60.0
         answer = b""
         while not answer.endswith(b"#"):
             assert time.monotonic() < until
@@ -66,9 +66,9 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
             time.sleep(0.02)
         os.close(question or 0)
         if told:  # it is said with the first line that could not be written, a moment after the port is there
-            select.select([running.stderr], [], [], 20.0)
+            select.select([running.stderr], [], [], 60.0)
         running.send_signal(signal.SIGTERM)
-        _, said = running.communicate(timeout=20)
+        _, said = running.communicate(timeout=60)
     finally:
         running.kill()
         running.wait()
@@ -88,7 +88,7 @@ def test_who_was_only_to_tell_something_says_why_it_did_not(
 ) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     running = shell(redirected, *words)
-    _, said = running.communicate(timeout=20)
+    _, said = running.communicate(timeout=60)
     assert running.returncode == 2
     assert said.startswith("mount-gateway: cannot write to stdout: ")
     assert said.count("\n") == 1
@@ -100,5 +100,5 @@ def test_a_reader_that_has_had_enough_is_no_fault() -> None:
     running.stdout.close()
     assert running.stderr is not None
     assert running.stderr.read() == ""
-    assert running.wait(20) == 0
+    assert running.wait(60) == 0
     running.stderr.close()

@@ -35,7 +35,7 @@ def test_only_failures_of_its_own_are_told(
         host, port = runner.addresses[0][:2]
         reader, writer = await asyncio.open_connection(host, port)
         writer.write(request_)
-        line = await asyncio.wait_for(reader.readline(), 10.0)
+        line = await asyncio.wait_for(reader.readline(), 60.0)
         writer.close()
         await runner.cleanup()
         return line

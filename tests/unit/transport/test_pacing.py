@@ -97,7 +97,7 @@ def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(
 
     def ask(where: str) -> float:
         url = where.removeprefix("pty:").replace("tcp://", "socket://")
-        with serial.serial_for_url(url, baudrate=baud or 9600, timeout=10.0) as line:
+        with serial.serial_for_url(url, baudrate=baud or 9600, timeout=60.0) as line:
             began = time.monotonic()
             line.write(b"e")
             assert len(line.read(18)) == 18

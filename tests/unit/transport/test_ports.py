@@ -26,7 +26,7 @@ def serve(program: Callable[[Gateway], Awaitable[None]], *surfaces: str, mount: 
         await gateway.open()
         try:
             assert await gateway.wait_identified(PATIENCE)
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(60):
                 await program(gateway)
         finally:
             await gateway.close()

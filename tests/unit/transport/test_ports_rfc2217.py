@@ -66,7 +66,7 @@ class Telnet:
 
 def session(where: str) -> tuple[bytes, list[Any]]:
     """pyserial's client in its own thread: every byte there and back, and all the settings there are."""
-    with serial.serial_for_url(where, baudrate=9600, timeout=5) as port:
+    with serial.serial_for_url(where, baudrate=9600, timeout=60) as port:
         port.write(EVERY_BYTE)
         heard = port.read(len(EVERY_BYTE))
         for baud in (300, 115200, 31250):
@@ -100,7 +100,7 @@ def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
         port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
         try:
             assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(60):
                 heard, rest = await asyncio.to_thread(session, port.where)
         finally:
             await port.close()
@@ -117,7 +117,7 @@ def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
     clock = b"H\x0c\x00\x00\x03\x14\x1a\xff\x00"
 
     def hand_control(where: str) -> tuple[bytes, bytes]:
-        with serial.serial_for_url(where, timeout=5) as port:
+        with serial.serial_for_url(where, timeout=60) as port:
             port.write(clock)
             done = port.read(1)
             port.write(b"h")

@@ -115,11 +115,11 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
 
 
 def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reach, "AGAIN", 0.02)
-    monkeypatch.setattr(reach, "HEARD", 0.1)
+    monkeypatch.setattr(reach, "AGAIN", 0.05)
+    monkeypatch.setattr(reach, "HEARD", 1.0)
 
     async def slow() -> str:
-        await asyncio.sleep(0.4)
+        await asyncio.sleep(1.3)
         return "stopped"
 
     assert _asked(tmp_path, slow) == "stopped"
@@ -142,7 +142,7 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
                 seal(endpoint.secret, "", ""),
             ):
                 stranger.sendto(data, ("127.0.0.1", endpoint.port))
-        assert await ask(endpoint, "stop", 5.0) == "stopped"
+        assert await ask(endpoint, "stop", 60.0) == "stopped"
         await served.close()
 
     asyncio.run(program())
@@ -169,7 +169,7 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
         served = Control([tmp_path], "m", "m", {"stop": never})
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        asking = asyncio.ensure_future(ask(endpoint, "stop", 5.0))
+        asking = asyncio.ensure_future(ask(endpoint, "stop", 60.0))
         await asyncio.sleep(0.2)
         await served.close()
         return await asking
@@ -199,7 +199,7 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
             os.mkfifo(tmp_path / "pipe.control")
         stale.write_bytes(msgspec.json.encode(endpoint))
         assert read_endpoints(tmp_path) == [(stale, endpoint)]
-        assert await ask(endpoint, "stop", 5.0) is None
+        assert await ask(endpoint, "stop", 60.0) is None
         served = Control([tmp_path], "nexstar@sim", "nexstar@sim", {"stop": _good})
         await served.open()
         assert not stale.exists()
@@ -215,7 +215,7 @@ def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> 
         served = Control([tmp_path / "full", tmp_path], "m", "m", {"stop": _good})
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        assert (endpoint.state, await ask(endpoint, "stop", 5.0)) == (str(tmp_path / "full"), "stopped")
+        assert (endpoint.state, await ask(endpoint, "stop", 60.0)) == (str(tmp_path / "full"), "stopped")
         await served.close()
         nowhere = Control([tmp_path / "full"], "m", "m", {"stop": _good})
         with pytest.raises(OSError, match="Not a directory"):

@@ -43,7 +43,7 @@ def served(look: Callable[[list[str]], Awaitable[Any]], *simulators: SimulatedAl
             ports += await serve_simulator(sim, ["tcp://127.0.0.1:0", "tcp://127.0.0.1:0"], 0.0)
         where = [port.where.replace("tcp:", "http:") for port in ports]
         try:
-            async with asyncio.timeout(20.0):
+            async with asyncio.timeout(60.0):
                 return await look(where)
         finally:
             for port in ports:
@@ -56,13 +56,12 @@ def test_discovery_finds_each_telescope_once(monkeypatch: pytest.MonkeyPatch) ->
     """Two addresses of a server are one telescope; a server that is none offers nothing."""
     loopback = IPv4Address("127.0.0.1"), IPv4Network("127.0.0.0/8")
     monkeypatch.setattr(finding, "ipv4_networks", lambda: [loopback])
-    monkeypatch.setattr(finding, "LAST", 0.3)
     udp = free_udp_port()
 
     async def look(where: list[str]) -> list[OfferedMount]:
         places = [("127.0.0.1", int(one.rpartition(":")[2])) for one in where]
         silent = socket.create_server(("127.0.0.1", 0))  # takes connections and never answers
-        monkeypatch.setattr(finding, "LONGEST", 1.0)
+        monkeypatch.setattr(finding, "LONGEST", 2.0)
         end = await answer_discovery([*places, silent.getsockname()], udp)
         try:
             return await finding.find(None, udp)
