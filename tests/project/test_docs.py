@@ -138,14 +138,3 @@ def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
 def test_mounts_and_surfaces_of_tables_can_be_typed(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for flags in re.findall(r"`(--mount \S+ --surface [^`…]+)`", page.read_text("utf-8")):
         assert main(["config", *flags.replace("PORT", "/dev/ttyUSB0").split()]) == 0, capsys.readouterr().err
-
-
-def test_the_first_table_has_the_phone_beside_a_cable_and_com_ports_in_both_directions() -> None:
-    first = (ROOT / "README.md").read_text("utf-8").partition("## Is it for me?")[2].partition("\n\n**")[0]
-    for words, flags in (
-        ("SkySafari on a phone", "--mount nexstar@PORT --surface lx200@tcp://0.0.0.0:4030"),
-        ("a Celestron, and a Windows program", "--mount nexstar@COM3 --surface lx200@COM5"),
-        ("a Meade, and a Windows program", "--mount lx200@COM3 --surface nexstar@COM5"),
-        ("a Meade at a Linux computer", "--mount lx200@/dev/ttyUSB0 --surface nexstar@rfc2217://0.0.0.0:4032"),
-    ):
-        assert any(words in row and flags in row for row in first.splitlines())
