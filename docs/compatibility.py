@@ -1,37 +1,34 @@
-"""Writes docs/compatibility.md: every mount that has been checked, by the bundles in tests/owners, and how far.
+"""Writes docs/compatibility.md: every mount that has been checked, by the files in docs/checked, and how far.
 
-``python docs/compatibility.py`` writes it; a test compares. What has taken part is said as it is: a bundle whose ``by``
-is ``simulated`` comes from a simulated mount, and a conversation of a program is no mount at all.
+``python docs/compatibility.py`` writes it; a test compares. What has taken part is said as it is: a file that is marked
+``simulated`` comes from a simulated mount, and a conversation of a program is no mount at all.
 """
 
 from __future__ import annotations
 
 import sys
-import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
-from gateway.diagnostics.prove.bundle import VERDICTS, Bundle
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Result
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE, OWNERS = ROOT / "docs" / "compatibility.md", ROOT / "tests" / "owners"
+PAGE, CHECKED = ROOT / "docs" / "compatibility.md", ROOT / "docs" / "checked"
 TRANSCRIPTS = ROOT / "tests" / "conformance" / "transcripts"
-SIMULATED = "simulated"
 HEAD = """\
 # Mounts that were checked
 
 <!-- python docs/compatibility.py writes this page -->
 
-Each row of the first table is a file that [`mount-gateway prove`](prove.md) has made. Every version of the gateway has
-to replay it.
+Each row of the first table is a file that [`mount-gateway prove`](prove.md) has written; they are in `docs/checked`.
 
 {honest}
 
-| mount | firmware | program | checked by | when | same | differs | not measurable | not tried |
-|---|---|---|---|---|---|---|---|---|
+| mount | firmware | checked by | gateway | same | differs | not measurable | not tried |
+|---|---|---|---|---|---|---|---|
 """
 REST = """
 ## Programs
@@ -41,28 +38,22 @@ These programs take part with conversations typed from their source code and fro
 """
 
 
-def bundles() -> list[Bundle]:
-    """Return the verdicts of all bundles."""
-    found = []
-    for path in sorted(OWNERS.glob("*.zip")):
-        with zipfile.ZipFile(path) as archive:
-            found.append(msgspec.json.decode(archive.read(VERDICTS), type=Bundle))
-    return found
+def results() -> list[Result]:
+    """Return what the files tell."""
+    return [msgspec.json.decode(path.read_bytes(), type=Result) for path in sorted(CHECKED.glob("*.json"))]
 
 
 def rows() -> Iterator[str]:
-    for bundle in bundles():
-        findings = bundle.findings
-        counts = Counter(finding.verdict for stage in findings.stages.values() for finding in stage)
-        told = [str(counts[verdict]) for verdict in ("same", "differs", "not measurable", "not tried")]
-        by = "a simulation" if bundle.by == SIMULATED else bundle.by or "an owner"
-        first = (findings.mount.removesuffix(findings.version).strip(), findings.version, "prove", by, bundle.month)
-        yield f"| {' | '.join([*first, *told])} |\n"
+    for result in results():
+        counts = Counter(finding.verdict for stage in result.stages.values() for finding in stage)
+        told = [str(counts[verdict]) for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
+        by, mount = "a simulation" if result.simulated else "an owner", result.mount.removesuffix(result.firmware)
+        yield f"| {' | '.join([mount.strip(), result.firmware, by, result.gateway, *told])} |\n"
 
 
 def page() -> str:
     """Return the whole page."""
-    owners = sum(bundle.by != SIMULATED for bundle in bundles())
+    owners = sum(not result.simulated for result in results())
     honest = (
         f"{owners} of these mounts are real."
         if owners

@@ -1,7 +1,8 @@
 """A simulated mount that ``prove`` checks: a whole gateway with both surfaces, recorded on virtual time, and a person.
 
 The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
-line or a progress holds its words.
+line or a progress holds its words. ``python -m tests.support.proven`` writes the files of simulated mounts anew that
+docs/compatibility.py lists.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway
@@ -20,7 +22,8 @@ from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.store import PreviousRun
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.prove.findings import Finding, Findings
+from gateway.diagnostics.prove import small_motions
+from gateway.diagnostics.prove.findings import Finding, Findings, write
 from gateway.diagnostics.prove.guide import Guide
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.truth import Truth, sample
@@ -30,6 +33,27 @@ from tests.support.owner import Owner
 
 #: 2026-01-15 22:00 UTC
 EVENING = 1768514400.0
+CHECKED = Path(__file__).parents[2] / "docs" / "checked"
+#: One mount of each kind: Celestrons with old and new hand controls, two of SynScan, the four Meades, three
+#: controllers that speak LX200 with words of their own, and the three kinds of Alpaca.
+KINDS = (
+    "nexstar:6-8se",
+    "nexstar:nexstar-gps/2.2",
+    "nexstar:cgem",
+    "nexstar:avx/starsense-1.19",
+    "nexstar:synscan",
+    "nexstar:synscan-az",
+    "lx200:lx200",
+    "lx200:lx200-16",
+    "lx200:autostar",
+    "lx200:lx200gps",
+    "lx200:onstep",
+    "lx200:teenastro",
+    "lx200:other",
+    "alpaca:german",
+    "alpaca:altaz",
+    "alpaca:polar",
+)
 
 
 class CalmLoop(TurnLoop):
@@ -150,3 +174,20 @@ def run_calm(program: Coroutine[Any, Any, Any]) -> Any:
     """Run a coroutine on a calm, recorded loop."""
     with asyncio.Runner(loop_factory=CalmLoop) as runner:
         return runner.run(program)
+
+
+def checked(mount: str, keys: tuple[int, ...] = (9, 6, 1), **simulated: Any) -> Findings:
+    """Check a simulated mount in every stage, its rates of these keys."""
+
+    async def check() -> Findings:
+        async with Proven(mount, every=9.0, **simulated) as proven:
+            return await proven.check(Onlooker())
+
+    with patch.object(small_motions, "KEYS", keys):
+        findings: Findings = run_calm(check())
+    return findings
+
+
+if __name__ == "__main__":
+    for kind in KINDS:
+        print(write(CHECKED, checked(kind), simulated=True))

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from gateway.app.config import Config
     from gateway.app.gateway import Gateway
     from gateway.diagnostics.prove.findings import Findings
-    from gateway.diagnostics.prove.guide import Stage
 
 #: Degrees from the Sun that the check keeps by day.
 SUN = 40.0
@@ -45,9 +44,7 @@ def add_prove(commands: Commands) -> None:
         "It never syncs, parks or changes a setting.",
         epilog=EXAMPLES,
     )
-    prove.add_argument(
-        "--folder", type=Path, default=Path("prove"), help="where it keeps what it has found, and its recordings"
-    )
+    prove.add_argument("--folder", type=Path, default=Path("prove"), help="where it keeps what it has found")
     own = len(prove._actions)
     add_settings(prove)
     prove.elsewhere = [action for action in prove._actions[own:] if action.dest not in ("mount", "config", "file")]
@@ -55,10 +52,11 @@ def add_prove(commands: Commands) -> None:
 
 
 def _prove(arguments: argparse.Namespace) -> int:
+    from gateway.app.config import parse_endpoint
     from gateway.app.state.mount_claim import MountTaken
     from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
-    from gateway.diagnostics.prove.findings import load, save
-    from gateway.diagnostics.prove.guide import LOOKING, MOVING, Guide
+    from gateway.diagnostics.prove.findings import load, save, write
+    from gateway.diagnostics.prove.guide import Guide
 
     config, source = settings(arguments, served=False)
     if not sys.stdin.isatty():
@@ -69,91 +67,50 @@ def _prove(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
     kept, terminal = folder / "findings.json", Terminal()
-    going: bool | None = True  # False after q, None after a signal
-    moved = False
-    code = 0
-    for stages in (LOOKING, MOVING):  # apart, because a bundle holds nothing of the first
+    over = False  # True if a person has ended it, not a signal
 
-        async def guest(gateway: Gateway, stages: tuple[Stage, ...] = stages) -> None:
-            nonlocal going, moved
-            await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
-            with terminal.open():
-                guide = Guide(gateway, terminal, load(kept), lambda found: save(kept, found), stages)
-                try:
-                    await guide.run()
-                finally:
-                    moved = guide.moved
-                going = not guide.left
-                if going and stages is LOOKING:
-                    terminal.say("From here on, what passes on the line is recorded for the file.")
-                    terminal.between = True
+    async def guest(gateway: Gateway) -> None:
+        nonlocal over
+        await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
+        with terminal.open():
+            await Guide(gateway, terminal, load(kept), lambda found: save(kept, found)).run()
+        over = True
 
-        if going:
-            going = None
-            here = checked(config, folder, record=stages is MOVING)
-            serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
-            try:
-                code = with_loop(False, serve, stages is MOVING)
-            except MountTaken as taken:
-                raise UserError(
-                    f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "
-                    "type this command again"
-                ) from None
-            record = here.mount[0].record
-            for path in folder.glob(f"{Path(record).name}*") if record and not moved else ():
-                path.unlink()  # nothing but the beginning of a session is in it
-    terminal.between, findings = False, load(kept)
-    if going is None:
+    here = checked(config)
+    [mount] = here.mount
+    serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
+    try:
+        code = with_loop(False, serve, bool(mount.record))
+    except MountTaken as taken:
+        raise UserError(
+            f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "
+            "type this command again"
+        ) from None
+    if (findings := load(kept)).stages:
         for line in summary(findings):
             terminal.say(line)
-    elif findings.stages:
-        asyncio.run(_afterwards(findings, Path(source.name) if source.is_file else None, folder, terminal))
+        path = write(folder, findings, simulated=parse_endpoint(mount.at).where == "sim")
+        terminal.say(f"Wrote {path}: verdicts and measured values, no place and no time.")
+        terminal.say("Please send it to whoever gave you mount-gateway.")
+    if over and findings.keys:
+        asyncio.run(_offer_keys(findings, Path(source.name) if source.is_file else None, terminal))
     return code
 
 
-async def _afterwards(findings: Findings, file: Path | None, folder: Path, terminal: Terminal) -> None:
-    """Show what was found, and offer what follows from it: lines for gateway.toml, and a file for the authors."""
-    from gateway.diagnostics.prove import bundle
+async def _offer_keys(findings: Findings, file: Path | None, terminal: Terminal) -> None:
+    """Show the lines of gateway.toml that adapt the gateway to what differs, and write them if that is wished."""
     from gateway.diagnostics.prove.adapting import adapted
 
     with terminal.open():
-        for line in summary(findings):
+        terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
+        text, changes = adapted(file, findings.keys)
+        for line in changes:
             terminal.say(line)
-        if findings.keys:
-            terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
-            text, changes = adapted(file, findings.keys)
-            for line in changes:
-                terminal.say(line)
-            if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
-                file.write_text(text, "utf-8")
-        if not recordings(folder):
-            terminal.say("No file yet: it needs one of the stages place to program.")
-            return
-        if not await terminal.agrees("y: make a file for whoever gave you mount-gateway  n: end"):
-            return
-        terminal.say("Making it takes some seconds …")
-        try:
-            files = await asyncio.to_thread(bundle.make, findings, recordings(folder))
-        except UserError as error:
-            terminal.say(f"No file can be made: {error}.")
-            return
-        (inside := folder / "to-send").mkdir(exist_ok=True)
-        for name, data in files.items():
-            (inside / name).write_bytes(data)
-            terminal.say(f"{inside / name}: {len(data.splitlines())} lines")
-        terminal.say(
-            "That is all of it: look into it. There is no name or address in it; longitude and hours are others, the "
-            "date is the true one. An alt-az mount's motions may tell the latitude, and who knows when you made the "
-            "check the longitude."
-        )
-        terminal.say(f"To read it: mount-gateway decode {inside / '1.rec'}")
-        path = bundle.unused(bundle.name_of(findings))
-        if await terminal.agrees(f"y: save it as {path}  n: do not"):
-            bundle.save(path, files)
-            terminal.say(f"Saved {path}. Please send it to whoever gave you mount-gateway.")
+        if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
+            file.write_text(text, "utf-8")
 
 
-def checked(config: Config, folder: Path, record: bool) -> Config:
+def checked(config: Config) -> Config:
     """Return the configuration of the check: one mount, far from the Sun, with surfaces for the programs of the check.
 
     Raises UserError if there are several mounts.
@@ -166,15 +123,9 @@ def checked(config: Config, folder: Path, record: bool) -> Config:
 
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
-    path = str(folder / f"{len(recordings(folder)) + 1}.rec") if record else None
-    mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun), record=path)
+    mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun))
     inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts() if protocol in streams()]
     return replace(config, mount=[mount], surface=[*config.surface, *inside], status=False, log=False, wait=False)
-
-
-def recordings(folder: Path) -> list[Path]:
-    """Return the recordings of the sessions so far."""
-    return sorted(folder.glob("*.rec"), key=lambda path: (len(path.name), path.name))
 
 
 def summary(findings: Findings) -> Iterator[str]:

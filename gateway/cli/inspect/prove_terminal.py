@@ -26,14 +26,11 @@ class Terminal(Screen):
         self._bar, self._asks = 0, False
         #: Whether q was pressed in a stage, or left the last questions.
         self._left = False
-        #: Whether one gateway ends and the next begins, which is not shown, but for new warnings; the warnings so far.
-        self.between, self._warned = False, set[str]()
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
         """Read single keys while the block lasts."""
         self.stop, self._keys = asyncio.Event(), asyncio.Queue()  # of this event loop
-        self.between = False
         if sys.platform == "win32":
             poll = asyncio.ensure_future(self._poll())
             try:
@@ -83,19 +80,11 @@ class Terminal(Screen):
         self._keys.put_nowait(key.lower())
 
     def say(self, text: str) -> None:
-        """Print lines of at most 60 columns; none between two gateways."""
-        if not self.between:
-            self._say(text)
-
-    def warn(self, text: str) -> None:
-        """Print a warning, but none that the gateway before has given, too."""
-        if not (self.between and text in self._warned):
-            self._say(text)
-        self._warned.add(text)
-
-    def _say(self, text: str) -> None:
+        """Print lines of at most 60 columns."""
         indent = " " * (len(text) - len(text.lstrip()))
         self._print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
+
+    warn = say
 
     def progress(self, part: float, what: str) -> None:
         """Show how far the stage has come, below the last line."""

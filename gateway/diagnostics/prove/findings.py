@@ -1,16 +1,21 @@
 """What was found of a mount: one finding for each thing that the gateway believes, with its verdict.
 
 A finding holds what was measured beside what the gateway assumed, in words for the owner, and the keys of gateway.toml
-that adapt the gateway to a difference. They are kept in a file from one session to the next.
+that adapt the gateway to a difference. They are kept in a file from one session to the next. Another file is for
+whoever maintains the gateway: it has verdicts and measured values, and nothing that tells a place or a time.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Protocol
 
 import msgspec
 from msgspec import Struct
+from msgspec.structs import replace
+
+from gateway.core.about import version
 
 #: The verdicts.
 SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not measurable"
@@ -27,8 +32,14 @@ class Rate(Struct, frozen=True):
     run_ons: tuple[float, ...]
     evenly: bool
 
+    @property
+    def rounded(self) -> Rate:
+        """The same to 0.04"/s and 0.01°: in more digits somebody might find where the mount pointed."""
+        run_ons = tuple(round(way, 2) for way in self.run_ons)
+        return Rate(self.axis, round(self.assumed, 5), round(self.real, 5), run_ons, self.evenly)
 
-class Finding(Struct, frozen=True):
+
+class Finding(Struct, frozen=True, omit_defaults=True):
     """One thing that was compared. ``means``: what a difference means for its owner; ``keys``: what adapts to it."""
 
     what: str
@@ -61,7 +72,7 @@ class Report(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage; ``mount`` is its identity, ``model`` and ``version`` those that name the bundle;
+    """All findings by stage. ``mount`` is its identity, of which ``model`` and ``version`` name the file that is made;
     ``told`` is what it has told of its settings at first, by command.
     """
 
@@ -97,3 +108,37 @@ def save(path: Path, findings: Findings) -> None:
     """Write the findings. Raises OSError."""
     path.touch(0o600)  # it tells the mount's site
     path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))
+
+
+class Result(Struct, frozen=True):
+    """The file that a check makes: the mount's identity, the version of the gateway, and the findings by stage.
+
+    Words that may tell a place, a time or a name are left out: all of the sky, and why something was not tried.
+    """
+
+    mount: str
+    firmware: str
+    equatorial: bool
+    gateway: str
+    simulated: bool
+    stages: dict[str, list[Finding]]
+
+
+def result(findings: Findings, simulated: bool) -> Result:
+    """Return what others may read of the findings."""
+
+    def shown(stage: str, finding: Finding) -> Finding:
+        if stage == "sky" or finding.verdict == NOT_TRIED:
+            return Finding(finding.what, finding.verdict)
+        return replace(finding, rate=None if finding.rate is None else finding.rate.rounded)
+
+    stages = {stage: [shown(stage, one) for one in found] for stage, found in findings.stages.items()}
+    return Result(findings.mount, findings.version, findings.equatorial, version(), simulated, stages)
+
+
+def write(folder: Path, findings: Findings, simulated: bool) -> Path:
+    """Write the file ``prove-MODEL-VERSION.json`` into a folder, and return its path. Raises OSError."""
+    name = f"prove-{findings.model or 'unknown'}-{findings.version or 'unknown'}"
+    path = folder / (re.sub(r"[^\w.-]+", "_", name) + ".json")
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(result(findings, simulated)), indent=1) + b"\n")
+    return path

@@ -24,8 +24,8 @@ FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
 ROOM, POLE, ASIDE = 20.0, 75.0, 7.0
 #: Degrees from the meridian at which a German mount has room, and within which none of its gotos here leads.
 MERIDIAN, BESIDE = 15.0, 3.0
-#: Hour angles that are tried for a better place, and the part of the rounded latitude that its declination is.
-HOUR_ANGLES, PART, ROUND = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5, 5.0
+#: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
+HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 #: The gotos of the stage: there, back, one that is cancelled, and back again.
 STEPS = 4
 
@@ -60,8 +60,7 @@ async def to_place(telescope: Telescope, report: Report) -> None:
         raise Ended("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
     now = sidereal - telescope.latest.sky.ra if telescope.latest is not None else 0.0
-    dec = PART * ROUND * round(site.latitude / ROUND)  # which must not tell the latitude to who reads a bundle
-    goals = [op.Equatorial((sidereal - away) % 360.0, dec) for away in HOUR_ANGLES]
+    goals = [op.Equatorial((sidereal - away) % 360.0, PART * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
     goals = [goal for goal in goals if not cramped(telescope, goal)] or goals

@@ -39,11 +39,9 @@ class Stage(NamedTuple):
     points: bool = False
 
 
-LOOKING: tuple[Stage, ...] = (
+STAGES: tuple[Stage, ...] = (
     Stage("reads", "asks it everything that it can be asked. Nothing moves.", False, reads.run),
     Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run, points=True),
-)
-MOVING: tuple[Stage, ...] = (
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.cramped),
     Stage("motions", "turns it all ways at all rates, up to 5°: about 5 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
@@ -51,7 +49,6 @@ MOVING: tuple[Stage, ...] = (
     Stage("program", "goes 5° and back by another protocol: about 15 s.", True, view.run),
     Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
-STAGES = LOOKING + MOVING
 
 
 class Person(Protocol):
@@ -76,8 +73,7 @@ class Guide:
         stages: tuple[Stage, ...] = STAGES,
     ) -> None:
         self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
-        #: Whether the person has left, and whether a stage that moves the mount has begun.
-        self._stages, self.left, self.moved = stages, False, False
+        self._stages = stages
         self._here: list[Finding] = []
         self.before: list[Finding] = []
 
@@ -99,8 +95,7 @@ class Guide:
                 self._findings = Findings(mount, identity.model, version)
             elif version != reads.UNKNOWN:
                 found.mount, found.version = mount, version
-        if STAGES[0] in self._stages:
-            person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
+        person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
         telescope.settings = self._findings.told
         try:
@@ -132,7 +127,6 @@ class Guide:
                 if key in ("y", "a"):
                     key = await self._stage(stage)
             if key == "q":
-                self.left = True
                 break
         return self._findings
 
@@ -175,7 +169,6 @@ class Guide:
             return "y"
         if person.stop.is_set():  # pressed before the stage began
             return await self._answer(AFTER_STOP, "yaq")
-        self.moved |= stage.moves
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
         stopped = theirs = False

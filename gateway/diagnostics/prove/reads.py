@@ -11,7 +11,6 @@ from contextlib import suppress
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
-from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
 from gateway.diagnostics.prove.telescope import Telescope
@@ -22,8 +21,6 @@ from gateway.protocols.registry import streams
 #: target of a server, which there is after a goto.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
                         "targetrightascension"))  # fmt: skip
-#: The note in a recording with which the last stage begins, which asks everything again: there a bundle ends.
-ASKS_AGAIN = "its settings are asked again"
 #: Fields of answers that are of their moment only: positions, motion, time, temperature.
 PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time",
                      "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
@@ -97,7 +94,6 @@ async def settings(telescope: Telescope, report: Report) -> None:
     if not telescope.settings:
         report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return
-    telescope.controller.wire_log.note(MOUNT, ASKS_AGAIN)
     after = dict[str, str]()
     for name in telescope.settings:
         with suppress(Fault):

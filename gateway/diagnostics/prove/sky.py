@@ -1,7 +1,6 @@
 """The sky: whether altitude and azimuth, right ascension and declination, site and clocks agree with each other.
 
-A difference is told as a contradiction between two sources: which of them is wrong is not known here. Nothing of this
-stage but its verdict gets into a bundle, because it shows where the mount stands.
+A difference is told as a contradiction between two sources: which of them is wrong is not known here.
 """
 
 from __future__ import annotations
@@ -48,8 +47,7 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
     """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
-        words = "nobody tells it; --site LATITUDE,LONGITUDE does, and without it no file can be made"
-        return Finding("site", NOT_MEASURABLE, words)
+        return Finding("site", NOT_MEASURABLE, "nobody tells it; --site LATITUDE,LONGITUDE does")
     zone = clock[0].offset if clock is not None else 0.0  # one that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:

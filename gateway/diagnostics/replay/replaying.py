@@ -81,28 +81,6 @@ def _versions(recording: Recording) -> str:
     return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
 
 
-def outputs(recording: Recording) -> dict[int, list[Event]]:
-    """Replay a recording turn by turn; return what the gateway now sends, by turn. Raises UserError."""
-    found: dict[int, list[Event]] = {}
-
-    async def follow() -> None:
-        loop = asyncio.get_running_loop()
-        assert isinstance(loop, RetracedLoop)
-        gateway = _gateway(recording, loop.time)
-
-        def put(entry: Entry) -> None:
-            if entry.arrow == (">" if entry.side == MOUNT else "<"):
-                side = entry.side.replace(" ", "_")
-                found.setdefault(loop.turn, []).append(Event(loop.elapsed, side, entry.arrow, entry.data))
-
-        gateway.wire_log.sinks.append(put)
-        await Retracing(gateway, loop).run(recording)
-
-    with asyncio.Runner(loop_factory=RetracedLoop) as runner:
-        runner.run(follow())
-    return found
-
-
 async def _retrace(recording: Recording) -> Outcome:
     loop = asyncio.get_running_loop()
     assert isinstance(loop, RetracedLoop)

@@ -10,27 +10,26 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from unittest.mock import patch
 
+import msgspec
 import pytest
 
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import _afterwards, checked, summary
+from gateway.cli.inspect.prove import checked, summary
 from gateway.cli.inspect.prove_terminal import COLUMNS, Terminal
 from gateway.core.errors import UserError
-from gateway.diagnostics.prove import bundle, small_motions
-from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, save
+from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, Result, save
 from gateway.diagnostics.prove.guide import STAGES
 from tests.support.process import GATEWAY
-from tests.support.proven import Onlooker, Proven, run_calm
-from tests.unit.diagnostics.prove.test_small_motions import other_rates
 
-SITE = (47.3, 11.6)
+MOUNT = "Celestron NexStar 6-8se 4.21"
+RATES = Finding(
+    "rates of all keys", DIFFERS, "measured", "its maker's", keys={"rates": [0.5 * n for n in range(1, 10)]}
+)
 
 
 def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,32 +83,6 @@ def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
     asyncio.run(talk())
 
 
-def test_between_two_gateways_only_new_warnings_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    terminal = Terminal()
-    terminal.warn("its clock is wrong")
-    terminal.between = True
-    for line in ("its clock is wrong", "the mount does not answer"):
-        terminal.say("ready lx200")
-        terminal.warn(line)
-    terminal.between = False
-    terminal.say("the end")
-    assert capsys.readouterr().out.splitlines() == ["its clock is wrong", "the mount does not answer", "the end"]
-
-
-def test_without_a_recording_no_file_is_offered(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    class Silent(Terminal):
-        @contextlib.contextmanager
-        def open(self) -> Iterator[Terminal]:
-            yield self
-
-        async def agrees(self, question: str) -> bool:
-            raise AssertionError(question)
-
-    findings = Findings(stages={"reads": [Finding("identity", SAME)]})
-    asyncio.run(_afterwards(findings, None, tmp_path, Silent()))
-    assert "No file yet: it needs one of the stages place to program." in capsys.readouterr().out
-
-
 def test_where_nothing_moves_the_space_bar_is_no_answer() -> None:
     async def talk() -> None:
         terminal = Terminal()
@@ -129,21 +102,19 @@ def test_q_leaves_the_last_questions_too() -> None:
         await asyncio.sleep(0)
         terminal._pressed("q")
         assert not await asking
-        assert not await asyncio.wait_for(terminal.agrees("y: make a file  n: end"), 60.0)
+        assert not await asyncio.wait_for(terminal.agrees("y: write them  n: do not"), 60.0)
 
     asyncio.run(talk())
 
 
-def test_the_gateway_of_the_check_keeps_far_from_the_sun_and_records(tmp_path: Path) -> None:
-    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0)]), tmp_path, True)
+def test_the_gateway_of_the_check_keeps_far_from_the_sun() -> None:
+    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0, record="mine.rec")]))
     [mount] = config.mount
-    assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, str(tmp_path / "1.rec"))
+    assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, "mine.rec")
     assert {surface.at for surface in config.surface} == {"lx200@web", "nexstar@web"}
     assert not config.status
-    (tmp_path / "1.rec").touch()
-    assert checked(config, tmp_path, True).mount[0].record == str(tmp_path / "2.rec")
     with pytest.raises(UserError, match="one mount"):
-        checked(Config([mount, mount]), tmp_path, True)
+        checked(Config([mount, mount]))
 
 
 def test_the_summary_names_what_differs() -> None:
@@ -156,13 +127,15 @@ def test_the_summary_names_what_differs() -> None:
     assert "Not done: sky, motions" in third
 
 
-def test_after_a_signal_nothing_else_begins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Ctrl-C in the first stages ends the whole check, and nobody is asked anything."""
-    begun = list[object]()
-    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: len(begun.append(arguments) or ""))
+@pytest.mark.parametrize("where", ["sim", "/dev/ttyUSB0"])
+def test_after_a_signal_nothing_else_begins(where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Ctrl-C ends the whole check, and nobody is asked anything; what was found is told and written."""
+    save(tmp_path / "findings.json", Findings("mount", "m", stages={"motions": [RATES]}))
+    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: 0)
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
-    assert main(["prove", "--mount", "nexstar@sim", "--folder", str(tmp_path)]) == 0
-    assert len(begun) == 1
+    assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 0
+    written = msgspec.json.decode((tmp_path / "prove-m-unknown.json").read_bytes(), type=Result)
+    assert written.simulated == (where == "sim")
 
 
 def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,27 +159,14 @@ def test_a_mount_that_a_gateway_has_is_not_checked(
     )
 
 
-def _other_rates(folder: Path) -> None:
-    """Leave a check of a mount with other rates in a folder: what was found, and its recording."""
-
-    async def check() -> Findings:
-        async with Proven(record=folder / "1.rec", every=9.0, change=other_rates, site=SITE) as proven:
-            with patch.object(small_motions, "KEYS", (9, 6)):
-                return await proven.check(Onlooker("ssyssss"))
-
-    folder.mkdir()
-    findings: Findings = run_calm(check())
-    done = {stage.name: findings.stages.get(stage.name, [Finding(stage.name, SAME)]) for stage in STAGES}
-    findings.stages = done
-    save(folder / "findings.json", findings)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
-    """It shows what changes in gateway.toml and writes it, shows the file that it makes, and saves it."""
+    """It writes the file for the maintainers, shows what changes in gateway.toml, and writes that if it may."""
     import pty
 
-    _other_rates(tmp_path / "prove")
+    (folder := tmp_path / "prove").mkdir()
+    done = {stage.name: [Finding(stage.name, SAME)] for stage in STAGES} | {"motions": [RATES]}
+    save(folder / "findings.json", Findings(MOUNT, "6-8se", "4.21", told={"w": "(47.3, 11.6)"}, stages=done))
     toml = tmp_path / "gateway.toml"
     toml.write_text('[mount]\nat = "nexstar:6-8se@sim"\n\n[[surface]]\nat = "any@tcp://127.0.0.1:0"\n')
     ours, theirs = pty.openpty()
@@ -224,12 +184,11 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
     process.kill()
     os.close(ours)
     assert process.wait() == 0, screen
-    assert all(screen.count(words) == 1 for words in ("found Celestron", "Your mount: ", "From here on")), screen
+    assert all(screen.count(words) == 1 for words in ("found Celestron", "Your mount: ")), screen
     assert "+ rates = [" in screen and "rates = [" in toml.read_text()
-    assert {path.name for path in (tmp_path / "prove").iterdir()} == {"findings.json", "1.rec", "to-send"}
-    saved = bundle.load(tmp_path / "prove-6-8se-4.21.zip", tmp_path)
-    assert list(saved.played) == ["1.rec"] and saved.played["1.rec"].requests > 100
-    assert (tmp_path / "prove" / "to-send" / "1.rec").read_bytes() == (tmp_path / "1.rec").read_bytes()
+    assert {path.name for path in folder.iterdir()} == {"findings.json", "prove-6-8se-4.21.json"}
+    written = msgspec.json.decode((folder / "prove-6-8se-4.21.json").read_bytes(), type=Result)
+    assert written.simulated and written.mount == MOUNT and written.stages == done
     assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= COLUMNS
-    assert "To read it: mount-gateway decode prove/to-send/1.rec" in screen
+    assert "Wrote prove/prove-6-8se-4.21.json" in screen
     assert "send it to whoever gave you mount-gateway" in " ".join(screen.split())
