@@ -129,7 +129,8 @@ class AbortSlew(Operation[None], frozen=True):
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
-    ``heard``: look at what the mount reports afterwards. Raises Refused then if it has not changed.
+    ``heard``: look at what the mount reports afterwards. Raises Refused then if it has not changed. ``code`` is the
+    number of the mode in the mount's own protocol, from a program that is presented the mount itself.
     """
 
     called = "Tracking"
@@ -139,6 +140,7 @@ class SetTracking(Operation[None], frozen=True):
     on: bool
     mode: Tracking | None = None
     heard: bool = False
+    code: int | None = None
 
 
 class TrackRate(Operation[None], frozen=True):

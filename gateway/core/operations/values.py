@@ -215,12 +215,14 @@ class Status(Struct, frozen=True):
     """The state of the mount: its tracking mode, whether it is aligned, whether it is ``equatorial``.
 
     ``wedge``: it is a fork on a wedge, its first axis reads from north; in other equatorial mounts, the hour angle.
+    ``code``: the number that the mount itself gives to the mode in which it tracks, if it gives one.
     """
 
     tracking: Tracking
     aligned: bool
     equatorial: bool
     wedge: bool = False
+    code: int | None = None
 
 
 class Activity(Struct, frozen=True):

@@ -185,7 +185,8 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
     if operation.on and mount.parked:
         yield from order(mount, "unpark")
         mount.parked = False
-    yield from order(mount, "set_tracking", on=operation.on)
+    if (yield from told(mount, "tracking")) is not operation.on:  # what is so is not sent again
+        yield from order(mount, "set_tracking", on=operation.on)
     mount.tracks, mount.doubted_until = operation.on, mount.now()
     for _look in range(LOOKS if operation.heard else 0):
         yield from read_status(mount)

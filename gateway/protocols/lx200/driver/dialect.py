@@ -47,6 +47,8 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
     if not any(letter in letters for letter in form["park"]):
         raise Garbled  # cut short, or another controller's
     mount.pulse_rate = f"R{tail[0]}" if tail[:1] == tail[1:2] else None  # either may be that of its pulses
+    if mount.rate_sent is None and (pulses := f"R{tail[:1]}") in mount.dialect["pulses"]["rates"]:
+        mount.pulses_before = pulses
     if mount.supports(keys := f"R{tail[1:2]}") and keys != mount.rate_sent:
         mount.keys_rate = keys
 

@@ -160,13 +160,13 @@ def backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
 def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
     """:$QZ :$QA on an LX200GPS. A classic has one toggle (:$Q) for both axes, so its state is counted from power-on."""
     wanted = not mount.corrects if operation.on is None else operation.on
+    axes = (1, 2) if operation.axis is None or not mount.supports("$QZ+") else (operation.axis,)
     if mount.supports("$QZ+"):
-        for axis, letter in ((1, "Z"), (2, "A")):
-            if operation.axis in (None, axis):
-                yield from ask(mount, f"$Q{letter}{'+' if wanted else '-'}")
-    elif wanted is not mount.corrects:
+        for axis in axes:
+            yield from ask(mount, f"$Q{'Z' if axis == 1 else 'A'}{'+' if wanted else '-'}")
+    elif wanted is not bool(mount.corrects):
         yield from ask(mount, "$Q")
-    mount.corrects = wanted
+    mount.corrects = mount.corrects | set(axes) if wanted else mount.corrects - set(axes)
 
 
 def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:

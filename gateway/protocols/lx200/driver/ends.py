@@ -84,6 +84,8 @@ def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
         yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
         return
     if mount.keys_rate is not None:
+        if mount.pulses_before not in (None, mount.keys_rate):  # a slow rate of the keys is that of pulses, too
+            yield from ask(mount, mount.pulses_before or "")
         yield from ask(mount, mount.keys_rate)
         mount.rate_sent = None
         return

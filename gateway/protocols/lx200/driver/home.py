@@ -13,8 +13,8 @@ from gateway.core.about import SWITCHED_UNNAMED
 from gateway.core.errors import Busy, Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell
-from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
-from gateway.protocols.lx200.driver.ends import MOUNT, count_motion
+from gateway.protocols.lx200.driver.drive import periodic_error, set_tracking, track_rate
+from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, restore_rates_later
 from gateway.protocols.lx200.driver.identify import insist, read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
@@ -88,9 +88,13 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     elif mount.parked and mount.supports("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
-        mount.powerless = False
-        if mount.rate is not None:  # :I restarts the telescope at its default rate
+        corrected = mount.corrects
+        mount.power_on()  # :I restarts the telescope with its default rates, and without corrections
+        if mount.rate is not None:
             yield from track_rate(mount, mount.rate)
+        for axis in sorted(corrected):
+            yield from periodic_error(mount, op.PeriodicError(axis, True))
+        yield from restore_rates_later(mount)
     elif mount.parked and not mount.tells_status:
         raise Unsupported("This telescope has no command to unpark: the next goto unparks it.")
     mount.parked = False

@@ -138,9 +138,11 @@ class Lx200Driver(Driver):
         # of another maker's: the state that it has told, and when; its own speeds, degrees per second
         self.told: tuple[float, Told] | None = None
         self.own_speeds: dict[str, float] = {}
-        #: The rate commands of the last arrow or pulse, of its own pulses, and of its own keys as far as it tells them.
+        #: The rate commands of the last arrow or pulse, of its own pulses (also before that one), and of its own keys,
+        #: as far as it tells them.
         self.rate_sent: str | None = None
         self.pulse_rate: str | None = None
+        self.pulses_before: str | None = None
         self.keys_rate: str | None = None
         #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.
         self.drive_shown: float | None = None
@@ -164,8 +166,8 @@ class Lx200Driver(Driver):
         self.side_by: tuple[float, float] | None = None
         #: Whether its second axis is turned beyond the pole since then; None until this is computed.
         self.beyond_pole: bool | None = None
-        #: Whether periodic error correction is on.
-        self.corrects = False
+        #: The axes whose periodic error is corrected, as was requested.
+        self.corrects: frozenset[int] = frozenset()
 
     def supports(self, name: str) -> bool:
         """Whether it has a command, according to the manual or because it has answered it."""

@@ -89,6 +89,8 @@ class NexStar(Driver):
         # the drive
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
+        #: The byte of the last mode that was not off, as ``t`` returned it or a program of this protocol sent it.
+        self.code: int | None = None
         self.rate = op.TrackRate(name="sidereal")
         #: How the right-ascension motor tracks: at the hand control's ``own`` rate, at a ``special`` rate sent to it,
         #: or its tracking is ``replaced`` by a variable rate while it is guided.

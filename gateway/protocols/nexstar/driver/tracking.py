@@ -27,9 +27,20 @@ VERIFY_AFTER = 1.0
 
 
 def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
-    """Send ``T``, after which the drive runs at the hand control's own rate."""
-    yield Send("T", {"mode": code_of(mode, mount.facts, mount.version)})
+    """Send ``T``, after which the drive runs at the hand control's own rate.
+
+    The byte is the one that the mount had for this mode, because two may stand for one: a SynScan's 3 corrects the
+    periodic error, its 2 does not.
+    """
+    known = modes(mount.facts, mount.version)
+    own = mount.code in known and _mode_of(mount, mount.code) is mode
+    yield Send("T", {"mode": mount.code if own else code_of(mode, mount.facts, mount.version)})
     mount.drive = "own"
+
+
+def _mode_of(mount: NexStar, code: int | None) -> op.Tracking:
+    """Return the mode for a byte of ``t``. An unknown one (4 occurs on some mounts) counts as equatorial."""
+    return modes(mount.facts, mount.version).get(code or 0) or mount.equatorial_mode
 
 
 def read_status(mount: NexStar) -> Steps:
@@ -53,7 +64,7 @@ def read_status(mount: NexStar) -> Steps:
 def _forget(mount: NexStar) -> None:
     """Forget motion and tracking: a hand control that lost its alignment has been switched off."""
     mount.at_rest()
-    mount.suspended = mount.native_mode = None
+    mount.suspended = mount.native_mode = mount.code = None
     mount.in_doubt = False
     mount.checks_left = 0
 
@@ -86,7 +97,9 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
     if known is None and mount.tracking is None and mount.aligned:
         # the hand control cannot report its mode: an aligned one tracks, in the mode of its build
         mode = _mode_by_build(mount)
-    return op.Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
+    wedge = equatorial and not mount.german
+    code = mount.code if mode is not op.Tracking.OFF and _mode_of(mount, mount.code) is mode else None
+    return op.Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=wedge, code=code)
 
 
 def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
@@ -106,6 +119,8 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
 
     The axes mean different directions in alt-az and equatorial. A motion that was checked in one must not continue in
     the other, so a mount in motion keeps its frame. Raises Refused then, or Unsupported.
+
+    A mount that reports the mode is not sent it again, unless its drive has been given another rate.
     """
     own = native_mode(mount)
     if operation.on and operation.mode is None:
@@ -118,6 +133,10 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
         raise Refused("The mount is moving: it can change between alt-az and equatorial tracking only at rest.")
     mount.parked = mount.parked and not operation.on
     mount.checks_left, mount.woken = 0, False
+    readable = operation.on and mount.suspended is None and mount.supports("t") and mount.drive == "own"
+    if readable and (yield from _read_mode(mount)) is mode and operation.code in (None, mount.code):
+        return
+    mount.code = mount.code if operation.code is None else operation.code
     if mount.suspended is not None:
         mount.suspended = mode
         return
@@ -163,20 +182,24 @@ def resume(mount: NexStar) -> Steps:
 
 
 def _read_mode(mount: NexStar) -> Steps:
-    """Read ``t`` and return the mode. An unknown code (4 occurs on some mounts) counts as equatorial."""
-    code = (yield Send("t"))["mode"]
-    _learn(mount, modes(mount.facts, mount.version).get(code) or mount.equatorial_mode)
+    """Read ``t`` and return the mode."""
+    code: int = (yield Send("t"))["mode"]
+    _learn(mount, _mode_of(mount, code))
+    mount.code = code or mount.code
     return mount.tracking
 
 
 def keep_rate(mount: NexStar) -> Steps:
     """Send the drive rate again after gentle motion, whose rate 0 has ended it.
 
-    Needed if the rate is not the hand control's own, or if a variable rate has replaced tracking.
+    Needed if the rate is not the hand control's own, or if a variable rate has replaced tracking. Motors without codes
+    for drive rates count quarters of an arcsecond: they track at the sidereal rate only after ``T``.
     """
     mode = mount.tracking or op.Tracking.OFF
     if mode.equatorial and mount.suspended is None and (mount.drive != "own" or mount.rate.name != "sidereal"):
         yield from _send_rate(mount)
+        if mount.rate.name == "sidereal" and not mount.supports("fine_rate_pos"):
+            yield from _set_mode(mount, mode)
 
 
 class VerifyTracking(op.Operation, frozen=True):

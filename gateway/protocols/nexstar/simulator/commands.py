@@ -122,7 +122,8 @@ def set_mode(sim: SimulatedMount, values: Values) -> None:
         return  # an alt-az mount of Sky-Watcher has no equatorial mode
     mode = _tracks(sim) if wanted is None else NUMBERS[wanted]
     if mode != ALTAZ or not sim.german:
-        sim.settings["periodic error", AZM] = int(wanted is None and values["mode"] == WITH_PEC)
+        if "dialect" in sim.row:
+            sim.settings["periodic error", AZM] = int(values["mode"] == WITH_PEC)
         sim.track(mode)
 
 

@@ -65,6 +65,8 @@ def mode(session: NexStarSession, command: Command, values: op.Values) -> Handli
     """t - the actual mode: a mount that cannot stop tracking still tracks after T 0. A StarSense 1.20 adds bytes."""
     status: op.Status = yield op.GetStatus()
     code = code_of(status.tracking, session.model, session.model["counts_as"])
+    if session.model.get("own") and status.code is not None:
+        code = status.code
     if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
         return bytes((code, *STARSENSE_LONG_MODE)) + b"#"
     return {"mode": code}
@@ -73,14 +75,15 @@ def mode(session: NexStarSession, command: Command, values: op.Values) -> Handli
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
 
-    The equatorial modes of a SynScan are the mount's own mode.
+    The equatorial modes of a SynScan are the mount's own mode. If the mount itself is presented, it gets the same byte.
     """
     known = modes(session.model, session.model["counts_as"])
     if values["mode"] not in known:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
     wanted = known[values["mode"]]
-    yield from attempt(op.SetTracking(on=wanted is not op.Tracking.OFF, mode=wanted))
+    code = values["mode"] if session.model.get("own") else None
+    yield from attempt(op.SetTracking(on=wanted is not op.Tracking.OFF, mode=wanted, code=code or None))
 
 
 def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handling:
