@@ -16,7 +16,6 @@ import time
 from pathlib import Path
 
 import line_load
-import one_address
 import processes
 import round_trip
 import starting
@@ -45,7 +44,7 @@ def main() -> int:
         # Now: otherwise a process of the first gateway would calculate it while that is measured.
         sky = [sys.executable, "-c", ALMANAC]
         subprocess.run(sky, cwd=processes.ROOT, env=processes.environment(bytecode), check=True)
-        for part in (starting, round_trip, one_address, line_load):
+        for part in (starting, round_trip, line_load):
             figures += part.measure(bytecode, arguments.quick)
     machine = (
         f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, Python {platform.python_version()}"
