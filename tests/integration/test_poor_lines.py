@@ -1,4 +1,4 @@
-"""A short piece of ``tests/soak/poor_lines.py``: what programs get over a lossy line, a slow one, and at the start."""
+"""A short piece of ``tests/support/poor_lines.py``: what programs get over a lossy line, a slow one, and at the start."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import asyncio
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.soak.poor_lines import LINES, MOUNTS, first_answer, polled
 from tests.support.in_process_gateway import Bridge
 from tests.support.poor_line import LineFaults, insert_poor_line, poll
+from tests.support.poor_lines import LINES, MOUNTS, first_answer, polled
 
 
 @pytest.mark.parametrize("moving", [False, True])

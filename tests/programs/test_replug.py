@@ -1,10 +1,10 @@
-"""A port that is unplugged and plugged in again, in real time: a short piece of ``tests/soak/replug.py``."""
+"""A port that is unplugged and plugged in again, in real time: a short piece of ``tests/support/replug.py``."""
 
 from __future__ import annotations
 
 import asyncio
 
-from tests.soak.replug import replug
+from tests.support.replug import replug
 
 
 def test_programs_live_through_a_replug() -> None:

@@ -1,6 +1,6 @@
 """Random bytes at both ends of a gateway, a little of it every time, and what larger runs have found.
 
-``tests/soak/fuzz_surfaces.py`` and ``fuzz_drivers.py`` are the same on a large scale.
+``tests/support/fuzz_surfaces.py`` and ``fuzz_drivers.py`` are the same on a large scale.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
-from tests.soak.fuzz_bytes import KINDS
-from tests.soak.fuzz_drivers import Findings, corrupt
-from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
-from tests.soak.fuzz_surfaces import Judge, cases, throw
 from tests.support.each import each
+from tests.support.fuzz_bytes import KINDS
+from tests.support.fuzz_drivers import Findings, corrupt
+from tests.support.fuzz_forms import PROTOCOLS, of_reply, of_request
+from tests.support.fuzz_surfaces import Judge, cases, throw
 from tests.support.in_process_gateway import EVENING, Bridge
 
 CASES = {str(case): case for case in cases()}

@@ -1,4 +1,4 @@
-"""Which way arrows and guide pulses go; the long version is ``python -m tests.soak.directions``."""
+"""Which way arrows and guide pulses go; the long version is ``python -m tests.support.directions``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_an
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
-from tests.soak.directions import NORTH, SOUTH, Scenario, on_the_axes, play
+from tests.support.directions import NORTH, SOUTH, Scenario, on_the_axes, play
 from tests.support.in_process_gateway import Bridge
 
 #: A fork on the meridian at 45 degrees of altitude and of latitude: its azimuth follows the stars at 21.27"/s, 85 as a

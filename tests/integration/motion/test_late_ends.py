@@ -9,7 +9,7 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
-from tests.soak.directions import NORTH, on_the_axes
+from tests.support.directions import NORTH, on_the_axes
 from tests.support.in_process_gateway import Bridge
 
 ARCSECONDS = 7.5205

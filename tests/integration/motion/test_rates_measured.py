@@ -1,10 +1,10 @@
-"""The short version of ``python -m tests.soak.rates``: a Meade with every register, one without, two NexStars."""
+"""The short version of ``python -m tests.support.rates``: a Meade with every register, one without, two NexStars."""
 
 from __future__ import annotations
 
 import pytest
 
-from tests.soak.rates import over_meade, over_nexstar
+from tests.support.rates import over_meade, over_nexstar
 
 
 @pytest.mark.parametrize("model", ["lx200gps", "lx200"])

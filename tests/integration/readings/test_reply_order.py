@@ -14,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
-from tests.soak.fuzz_forms import PROTOCOLS, of_reply
+from tests.support.fuzz_forms import PROTOCOLS, of_reply
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.sampling import as_a_rule
 

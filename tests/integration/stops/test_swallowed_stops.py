@@ -1,11 +1,11 @@
-"""The line swallows a part of a stop: nothing moves ten seconds later. Every place: ``tests/soak/swallow.py``."""
+"""The line swallows a part of a stop: nothing moves ten seconds later. Every place: ``tests/support/swallow.py``."""
 
 from __future__ import annotations
 
 import pytest
 
-from tests.soak.swallow import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
 from tests.support.sampling import as_a_rule
+from tests.support.swallow import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
 
 #: What is slower than a tenth of a degree a second says nothing by its position.
 WORDS = [

@@ -18,10 +18,10 @@ from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import SAME, Finding, Findings, load, save
 from gateway.diagnostics.prove.guide import STAGES, Guide
 from gateway.diagnostics.prove.telescope import WHO, Telescope
-from tests.soak.true_mounts import CHECKS, SLEWS, alarms, point
-from tests.soak.true_mounts import MOUNTS as TRUE
 from tests.support.proven import Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
+from tests.support.true_mounts import CHECKS, SLEWS, alarms, point
+from tests.support.true_mounts import MOUNTS as TRUE
 
 #: Seconds in which a motor has come to rest after a stop, and for which it is watched then.
 RESTS, WATCHED = 6.0, 10.0
@@ -71,7 +71,7 @@ async def rests(proven: Proven, soon: float = RESTS) -> None:
 @pytest.mark.parametrize("seed", range(as_a_rule(1, whole=CHECKS)))
 @pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se", "lx200:lx200gps", "alpaca:polar"], whole=TRUE))
 def test_a_true_mount_raises_no_alarm_and_is_left_as_it_was(mount: str, seed: int) -> None:
-    """``python -m tests.soak.true_mounts`` checks at all rates."""
+    """``python -m tests.support.true_mounts`` checks at all rates."""
     assert alarms(mount, seed, (9, 6, 1)) == []
 
 

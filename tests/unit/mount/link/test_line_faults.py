@@ -21,10 +21,10 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import SerialTransport
-from tests.soak.faulty import Kind
-from tests.soak.line_faults import trial
 from tests.support.each import each
+from tests.support.faulty import Kind
 from tests.support.in_process_gateway import Bridge
+from tests.support.line_faults import trial
 from tests.unit.mount.link.test_queue import Wire, hand_control, opened
 
 EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
@@ -35,7 +35,7 @@ EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
 
 @pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 13)])
 def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: int) -> None:
-    """A short piece of ``tests/soak/line_faults.py``; a failure is played again by its seed."""
+    """A short piece of ``tests/support/line_faults.py``; a failure is played again by its seed."""
     done = trial(driven, model, seed, 0.05, EVERY, 200)
     assert sum(done.wire.faults.values()) >= 5
     assert done.asked["positions"] > 50

@@ -4,7 +4,7 @@ For every mount, every way to move and every stop command it counts the traffic 
 stop, on a good line; then it loses each command, reply and byte of it in turn, on virtual time. Ten seconds after the
 stop the true axes of the mount may only track. Standalone, exit code 1 if something moves.
 
-    python -m tests.soak.swallow [--only cge] [--bytes 3] [--processes 2] [--stop-only]
+    python -m tests.support.swallow [--only cge] [--bytes 3] [--processes 2] [--stop-only]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Corrupted replies into both drivers, through link, driver and controller, on virtual time. Standalone.
 
-    python -m tests.soak.fuzz_drivers [--seed 1] [--bytes 2000000] [--seconds 900] [--only nexstar]
+    python -m tests.support.fuzz_drivers [--seed 1] [--bytes 2000000] [--seconds 900] [--only nexstar]
 
 A simulated mount replies to every request, and its replies are corrupted: changed, cut, repeated, replaced by noise,
 by NAKs, by endless text, delayed, or lost; meanwhile operations of every kind are performed, with values at their
@@ -28,8 +28,8 @@ from gateway.core.wire_log import Entry
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from gateway.transport.wires import OnData, OnLost
-from tests.soak.fuzz_bytes import flawed
-from tests.soak.fuzz_forms import PROTOCOLS, of_request
+from tests.support.fuzz_bytes import flawed
+from tests.support.fuzz_forms import PROTOCOLS, of_request
 from tests.support.in_process_gateway import Bridge
 
 #: Virtual seconds: the limit for an operation to end, and for the gateway to recover once the replies are right again.

@@ -3,7 +3,7 @@
 The port is a pseudo-terminal behind a symbolic link. Unplugging closes it at the mount's end and removes the link;
 plugging in creates another pseudo-terminal under the same link. TCP clients must not be disconnected.
 
-    python -m tests.soak.replug [--cycles 50] [--seed 1]
+    python -m tests.support.replug [--cycles 50] [--seed 1]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Rates, requested and measured at the axes of simulated mounts: NexStar rates on Meades, LX200 rates on NexStars.
 
-    python -m tests.soak.rates
+    python -m tests.support.rates
 
 A row fails if the axis speed differs by more than 10 % from the speed that the tables give for that model.
 """

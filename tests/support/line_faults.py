@@ -5,7 +5,7 @@ have reported within the permitted age; while it moves, positions are extrapolat
 in half a second. It slews, is moved by direction keys and stopped all the time, so that an old reply is a wrong one.
 ``trial`` is one run; the same seed gives the same run.
 
-    python -m tests.soak.line_faults [--exchanges 100000] [--seed 1]
+    python -m tests.support.line_faults [--exchanges 100000] [--seed 1]
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
-from tests.soak.faulty import BREAKING, FaultyWire, Kind
+from tests.support.faulty import BREAKING, FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
 
 #: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.

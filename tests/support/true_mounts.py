@@ -1,7 +1,7 @@
 """Checks simulated mounts that are as the gateway believes, under all conditions that differ between real ones.
 
-python -m tests.soak.true_mounts                  20 checks of every model
-python -m tests.soak.true_mounts --only nexstar:cgem --seed 7
+python -m tests.support.true_mounts                  20 checks of every model
+python -m tests.support.true_mounts --only nexstar:cgem --seed 7
 
 By chance, but the same for a seed: the version, the site in both hemispheres, a fork's wedge, the night, the mount's
 clock, the line's delay, where the tube points and whether it tracks. What ``prove`` then calls a difference is a false

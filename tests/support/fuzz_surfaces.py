@@ -1,6 +1,6 @@
 """Random bytes into every surface, through a whole gateway to a simulated mount, on virtual time. Standalone.
 
-    python -m tests.soak.fuzz_surfaces [--seed 1] [--bytes 20000000] [--seconds 1200] [--only lx200:autostar]
+    python -m tests.support.fuzz_surfaces [--seed 1] [--bytes 20000000] [--seconds 1200] [--only lx200:autostar]
 
 Most of it is noise, a tenth each real conversations with errors in them and commands with arguments at their limits;
 half of the bytes go into LX200 surfaces, half into NexStar ones, cut at random. It looks for exceptions and internal
@@ -31,8 +31,8 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
-from tests.soak.fuzz_bytes import KINDS, packets, thrown
-from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
+from tests.support.fuzz_bytes import KINDS, packets, thrown
+from tests.support.fuzz_forms import PROTOCOLS, of_reply, of_request
 from tests.support.in_process_gateway import Bridge
 
 #: The fraction of a surface's bytes for each kind, and the number of bytes in one connection.

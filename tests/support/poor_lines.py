@@ -3,7 +3,7 @@
 A program asks for the position again 0.3 s after every reply, for 120 s on each line, at rest and during a slew. Then
 it measures how soon an LX200 that the gateway has not met before is identified, at several speeds of the line.
 
-    python -m tests.soak.poor_lines [--seconds 120]
+    python -m tests.support.poor_lines [--seconds 120]
 """
 
 from __future__ import annotations
