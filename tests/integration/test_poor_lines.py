@@ -1,4 +1,4 @@
-"""A short piece of ``tests/support/poor_lines.py``: what programs get over a lossy line, a slow one, and at the start."""
+"""What programs get over a lossy line, a slow one, and at the start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A port that is unplugged and plugged in again, in real time: a short piece of ``tests/support/replug.py``."""
+"""A port that is unplugged and plugged in again, in real time."""
 
 from __future__ import annotations
 

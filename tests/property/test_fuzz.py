@@ -1,7 +1,4 @@
-"""Random bytes at both ends of a gateway, a little of it every time, and what larger runs have found.
-
-``tests/support/fuzz_surfaces.py`` and ``fuzz_drivers.py`` are the same on a large scale.
-"""
+"""Random bytes at both ends of a gateway, a little of it every time, and what larger runs have found."""
 
 from __future__ import annotations
 
@@ -18,27 +15,41 @@ from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.support.each import each
 from tests.support.fuzz_bytes import KINDS
-from tests.support.fuzz_drivers import Findings, corrupt
+from tests.support.fuzz_drivers import Findings, corrupt, mounts
 from tests.support.fuzz_forms import PROTOCOLS, of_reply, of_request
-from tests.support.fuzz_surfaces import Judge, cases, throw
+from tests.support.fuzz_surfaces import LONGEST, Judge, cases, growth, throw
 from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.sampling import WHOLE, as_a_rule
 
 CASES = {str(case): case for case in cases()}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("case", ["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"])
+@pytest.mark.parametrize(
+    "case", as_a_rule(["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"], whole=[*CASES])
+)
 def test_bytes_into_a_surface(case: str, kind: str) -> None:
     judge = Judge(CASES[case])
-    done, _ = run(throw(CASES[case], kind, Random(f"{case} {kind}"), 800, judge))
-    assert done >= 800
+    size = as_a_rule(800, whole=200_000)
+    done, longest = run(throw(CASES[case], kind, Random(f"{case} {kind}"), size, judge))
+    assert done >= size
     assert not judge.first
+    assert longest < LONGEST
 
 
-@pytest.mark.parametrize(("mount", "seed"), [("lx200:lx200gps", 6), ("nexstar:cpc", 8)])
+@pytest.mark.skipif(not WHOLE, reason="it takes minutes; pytest --whole runs it")
+def test_no_memory_is_kept_for_the_bytes_of_a_program() -> None:
+    assert {case: kept for case, kept in growth(seed=1).items() if kept > 0.5} == {}
+
+
+@pytest.mark.parametrize(
+    ("mount", "seed"),
+    as_a_rule([("lx200:lx200gps", 6), ("nexstar:cpc", 8)], whole=[(":".join(mount), 6) for mount in mounts()]),
+)
 def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
     findings = Findings()
-    assert run(corrupt(*mount.split(":"), Random(seed), 800, findings)) >= 800
+    size = as_a_rule(800, whole=100_000)
+    assert run(corrupt(*mount.split(":"), Random(seed), size, findings)) >= size
     assert not findings.found
     assert findings.ended["value"]
 

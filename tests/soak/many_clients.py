@@ -27,9 +27,9 @@ from gateway.app.simulated import make_simulator
 from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
 from tests.benchmarks import memory, processes
 from tests.benchmarks.figures import percentile
+from tests.benchmarks.processes import used
 from tests.soak.crowd import Outcome, Reported, crowd
 from tests.soak.paced import PacedMount
-from tests.soak.share import used
 from tests.support.process import Running
 
 #: Seconds a reply may be old: fresh for 0.5, and on its way before; and the rounding of 24 bits on the wire, degrees.

@@ -1,6 +1,6 @@
 """How long a stop waits beyond the exchange in flight, from the client's byte to the mount's byte. Standalone.
 
-    python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 20] [--share 0.2] [--seed 1]
+    python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 20] [--seed 1]
 
 Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process
 and share its clock. A client starts a motion and ends it at a random time by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0.
@@ -12,8 +12,6 @@ echo server was meanwhile, the machine's own delay, which the gateway has twice:
 Clients and mounts stand for other computers: with enough processors the gateway has one of its own, and the crowd uses
 only idle time. The 99th percentile is over all kinds of ends together: of every stop, and of those during which the
 machine kept all its processors (``stolen.py``); the latter is judged. A crowd with wrong or missing replies fails too.
-With ``--share`` a gateway runs for that share of the time, as on a slower processor (``share.py``), and a stop may wait
-for the ends of two pauses: one when it comes, and one when the exchange ends.
 """
 
 from __future__ import annotations
@@ -37,12 +35,12 @@ from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from tests.benchmarks import processes
 from tests.benchmarks.figures import percentile
+from tests.benchmarks.processes import used
 from tests.soak.paced import PacedMount
-from tests.soak.share import limited, pause, used
 from tests.soak.stolen import StolenTime, watched
 from tests.support.process import Running
 
-#: Seconds on the way to a gateway that runs all the time, and from there to the mount.
+#: Seconds on the way to a gateway, and from there to the mount.
 RACE = 0.001
 LONGEST, TAP = 1.2, 1.0
 GOAL = 0.002
@@ -175,7 +173,7 @@ SETUPS = (
 class Bench(NamedTuple):
     """One gateway with its mount, and the port its clients use; ``both`` are its LX200 and its NexStar port.
 
-    What reaches the mount ``race`` seconds after a client's byte was sent before the gateway had read that byte.
+    What reaches the mount ``RACE`` seconds after a client's byte was sent before the gateway had read that byte.
     """
 
     setup: Setup
@@ -183,7 +181,6 @@ class Bench(NamedTuple):
     gateway: Running
     port: int
     both: tuple[int, int]
-    race: float
 
 
 #: The processors of this machine: the last one is the gateway's, the others, if any, are for everything else.
@@ -199,7 +196,7 @@ def _beside() -> Iterator[None]:
     os.sched_setaffinity(0, OTHERS)
 
 
-async def _bench(setup: Setup, chance: random.Random, state: str, running: list[Running], share: float) -> Bench:
+async def _bench(setup: Setup, chance: random.Random, state: str, running: list[Running]) -> Bench:
     """Start a gateway and wait until it is ready."""
     mount = PacedMount(make_simulator(Endpoint(setup.mount, "sim", setup.model), clock=time.time), chance)
     where = f"{setup.mount}@socket://127.0.0.1:{await mount.listen()}"
@@ -221,7 +218,7 @@ async def _bench(setup: Setup, chance: random.Random, state: str, running: list[
         )
     running.append(gateway)
     ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
-    return Bench(setup, mount, gateway, ports[setup.surface == "nexstar"], (ports[0], ports[1]), RACE + pause(share))
+    return Bench(setup, mount, gateway, ports[setup.surface == "nexstar"], (ports[0], ports[1]))
 
 
 async def _drain(reader: asyncio.StreamReader) -> None:
@@ -264,7 +261,7 @@ async def _added(bench: Bench, before: int, sent: float, ending: Ending) -> tupl
         stop = next((one for one in exchanges[before:] if ending.stops(one.request)), None)
         if stop is not None:
             place = exchanges.index(stop, before)
-            in_flight = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + bench.race]
+            in_flight = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
             due = max([sent, *(one.ended for one in in_flight if one.ended is not None)])
             return max(0.0, stop.came - due), stop.came
     return LOST, math.inf
@@ -306,7 +303,7 @@ async def _situation(
     """Measure one situation and print its rows; return whether the goal was met."""
     loop = asyncio.get_running_loop()
     copies = arguments.copies if name == "idle" else 1
-    benches = [await _bench(setup, chance, state, running, arguments.share) for setup in setups for _ in range(copies)]
+    benches = [await _bench(setup, chance, state, running) for setup in setups for _ in range(copies)]
     crowds = []
     found: dict[str, list[Stop]] = {}
     bare: list[float] = []
@@ -335,8 +332,6 @@ async def _situation(
         began, spent = loop.time(), [used(bench.gateway.process.pid) for bench in benches]
         async with contextlib.AsyncExitStack() as stack:
             stolen = await stack.enter_async_context(watched(PROCESSORS))
-            for bench in benches if arguments.share < 1.0 else ():
-                await stack.enter_async_context(limited(bench.gateway.process.pid, arguments.share))
             await asyncio.gather(
                 *(_measure(bench, until, chance, found.setdefault(bench.setup.name, [])) for bench in benches)
             )
@@ -354,7 +349,7 @@ async def _situation(
             print(f"  {bench.setup.name} said: {bench.gateway.said[-1000:]}")
     print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
     print("  a gateway used", ", ".join(f"{100.0 * one:.1f}" for one in spent), "% of a processor")
-    met = [_report(setup, stops, stolen, GOAL + 2.0 * pause(arguments.share)) for setup, stops in found.items()]
+    met = [_report(setup, stops, stolen, GOAL) for setup, stops in found.items()]
     return all(met) and all(answered)
 
 
@@ -390,7 +385,6 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0, help="of every situation")
     parser.add_argument("--copies", type=int, default=3, help="gateways side by side; under a load, longer")
     parser.add_argument("--clients", type=int, default=20, help="of a crowd")
-    parser.add_argument("--share", type=float, default=1.0, help="of the time for which a gateway runs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
     arguments = parser.parse_args()

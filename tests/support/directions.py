@@ -7,12 +7,8 @@ be within 15 % of the rate in that mount's tables, and turn the other axis by no
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import sys
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -274,41 +270,3 @@ async def _play(case: Scenario) -> list[Row]:
 def play(case: Scenario) -> list[Row]:
     """Run all motions of one scenario, on virtual time."""
     return run(_play(case))
-
-
-def _line(rows: list[Row]) -> str:
-    """Return one scenario and rate as a line: measured over requested for each direction, and the largest across."""
-    case, what = rows[0].scenario, rows[0].what
-    parts = "  ".join(f"{row.direction} {row.seen / row.asked:+.3f}{'' if row.right else '!'}" for row in rows)
-    across = max(abs(row.across / row.asked) for row in rows)
-    speed = abs(rows[0].asked) * 3600.0
-    name = f"{case.mount}{f'/{case.version}' if case.version else ''}"
-    return (
-        f"| {case.program} | {name} | {case.build} | {'north' if case.site[0] > 0 else 'south'} | {what} | "
-        f"{speed:.1f}″ | {parts} | {across:.3f} |"
-    )
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--only", help="scenarios whose mount or build this is")
-    arguments = parser.parse_args()
-    began = time.monotonic()
-    cases = [case for case in scenarios() if arguments.only in (None, case.mount, case.build)]
-    with ProcessPoolExecutor(arguments.processes) as pool:
-        results = list(pool.map(play, cases))
-    print("| program | mount | build | | rate | asked | seen, parts of it | across |")
-    print("|---|---|---|---|---|---|---|---|")
-    wrong, count = 0, 0
-    for rows in results:
-        for what in dict.fromkeys(row.what for row in rows):
-            own = [row for row in rows if row.what == what]
-            print(_line(own))
-            count, wrong = count + len(own), wrong + sum(not row.right for row in own)
-    print(f"\n{count} motions, {wrong} of them wrong; {time.monotonic() - began:.0f} s")
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

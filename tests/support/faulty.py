@@ -36,8 +36,6 @@ class Kind(Enum):
     REBOOT = "mount switched off and on"
 
 
-#: Faults that leave no reply with a valid form and a changed value.
-BREAKING = tuple(kind for kind in Kind if kind is not Kind.ALTERED)
 #: Faults that take so long that they are drawn more rarely than the others.
 RARE = {Kind.VANISHED: 0.1, Kind.HALF: 0.1, Kind.MUTE: 0.03, Kind.REBOOT: 0.01}
 #: Seconds that a reply may be late if others overtake it: the longest delay with which a reply is still accepted.

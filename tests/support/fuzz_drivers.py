@@ -1,20 +1,15 @@
-"""Corrupted replies into both drivers, through link, driver and controller, on virtual time. Standalone.
-
-    python -m tests.support.fuzz_drivers [--seed 1] [--bytes 2000000] [--seconds 900] [--only nexstar]
+"""Corrupted replies into both drivers, through link, driver and controller, on virtual time.
 
 A simulated mount replies to every request, and its replies are corrupted: changed, cut, repeated, replaced by noise,
 by NAKs, by endless text, delayed, or lost; meanwhile operations of every kind are performed, with values at their
 limits, several at a time. Every one must end, with a value of its own type and range or with a Fault; nothing may grow;
-and once the replies are right again the gateway must understand the mount again. Exit code 1 after a finding.
+and once the replies are right again the gateway must understand the mount again.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
-import sys
-import time
 from collections import Counter
 from collections.abc import Callable
 from random import Random
@@ -25,7 +20,6 @@ import msgspec
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.wireformat.command_set import load
 from gateway.transport.wires import OnData, OnLost
 from tests.support.fuzz_bytes import flawed
@@ -34,8 +28,6 @@ from tests.support.in_process_gateway import Bridge
 
 #: Virtual seconds: the limit for an operation to end, and for the gateway to recover once the replies are right again.
 LONGEST, RECOVERED = 900.0, 90.0
-#: Reply bytes sent to one gateway.
-SLICE = 20_000
 MANNERS = ("true", "flawed", "noise", "nak", "endless", "length", "silent", "late", "unasked", "hash", "foreign")
 
 
@@ -303,39 +295,3 @@ def mounts() -> list[tuple[str, str]]:
     meades = [("lx200", model) for model in load("lx200").models]
     hands = [("nexstar", model) for model in load("nexstar").models]
     return [pair for n, hand in enumerate(hands) for pair in (meades[n % len(meades)], hand)]
-
-
-def main() -> int:
-    """Run all of it, print the figures and return the exit code."""
-    parser = argparse.ArgumentParser(description="Send corrupted replies to both drivers.")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--bytes", type=int, default=2_000_000, help="in all")
-    parser.add_argument("--seconds", type=float, default=900.0, help="start no gateway after this time")
-    parser.add_argument("--only", default="", help="lx200 or nexstar")
-    arguments = parser.parse_args()
-    rng, began, findings = Random(arguments.seed), time.perf_counter(), Findings()
-    told: Counter[str] = Counter()
-    wanted = [pair for pair in mounts() if pair[0].startswith(arguments.only)]
-    n = 0
-    while sum(told.values()) < arguments.bytes and time.perf_counter() - began < arguments.seconds:
-        driven, mount = wanted[n % len(wanted)]
-        own = Random(rng.getrandbits(64))
-        try:
-            told[driven] += run(corrupt(driven, mount, own, SLICE, findings))
-        except Exception as error:
-            findings.say(f"{driven}:{mount}: {error!r}", f"gateway {n} of seed {arguments.seed}")
-        n += 1
-    for driven, size in sorted(told.items()):
-        print(f"{driven:8} {size:>10,} reply bytes")
-    print(f"{n} gateways, {findings.requests:,} requests, {time.perf_counter() - began:.0f} s")
-    print("operations ended with: " + ", ".join(f"{name} {count:,}" for name, count in findings.ended.most_common()))
-    slowest = sorted(findings.slowest.items(), key=lambda item: -item[1])[:6]
-    print("longest, virtual seconds: " + ", ".join(f"{name} {seconds:.0f}" for name, seconds in slowest))
-    for what, count in findings.found.most_common():
-        print(f"FOUND {count:>6} x {what}")
-    print("nothing was found" if not findings.found else f"{len(findings.found)} kinds of findings")
-    return 1 if findings.found else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -4,21 +4,15 @@ The simulator's own state is the truth: everything that the controller delivers 
 have reported within the permitted age; while it moves, positions are extrapolated and may be off by as much as it moves
 in half a second. It slews, is moved by direction keys and stopped all the time, so that an old reply is a wrong one.
 ``trial`` is one run; the same seed gives the same run.
-
-    python -m tests.support.line_faults [--exchanges 100000] [--seed 1]
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import math
-import sys
-import time
 from collections import Counter, deque
 from itertools import pairwise
 from random import Random
-from statistics import mean
 from typing import Any
 
 from msgspec.structs import replace
@@ -30,7 +24,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
-from tests.support.faulty import BREAKING, FaultyWire, Kind
+from tests.support.faulty import FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
 
 #: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.
@@ -43,7 +37,6 @@ SETTLED = 40.0
 #: Seconds between two samples of the truth; between them the mount is at one of them or on the way.
 SAMPLED = 0.05
 POSITION = {"nexstar": b":GR#", "lx200": b"e"}
-MOUNTS = {"nexstar": ("cge", "6-8se"), "lx200": ("autostar", "lx200gps", "lx200")}
 
 
 def _apart(offsets: list[float]) -> float:
@@ -382,50 +375,3 @@ def trial(driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ..
 
     run(program())
     return made[0]
-
-
-def main() -> int:
-    """Run all: both drivers, three rates, every kind of fault alone and all together."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--exchanges", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--driven", choices=list(MOUNTS), default=None)
-    parser.add_argument("--kind", choices=[kind.name for kind in Kind], default=None)
-    given = parser.parse_args()
-    began = time.monotonic()
-    groups: list[tuple[str, tuple[Kind, ...]]] = [(kind.value, (kind,)) for kind in Kind]
-    groups += [("all that break the form", BREAKING), ("all", tuple(Kind))]
-    if given.kind:
-        groups = [(Kind[given.kind].value, (Kind[given.kind],))]
-    rates = (0.01, 0.05, 0.20)
-    driven = [given.driven] if given.driven else list(MOUNTS)
-    share = max(200, given.exchanges // (len(groups) * len(rates) * len(driven)))
-    total, wrong, faults, seed = 0, Counter[str](), 0, given.seed
-    print(
-        f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest",
-        " sane after",
-    )
-    for name, kinds in groups:
-        for protocol in driven:
-            for rate in rates:
-                seed += 1
-                model = MOUNTS[protocol][seed % len(MOUNTS[protocol])]
-                done = trial(protocol, model, seed, rate, kinds, share)
-                wire = done.wire
-                sane = [seconds for times in wire.sane_after.values() for seconds in times]
-                total, faults = total + done.carried, faults + sum(wire.faults.values())
-                wrong += done.wrong
-                print(
-                    f"{name:34} {model:9} {rate:4.0%} {done.carried:10} {sum(wire.faults.values()):7} "
-                    f"{len(done.strange):8} {done.unsure:7} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
-                    f"{done.asked['silent']:7} {done.longest:7.1f}s {mean(sane) if sane else 0.0:8.2f} s",
-                    flush=True,
-                )
-                for note in done.notes[:5]:
-                    print(f"    seed {seed}: {note}")
-    print(f"{total} exchanges, {faults} faults, wrong: {dict(wrong) or 0}, {time.monotonic() - began:.0f} s")
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

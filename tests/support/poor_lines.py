@@ -1,17 +1,13 @@
-"""What programs receive over a poor line, and how soon the first reply arrives: figures to read, on virtual time.
+"""What programs receive over a poor line, and how soon the first reply arrives, on virtual time.
 
-A program asks for the position again 0.3 s after every reply, for 120 s on each line, at rest and during a slew. Then
-it measures how soon an LX200 that the gateway has not met before is identified, at several speeds of the line.
-
-    python -m tests.support.poor_lines [--seconds 120]
+A program asks for the position again 0.3 s after every reply, at rest and during a slew. ``first_answer`` is how soon
+an LX200 that the gateway has not met before is identified.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.poor_line import LineFaults, Polls, insert_poor_line, poll
 
@@ -62,30 +58,3 @@ async def first_answer(model: str, named: bool, latency: float) -> float:
     took = loop.time() - began
     await bridge.controller.close()
     return took
-
-
-def main() -> None:
-    """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=120.0)
-    seconds = parser.parse_args().seconds
-    for moving in (False, True):
-        print("\npolls answered of those asked, wrong ones, longest wait:", "in motion" if moving else "at rest")
-        for name, poor in LINES.items():
-            for model, driven in MOUNTS.items():
-                polls = run(polled(model, driven, poor, seconds, moving))
-                print(
-                    f"{name:20} {model:10} {polls.answered:4} of {polls.asked:4}  wrong {polls.wrong}"
-                    f"  {polls.longest:.2f} s",
-                    flush=True,
-                )
-    print("\nseconds to the first answer")
-    for named in (True, False):
-        for latency in (0.0, 0.15, 0.5):
-            for model in ("lx200", "lx200-16", "autostar", "lx200gps"):
-                took = run(first_answer(model, named, latency))
-                print(f"{model:10} {'named' if named else '     '} {latency:.2f} s a reply: {took:.2f} s", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,14 +1,11 @@
 """Rates, requested and measured at the axes of simulated mounts: NexStar rates on Meades, LX200 rates on NexStars.
 
-    python -m tests.support.rates
-
 A row fails if the axis speed differs by more than 10 % from the speed that the tables give for that model.
 """
 
 from __future__ import annotations
 
 import asyncio
-import sys
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -187,20 +184,3 @@ def over_nexstar(model: str, version: str, first: bytes, guides: tuple[float, ..
 
 def _run(program: Callable[[], Coroutine[Any, Any, None]]) -> None:
     run(program())
-
-
-def main() -> int:
-    """Return 0 if every rate is as the tables say, else 1."""
-    rows = [row for model in MEADES for row in over_meade(model)]
-    rows += [row for mount in NEXSTARS for row in over_nexstar(*mount)]
-    print(f"{'mount':<18} {'command':<14} {'asked':>10} {'named':>10} {'measured':>10}")
-    for row in rows:
-        print(row.line())
-    failed = sum(row.fails for row in rows)
-    off = sum(abs(row.measured - row.asked) > WITHIN * abs(row.asked) for row in rows)
-    print(f"{len(rows)} rates, {off} more than 10 % off what was asked, {failed} off what the tables name")
-    return int(failed > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,17 +2,13 @@
 
 The port is a pseudo-terminal behind a symbolic link. Unplugging closes it at the mount's end and removes the link;
 plugging in creates another pseudo-terminal under the same link. TCP clients must not be disconnected.
-
-    python -m tests.support.replug [--cycles 50] [--seed 1]
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import os
-import sys
 import tempfile
 import time
 import tty
@@ -157,20 +153,3 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         await gateway.close()
         plug.unplug()
     return figures
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cycles", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    figures = asyncio.run(replug(given.cycles, given.seed))
-    back = sorted(figures.pop("back after"))
-    for name, value in figures.items():
-        print(f"{name:10} {value}")
-    print(f"back after {sum(back) / len(back):.2f} s on average, {back[-1]:.2f} s at most")
-    return 0 if figures["up"] and not figures["wrong"] and not figures["dropped"] else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

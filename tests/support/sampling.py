@@ -17,7 +17,7 @@ from zlib import crc32
 
 import pytest
 
-Amount = TypeVar("Amount", int, float)
+Amount = TypeVar("Amount")
 #: Whether everything is run; ``tests/conftest.py`` sets it before it imports the tests.
 WHOLE = False
 #: Grids of up to this many combinations are not sampled.

@@ -2,20 +2,12 @@
 
 For every mount, every way to move and every stop command it counts the traffic after the motion command, and after its
 stop, on a good line; then it loses each command, reply and byte of it in turn, on virtual time. Ten seconds after the
-stop the true axes of the mount may only track. Standalone, exit code 1 if something moves.
-
-    python -m tests.support.swallow [--only cge] [--bytes 3] [--processes 2] [--stop-only]
+stop the true axes of the mount may only track.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import sys
-import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from itertools import product
 from typing import Any
 
 from msgspec import Struct
@@ -136,53 +128,3 @@ async def _play(case: Case) -> Outcome:
 def play(case: Case) -> Outcome:
     """Run one case, on virtual time."""
     return run(_play(case))
-
-
-def plain(mounts: list[str], afters: tuple[str, ...] = ("stop", "order")) -> Iterator[Case]:
-    """Yield every mount, motion and stop, without a fault."""
-    for mount, after in product(mounts, afters):
-        for program, ends in (("lx200", LX200_ENDS), ("nexstar", NEXSTAR_ENDS)):
-            for motion, words in ends.items():
-                for end in words:
-                    yield Case(mount, program, motion, end, after)
-
-
-def faulty(fault_free: Outcome, every: int) -> Iterator[Case]:
-    """Yield cases that lose each command and reply of a fault-free run in turn, and one byte out of ``every``."""
-    case = fault_free.case
-    for lost, count, step in zip(("command", "reply", "byte"), fault_free.size, (1, 1, every), strict=True):
-        for number in range(1, count + 1, step):
-            yield Case(case.mount, case.program, case.motion, case.end, case.after, lost, number)
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=list(MOUNTS), nargs="*", default=list(MOUNTS))
-    parser.add_argument("--bytes", type=int, default=5, help="lose one byte out of this many")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--stop-only", action="store_true", help="lose nothing of the motion command")
-    arguments = parser.parse_args()
-    began, bad = time.monotonic(), 0
-    cases = list(plain(arguments.only, ("stop",) if arguments.stop_only else ("stop", "order")))
-    with ProcessPoolExecutor(arguments.processes) as pool:
-        fault_free = list(pool.map(play, cases, chunksize=4))
-        faults = [case for outcome in fault_free for case in faulty(outcome, arguments.bytes)]
-        outcomes = fault_free + list(pool.map(play, faults, chunksize=16))
-    for outcome in outcomes:
-        if outcome.moves:
-            bad += 1
-            case = outcome.case
-            print(
-                f"MOVES {case.mount} {case.program} {case.motion}, {case.end!r}: {case.lost or 'nothing'} "
-                f"{case.number} lost after the {case.after}: {outcome.swallowed!r}; sent {list(outcome.sent)}"
-            )
-    print("\n| mount | lines with a fault | longest in motion after the stop | moves after 10 s |\n|---|---|---|---|")
-    for mount in arguments.only:
-        own = [outcome for outcome in outcomes if outcome.case.mount == mount]
-        print(f"| {mount} | {len(own)} | {max(one.moved for one in own):.1f} s | {sum(one.moves for one in own)} |")
-    print(f"\n{len(outcomes)} lines, {bad} of them leave something moving; {time.monotonic() - began:.0f} s")
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,8 +1,5 @@
 """Checks simulated mounts that are as the gateway believes, under all conditions that differ between real ones.
 
-python -m tests.support.true_mounts                  20 checks of every model
-python -m tests.support.true_mounts --only nexstar:cgem --seed 7
-
 By chance, but the same for a seed: the version, the site in both hemispheres, a fork's wedge, the night, the mount's
 clock, the line's delay, where the tube points and whether it tracks. What ``prove`` then calls a difference is a false
 alarm. Afterwards tracking must be as it was, and the tube must not have been below the horizon.
@@ -10,9 +7,7 @@ alarm. Afterwards tracking must be as it was, and the tube must not have been be
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import sys
 from collections.abc import Callable
 from random import Random
 from typing import Any
@@ -109,25 +104,3 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
     with patch.object(small_motions, "KEYS", keys):
         found: list[str] = run_calm(check())
     return found
-
-
-def main() -> int:
-    """Return 0 if no check raised an alarm."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--only", choices=MOUNTS, action="append")
-    parser.add_argument("--seed", type=int)
-    chosen = parser.parse_args()
-    false = count = 0
-    for seed in range(CHECKS) if chosen.seed is None else [chosen.seed]:
-        for mount in chosen.only or MOUNTS:
-            count += 1
-            if wrong := alarms(mount, seed):
-                false += 1
-                named, settings, *_ = conditions(mount, seed)
-                print(f"--only {mount} --seed {seed} ({named}, {settings}):", *wrong, sep="\n  ", flush=True)
-    print(f"{count} checks, {false} with an alarm")
-    return int(false > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Which way arrows and guide pulses go; the long version is ``python -m tests.support.directions``."""
+"""Which way arrows and guide pulses go, on every build with ``--whole``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_an
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
-from tests.support.directions import NORTH, SOUTH, Scenario, on_the_axes, play
+from tests.support import sampling
+from tests.support.directions import NORTH, SOUTH, Scenario, on_the_axes, play, scenarios
 from tests.support.in_process_gateway import Bridge
 
 #: A fork on the meridian at 45 degrees of altitude and of latitude: its azimuth follows the stars at 21.27"/s, 85 as a
@@ -356,7 +357,9 @@ def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(site: 
         Scenario("nexstar", "lx200gps", None, "fork", SOUTH),
         Scenario("nexstar", "autostar", None, "german west", NORTH),
         Scenario("nexstar", "autostar", None, "alt-az", SOUTH),
-    ],
+    ]
+    if not sampling.WHOLE
+    else list(scenarios()),
     ids=str,
 )
 def test_motion_on_the_sky(case: Scenario) -> None:

@@ -1,10 +1,11 @@
-"""The line swallows a part of a stop: nothing moves ten seconds later. Every place: ``tests/support/swallow.py``."""
+"""The line swallows a part of a stop: nothing moves ten seconds later. With ``--whole``, each part of it in turn."""
 
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
-from tests.support.sampling import as_a_rule
+from tests.support import sampling
 from tests.support.swallow import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
 
 #: What is slower than a tenth of a degree a second says nothing by its position.
@@ -16,17 +17,29 @@ WORDS = [
 LOST = [("command", 1), ("byte", 3)]
 
 
+def losses(case: Case) -> list[Case]:
+    """The case with each command, each reply and each byte of its traffic lost in turn, or with a sample of these."""
+    if sampling.WHOLE:
+        sizes = zip(("command", "reply", "byte"), play(case).size, strict=True)
+        lost = [(what, number) for what, size in sizes for number in range(1, size + 1)]
+    else:
+        lost = LOST if case.motion == "arrow" else LOST[:1]
+    return [replace(case, lost=what, number=number) for what, number in lost]
+
+
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_a_stop_that_is_swallowed_in_part_is_a_stop(mount: str) -> None:
-    every = as_a_rule(5, whole=1)
+    every = sampling.as_a_rule(5, whole=1)
     for program, motion, end in WORDS[list(MOUNTS).index(mount) % every :: every]:  # each on two mounts or three
-        for lost, number in LOST if motion == "arrow" else LOST[:1]:
-            outcome = play(Case(mount, program, motion, end, "stop", lost, number))
+        for case in losses(Case(mount, program, motion, end)):
+            outcome = play(case)
             assert outcome.swallowed, outcome
             assert not outcome.moves, outcome
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_an_order_that_is_swallowed_in_part_is_stopped_all_the_same(mount: str) -> None:
-    outcome = play(Case(mount, "lx200", "arrow", b":Q#", "order", "byte", 4))
-    assert not outcome.moves, outcome
+    order = Case(mount, "lx200", "arrow", b":Q#", "order", "byte", 4)
+    for case in losses(order) if sampling.WHOLE else [order]:
+        outcome = play(case)
+        assert not outcome.moves, outcome

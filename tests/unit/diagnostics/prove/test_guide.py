@@ -71,7 +71,6 @@ async def rests(proven: Proven, soon: float = RESTS) -> None:
 @pytest.mark.parametrize("seed", range(as_a_rule(1, whole=CHECKS)))
 @pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se", "lx200:lx200gps", "alpaca:polar"], whole=TRUE))
 def test_a_true_mount_raises_no_alarm_and_is_left_as_it_was(mount: str, seed: int) -> None:
-    """``python -m tests.support.true_mounts`` checks at all rates."""
     assert alarms(mount, seed, (9, 6, 1)) == []
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
+from itertools import product
 from random import Random
 from typing import Any
 
@@ -25,6 +26,7 @@ from tests.support.each import each
 from tests.support.faulty import Kind
 from tests.support.in_process_gateway import Bridge
 from tests.support.line_faults import trial
+from tests.support.sampling import as_a_rule
 from tests.unit.mount.link.test_queue import Wire, hand_control, opened
 
 EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
@@ -35,11 +37,14 @@ EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
 
 @pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 13)])
 def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: int) -> None:
-    """A short piece of ``tests/support/line_faults.py``; a failure is played again by its seed."""
-    done = trial(driven, model, seed, 0.05, EVERY, 200)
-    assert sum(done.wire.faults.values()) >= 5
-    assert done.asked["positions"] > 50
-    assert not done.wrong, done.notes
+    """A failure is played again by its seed. With ``--whole``, every kind of fault alone, too, at three rates."""
+    kinds = as_a_rule([EVERY], whole=[EVERY, tuple(Kind), *((kind,) for kind in Kind)])
+    for faults, rate in product(kinds, as_a_rule([0.05], whole=[0.01, 0.05, 0.2])):
+        done = trial(driven, model, seed, rate, faults, as_a_rule(200, whole=2000))
+        assert not done.wrong, (faults, rate, done.notes)
+        if faults == EVERY:
+            assert sum(done.wire.faults.values()) >= 5
+            assert done.asked["positions"] > 50
 
 
 def test_the_proof_sees_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
