@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.day_table import DAY
+from gateway.astro.ephemeris.almanac import DAY, stored
 from tests.support.pages import ROOT
 from tests.support.process import Running, ask
 
@@ -83,7 +83,7 @@ def test_its_gateway_lets_the_file_calculate_the_almanac(
         [mount] = json.loads(status.stdout)
         sky = mount["sky"]
     assert run.end() == 0 and sky.startswith("almanac of "), run.said
-    assert keeper.stored().days_from(int(time.time() // DAY)) >= keeper.AHEAD - 1
+    assert stored().days_from(int(time.time() // DAY)) >= keeper.AHEAD - 1
 
 
 def test_explain_runs_as_a_process_of_its_own(one: str) -> None:

@@ -181,17 +181,17 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     astropy translates them, in a process of its own, and the almanac keeps them for the next start.
     """
     from gateway.astro.ephemeris import keeper
-    from gateway.astro.ephemeris.day_table import DAY
+    from gateway.astro.ephemeris.almanac import DAY, stored
 
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
     site = ",".join(parts)
-    if (known := keeper.stored().sites.get(site)) is not None:
+    if (known := stored().sites.get(site)) is not None:
         return known
     today = int(time.time() // DAY)
     try:
-        almanac, _ = keeper.renewed(today, range(today, today + keeper.OTHERS), [site])
+        almanac, _ = keeper.renewed(range(today, today + keeper.AHEAD), [site])
     except (OSError, ValueError) as error:
         raise UserError(
             f"{text!r}: astropy, which translates this, cannot be used here ({error}): write it in degrees, north and "

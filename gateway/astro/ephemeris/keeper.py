@@ -1,9 +1,8 @@
-"""Keeps the almanac: reads it, lets a process of its own calculate what is missing, and stores it for the next start.
+"""Keeps the almanac: lets a process of its own calculate what is missing, and stores it for the next start.
 
-The process serving mounts imports neither astropy nor numpy. All gateways of a user share one file, which is replaced
-as a whole by whoever holds its lock; the next then finds there what it wanted. Where it cannot be stored, it is kept in
-memory. What fails is told once and tried again after an hour, at most three times a day. For dates that programs set
-there are six processes an hour.
+The process that serves mounts imports neither astropy nor numpy. All gateways of a user share one file; the holder of
+its lock replaces it as a whole, and the next one finds there what it needs. An almanac that cannot be stored stays in
+memory. Between two attempts there is a minute, after a failure an hour.
 """
 
 from __future__ import annotations
@@ -18,77 +17,47 @@ import time
 from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from pathlib import Path
-from typing import TypeVar
 
-from gateway.astro.ephemeris.almanac import Almanac, decoded, read
-from gateway.astro.ephemeris.day_table import DAY
-from gateway.astro.ephemeris.sky import FROM, TO, Sky
-from gateway.core.errors import UserError, told
+from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, decoded, stored
+from gateway.astro.ephemeris.sky import Sky
 from gateway.system.files import cache_directory, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 from gateway.system.runtime_folders import user
 
-#: Days of an almanac, and of them those left when the next are calculated; days for another date than today's; how many
-#: of such days, and of sites, are stored.
-AHEAD, LEFT, OTHERS, STORED = 40, 10, 4, 32
-#: Seconds that the process may take; that a failed attempt is not repeated; between two looks, and two processes.
-LONGEST, AGAIN, LOOK, PAUSE = 120.0, 3600.0, 60.0, 2.0
-#: Attempts that may fail in a day; processes for other dates than the next ones in an hour.
-ATTEMPTS, ON_DEMAND = 3, 6
+#: Days that are calculated together, from a missing one on. At rest, so many days must be left.
+AHEAD, LEFT = 30, 10
+#: Seconds: the process may take, between two looks and after a process, after one that failed.
+LONGEST, PAUSE, AGAIN = 120.0, 60.0, 3600.0
 #: One thread, which gives way to everything else, and no modules from the folder it was started in.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: The same on Windows, and no window.
 FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
-#: The name of the command line's command that calculates an almanac.
-COMMAND = "almanac"
-
-_T = TypeVar("_T")
 
 
-def stored(named: str | None = None) -> Almanac:
-    """Return the almanac in this user's cache folder, with that of a file that the user has ``named``.
-
-    It is empty if there is none that can be used; for the named one this raises UserError.
-    """
-    try:
-        almanac = read(cache_directory() / "almanac")
-    except (OSError, ValueError):
-        almanac = Almanac()
-    try:
-        return almanac if named is None else almanac.joined(read(Path(named).expanduser()))
-    except (OSError, ValueError) as error:
-        raise UserError(f"--almanac {named}: {told(error) if isinstance(error, OSError) else error}") from None
-
-
-def renewed(today: int, days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
-    """Return an almanac with these days and sites, and why it could not be stored. Raises OSError, ValueError."""
+def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
+    """Return an almanac with these days and sites, and why it cannot be stored. Raises OSError, ValueError."""
     path, trouble = cache_directory() / "almanac", ""
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
-        _make_folder(path.parent)
-        _wait(lock)
-    except OSError as error:
-        trouble = f"{path.parent}: {error.strerror or error}"
-    try:
+        try:
+            _make_folder(path.parent)
+            _wait(lock)
+        except OSError as error:
+            trouble = f"{path.parent}: {error.strerror or error}"
         almanac = stored()
         lacking = [day for day in days if day not in almanac.days]
         unknown = [site for site in sites if site not in almanac.sites]
         if lacking or unknown:
-            almanac = _joined(almanac, calculated(lacking, unknown), today)
-            if not trouble:
-                try:
+            almanac = almanac.joined(calculated(lacking, unknown)).newest()
+            try:
+                if not trouble:
                     replace_file(path, almanac.encoded())
-                except OSError as error:
-                    trouble = f"{path}: {error.strerror or error}"
+            except OSError as error:
+                trouble = f"{path}: {error.strerror or error}"
         return almanac, trouble
     finally:
         lock.release()
-
-
-def _joined(almanac: Almanac, newer: Almanac, today: int) -> Almanac:
-    """Return both, without what is not needed any more."""
-    return almanac.joined(newer).only(today - 1, today + 2 * AHEAD, STORED)
 
 
 def _wait(lock: PidLock) -> None:
@@ -118,14 +87,15 @@ def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
 
     It ends when this process does, however that ends: its input is a pipe that nobody writes to.
     """
-    words = [*gateway_argv(), COMMAND, "-", "--dates", ",".join(map(str, days)), *(f"--site={site}" for site in sites)]
+    words = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     environment = {**os.environ, **ENVIRONMENT, "PYTHONPATH": path}
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            words, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
-        )
+            [*words, *(f"--site={site}" for site in sites)],
+            stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {LONGEST:.0f} s") from None
     finally:
@@ -137,14 +107,14 @@ def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
     return decoded(done.stdout)
 
 
-async def _on_daemon(work: Callable[[], _T]) -> _T:
-    """Wait for work on a thread that ends with its program: for others Python waits before that can stop its mount."""
-    done: Future[_T] = Future()
+async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
+    """Renew on a thread that ends with its program: for others Python waits before that can stop its mount."""
+    done: Future[tuple[Almanac, str]] = Future()
     done.set_running_or_notify_cancel()
 
     def run() -> None:
         try:
-            done.set_result(work())
+            done.set_result(renewed(days))
         except Exception as error:
             done.set_exception(error)
 
@@ -171,92 +141,61 @@ class AlmanacKeeper:
         self._sky, self._warn, self._exact, self._quiet = sky, warn, exact, quiet
         self._enter = enter or (lambda act: act())
         self._clock = clock
-        self._almanac = Almanac()
-        #: When an attempt failed, and when one for another date began: monotonic time.
-        self._failed: list[float] = []
-        self._on_demand: list[float] = []
+        #: The almanac of the start, that of this run, and both.
+        self._opened = self._own = self._almanac = Almanac()
         self._told: set[str] = set()
         self._asked = asyncio.Event()
 
-    @property
-    def _today(self) -> int:
-        return int(self._clock() // DAY)
-
     def open(self, named: str | None = None) -> None:
         """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
-        self._use(stored(named))
+        self._opened = stored(named)
         self._sky.ask = self._asked.set
+        self._use(Almanac())
 
     async def keep(self) -> None:
         """Calculate what is missing or will soon be, until this is cancelled."""
         while True:
             self._asked.clear()
-            if (days := self._wanted()) and self._may_try():
-                await self._renew(days)
-                await asyncio.sleep(PAUSE)
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._asked.wait(), LOOK)
+            if days := self._lacking():
+                await asyncio.sleep(PAUSE if await self._renew(days) else AGAIN)
+            else:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._asked.wait(), PAUSE)
 
-    async def _renew(self, days: list[int]) -> None:
-        today = self._today
-        if self._others.intersection(days):
-            self._on_demand.append(time.monotonic())
+    async def _renew(self, days: list[int]) -> bool:
         try:
-            newer, trouble = await _on_daemon(lambda: renewed(today, days))
+            newer, trouble = await _on_daemon(days)
         except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
-            self._failed.append(time.monotonic())
             self._tell_once(
                 f"the almanac could not be calculated: {error}. Where it has no tables, simpler formulas are used: the "
                 "Sun within 0.01 degrees, the Moon within 0.04, no planets. It is tried again in an hour"
             )
-            return
+            return False
         if trouble:
             self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
-        self._enter(lambda: self._use(_joined(self._almanac, newer, today)))
+        self._enter(lambda: self._use(newer))
+        return True
 
-    def _use(self, almanac: Almanac) -> None:
-        known, self._almanac = self._today in self._almanac.days, almanac
-        if almanac.days:
-            self._sky.use(almanac)
-        if not known and self._today in almanac.days:
+    def _use(self, newer: Almanac) -> None:
+        known = self._today in self._almanac.days
+        self._own = self._own.joined(newer).newest()
+        self._almanac = self._opened.joined(self._own)
+        self._sky.use(self._almanac)
+        if not known and self._today in self._almanac.days:
             self._exact()
 
     @property
-    def _ahead(self) -> range:
-        return range(self._today, self._today + AHEAD)
+    def _today(self) -> int:
+        return int(self._clock() // DAY)
 
-    @property
-    def _others(self) -> set[int]:
-        """The days without tables that are needed and are not among the next ones: a program has set another date."""
-        return self._sky.missing.difference(self._ahead)
-
-    def _wanted(self) -> list[int]:
-        """Return the days to calculate now."""
-        held, missing = self._almanac.days, self._sky.missing
-        if self._others and not self._may_serve_others():
-            missing = missing - self._others
-        wanted = {day + more for day in missing for more in range(OTHERS)}
-        left = self._almanac.days_from(self._today)
-        if left < LEFT and (not left or self._quiet()):
-            wanted.update(self._ahead)
-        return sorted(day for day in wanted if day not in held and FROM <= day * DAY < TO)
-
-    def _may_serve_others(self) -> bool:
-        """Whether another date may be calculated for; tell it if not."""
-        now = time.monotonic()
-        self._on_demand = [at for at in self._on_demand if now - at < AGAIN]
-        if len(self._on_demand) < ON_DEMAND:
-            return True
-        self._tell_once(
-            f"programs have set {ON_DEMAND} other dates within an hour: for the next ones, simpler formulas are used "
-            "until the hour is over (the Sun within 0.01 degrees, the Moon within 0.04, no planets)"
-        )
-        return False
-
-    def _may_try(self) -> bool:
-        now = time.monotonic()
-        self._failed = [at for at in self._failed if now - at < DAY]
-        return len(self._failed) < ATTEMPTS and (not self._failed or now - self._failed[-1] >= AGAIN)
+    def _lacking(self) -> list[int]:
+        """Return the days to calculate: today, a date that a clock of a mount shows, and, at rest, the next ones."""
+        starts = {self._today, self._sky.missing or self._today}
+        if self._quiet():
+            starts.add(self._today + LEFT)
+        held = self._almanac.days
+        days = {start + more for start in starts if start not in held for more in range(AHEAD)}
+        return sorted(day for day in days if day not in held and FROM <= day * DAY < TO)
 
     def _tell_once(self, words: str) -> None:
         if words not in self._told:

@@ -2,10 +2,10 @@
 
 Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
 refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
-Commands interpolate in day tables: those of an almanac, which a process of its own has calculated with astropy
-(``keeper.py``), or after `load` (tests, a replay) those of astropy in this process. Where there is no table, and before
-1900 and after 2099, the closed formulas are used, and the day is noted as missing. No call waits, no method raises for
-finite arguments.
+Commands interpolate in the tables of an almanac, which a process of its own has calculated with astropy
+(``keeper.py``), or after `load` (tests, a replay) in those of astropy in this process. Where there is no table, and
+before 1973 and after 2099, the closed formulas are used, and the day is noted as missing. No call waits, no method
+raises for finite arguments.
 
                       closed formulas     tables
     sidereal time     0.02 s + UT1-UTC    0.005 s
@@ -23,9 +23,8 @@ import time
 from collections.abc import Callable
 
 from gateway.astro.ephemeris import closed_forms
-from gateway.astro.ephemeris.almanac import Almanac
+from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, Row
 from gateway.astro.ephemeris.closed_forms import Frame
-from gateway.astro.ephemeris.day_table import DAY, PARTS, DayTable
 from gateway.astro.offline import go_offline
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
@@ -39,82 +38,59 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-FROM = -2208988800.0  # 1900-01-01
-TO = 4102444800.0  # 2100-01-01
-_DAYS_ASKED = 4  # limits the days waiting for their tables, in case a client sets the clock again and again
-_TABLES_KEPT = 16 * len(PARTS)  # enough for the days of the host's clock, the mount's, a replayed transcript's
 _FRAMES_KEPT = 16  # enough for the minutes of the host's clock, the mount's, a replayed transcript's
 _EARTH_RADIUS = 6378.137  # km, at the equator (WGS 84)
 _EARTH_FLATTENING = 1.0 / 298.257223563
 
 
-class DayTables:
-    """Owns the day tables. They are of the almanac that ``use`` got, or of astropy, which ``load`` imports."""
+class Sky:
+    """Positions and times by astropy's tables if there are any, else by the closed formulas."""
 
     def __init__(self) -> None:
-        self._make: Callable[[str, int], DayTable | None] | None = None
-        self._almanac: Almanac | None = None
-        self._tables: dict[tuple[str, int], DayTable] = {}
-        #: The days that were needed and have no tables; ``ask`` is called when there is one more.
-        self.missing: set[int] = set()
+        self._at: Callable[[str, float], Row | None] = Almanac().at
+        self._frames: dict[float, Frame] = {}
+        #: Whether astropy's results are in use.
+        self.ready = False
+        #: The last day that was needed and has no tables; ``ask`` is called when there is another one.
+        self.missing: int | None = None
         self.ask: Callable[[], object] = lambda: None
-
-    @property
-    def ready(self) -> bool:
-        """Whether astropy's results are in use."""
-        return self._make is not None
 
     def use(self, almanac: Almanac) -> None:
         """Use the tables of this almanac from now on."""
-        self._make, self._almanac = almanac.table, almanac
-        self.missing.difference_update(almanac.days)
+        self._from_now_on(almanac.at)
+        self.ready = bool(almanac.days)
+        self.missing = None if self.missing in almanac.days else self.missing
 
     def load(self) -> None:
         """Load astropy in this process; where that is not possible, the closed formulas remain."""
         with contextlib.suppress(Exception):  # anything that a broken installation can raise
             go_offline()
-            from gateway.astro.ephemeris.by_astropy import day_table
+            from gateway.astro.ephemeris import by_astropy
 
-            day_table("Moon", 0)  # so that an error shows here and not in a command
-            self._make = day_table
+            by_astropy.at("Moon", 0.0)  # so that an error shows here and not in a command
+            self._from_now_on(by_astropy.at)
+            self.ready = True
 
-    def table(self, part: str, unix: float) -> DayTable | None:
-        """Return the table of the day of a moment; None if there is none, or none yet."""
+    def _from_now_on(self, at: Callable[[str, float], Row | None]) -> None:
+        self._at = at
+        self._frames.clear()
+
+    def _values(self, part: str, unix: float) -> Row | None:
+        """Return what the tables say, if they have the day; else note that it is missing."""
         if not FROM <= unix < TO:
             return None
+        values = self._at(part, unix)
         day = int(unix // DAY)
-        table = self._tables.get((part, day))
-        if table is None:
-            table = self._make(part, day) if self._make is not None else None
-            if table is None:
-                self._ask(day)
-                return None
-            if self._almanac is not None and day + 1 not in self._almanac.days:
-                self._ask(day + 1)  # so that midnight finds its tables
-            if len(self._tables) >= _TABLES_KEPT:
-                del self._tables[next(iter(self._tables))]
-            self._tables[part, day] = table
-        return table
-
-    def _ask(self, day: int) -> None:
-        """Note that a day is missing, and tell that, once."""
-        if day not in self.missing and len(self.missing) < _DAYS_ASKED:
-            self.missing.add(day)
+        if values is None and day != self.missing:
+            self.missing = day
             self.ask()
+        return values
 
     def source(self, unix: float) -> str:
         """Return what a result for this moment is calculated from."""
-        if self.table("frame", unix) is None:
+        if self._values("frame", unix) is None:
             return "closed form"
         return time.strftime("almanac of %Y-%m-%d", time.gmtime(unix))
-
-
-class Sky(DayTables):
-    """Positions and times by astropy's tables if there are any, else by the closed formulas."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._frames: dict[tuple[DayTable | None, float], Frame] = {}
 
     def sidereal_time(self, unix: float, longitude_east: float) -> float:
         """Return the apparent sidereal time in [0, 360)."""
@@ -176,13 +152,13 @@ class Sky(DayTables):
         vector = self._vector(name, unix)
         return None if vector is None else from_vector(vector)
 
-    def _moon(self, unix: float) -> Vector:
+    def moon_vector(self, unix: float) -> Vector:
         """Return the geocentric vector of the Moon, of date, in km."""
         return self._vector("Moon", unix) or closed_forms.moon(unix)
 
     def _moon_from(self, unix: float, lat: float, lon_east: float) -> Vector:
         """Return the vector from a site at sea level to the Moon, of date, in km."""
-        x, y, z = self._moon(unix)
+        x, y, z = self.moon_vector(unix)
         phi = math.radians(wrap360(lat))
         polar = (1.0 - _EARTH_FLATTENING) ** 2
         curvature = _EARTH_RADIUS / math.sqrt(math.cos(phi) ** 2 + polar * math.sin(phi) ** 2)
@@ -199,26 +175,20 @@ class Sky(DayTables):
         Within the minute the axes move less than 0.0001"; sidereal time increases at the sidereal rate.
         """
         minute = unix - unix % 60.0
-        table = self.table("frame", minute)
-        key = table, minute
-        frame = self._frames.get(key)
+        frame = self._frames.get(minute)
         if frame is None:
             if len(self._frames) >= _FRAMES_KEPT:
                 self._frames.clear()
-            frame = _frame_of(table, minute % DAY) if table else closed_forms.frame(minute)
-            self._frames[key] = frame
+            values = self._values("frame", minute)
+            frame = self._frames[minute] = closed_forms.frame(minute) if values is None else _frame_of(minute, *values)
         return minute, frame
 
     def _vector(self, part: str, unix: float) -> Vector | None:
         """Return the geocentric vector of Sun, Moon or a planet, of date, in km; None without a table."""
-        table = self.table(part, unix)
-        if table is None:
-            return None
-        x, y, z = table.at(unix % DAY)
-        return x, y, z
+        values = self._values(part, unix)
+        return None if values is None else (values[0], values[1], values[2])
 
 
-def _frame_of(table: DayTable, seconds: float) -> Frame:
-    """Return the Earth's frame from a table, at a second of its day."""
-    greenwich, *m = table.at(seconds)
-    return greenwich + SIDEREAL_RATE * seconds, ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))
+def _frame_of(unix: float, greenwich: float, *m: float) -> Frame:
+    """Return the Earth's frame from what a table says."""
+    return greenwich + SIDEREAL_RATE * (unix % DAY), ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))

@@ -33,7 +33,7 @@ def add_almanac(commands: Commands) -> None:
 
 
 def _almanac(arguments: argparse.Namespace) -> int:
-    from gateway.astro.ephemeris.day_table import DAY
+    from gateway.astro.ephemeris.almanac import DAY
     from gateway.astro.offline import go_offline
 
     asked = arguments.dates is not None

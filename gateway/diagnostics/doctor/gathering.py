@@ -21,8 +21,7 @@ from pathlib import Path
 from gateway.app.control.exchange import ControlEndpoint, is_listening
 from gateway.app.control.reach import Scope, ask_state, reachable, search, unreachable_gateways
 from gateway.app.status import State
-from gateway.astro.ephemeris.day_table import DAY
-from gateway.astro.ephemeris.keeper import stored
+from gateway.astro.ephemeris.almanac import DAY, stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor import installed

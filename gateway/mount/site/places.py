@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.astro.ephemeris.day_table import PARTS
+from gateway.astro.ephemeris.almanac import PARTS
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Invalid, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry

@@ -11,8 +11,7 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.app.status import Rate, State, StatusLine, status
-from gateway.astro.ephemeris.almanac import Almanac
-from gateway.astro.ephemeris.day_table import DAY
+from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core import operations as op
@@ -130,7 +129,7 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
             assert status_line(pier, rate).rate > 0
             assert pier.state().drawn().sky == "closed form"
             moment = bridge.controller.sources.times()[0].unix
-            bridge.controller.astrometry.sky.use(Almanac("", {int(moment // DAY): bytes(8 * 333)}))
+            bridge.controller.astrometry.sky.use(Almanac({int(moment // DAY): bytes(8 * 333)}))
             assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
     run(program())

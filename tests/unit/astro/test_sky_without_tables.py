@@ -8,13 +8,15 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 
+import erfa
+import numpy as np
 import pytest
 
 from gateway.astro.ephemeris import closed_forms
-from gateway.astro.ephemeris import sky as sky_module
-from gateway.astro.ephemeris.almanac import Almanac
+from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
+from gateway.astro.spherical import from_vector, separation
 from tests.support.each import each
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
@@ -41,27 +43,19 @@ def test_answers_before_there_is_an_almanac_and_notes_the_day(almanac: Almanac) 
     assert not sky.ready and sky.source(moment) == "closed form"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240 + abs(UT1_UTC_1987) / 240)
     assert (sky.sun(moment), sky.planet("Mars", moment)) == (Sky().sun(moment), None)
-    assert (sky.missing, len(asked)) == ({DAY_OF_1987}, 1), "once, however often it is needed"
+    assert (sky.missing, len(asked)) == (DAY_OF_1987, 1), "once, however often it is needed"
     sky.use(almanac)
-    assert sky.ready and sky.planet("Mars", moment) is not None and not sky.missing
+    assert sky.ready and sky.planet("Mars", moment) is not None and sky.missing is None
     assert sky.source(moment) == "almanac of 1987-04-10"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
 
 
-def test_a_client_that_sets_its_clock_again_and_again_asks_for_few_days() -> None:
-    sky = Sky()
-    for day in range(200):
-        assert sky.planet("Mars", day * sky_module.DAY) is None
-    assert len(sky.missing) == 4
-
-
 def test_at_the_midnight_of_the_last_day_closed_forms_go_on(almanac: Almanac) -> None:
-    """And the day is asked for in good time: on its eve."""
     sky, midnight = Sky(), unix(1987, 4, 12)
     sky.use(almanac)
     before = sky.sidereal_time(midnight - 0.001, 0.0)
-    assert sky.missing == {DAY_OF_1987 + 2}
     assert sky.source(midnight - 0.001) == "almanac of 1987-04-11" and sky.source(midnight) == "closed form"
+    assert sky.missing == DAY_OF_1987 + 2
     assert sky.sidereal_time(midnight, 0.0) - before == pytest.approx(0.001 / 240, abs=1.0 / 240)
     first = unix(1987, 4, 11)  # between two days of the almanac only UT1-UTC changes
     assert sky.sidereal_time(first, 0.0) - sky.sidereal_time(first - 1e-3, 0.0) == pytest.approx(
@@ -69,34 +63,22 @@ def test_at_the_midnight_of_the_last_day_closed_forms_go_on(almanac: Almanac) ->
     )
 
 
-@each("moment", [-2208988800.5, 4102444800.0])
+@each("moment", [94780799.5, 4102444800.0])
 def test_a_year_without_tables_is_not_asked_for(moment: float) -> None:
     sky = Sky()
-    assert sky.source(moment) == "closed form" and not sky.missing
+    assert sky.source(moment) == "closed form" and sky.missing is None
 
 
-def test_old_tables_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sky_module, "_TABLES_KEPT", 3)
-    sky = Sky()
-    sky.load()
-    for day in range(5):
-        sky.sun(day * sky_module.DAY)
-    assert [day for _, day in sky._tables] == [2, 3, 4]
-
-
-def test_between_the_rows_of_a_table_stands_what_astropy_says() -> None:
-    """The Moon, which moves fastest, halfway between rows and at both ends of the day; and sidereal time."""
-    by_astropy = pytest.importorskip("gateway.astro.ephemeris.by_astropy")
-    fine = by_astropy._SECONDS / 8.0  # the same rows within three hours
-    for part in ("Moon", "frame"):
-        table = by_astropy.day_table(part, 20000)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(by_astropy, "_SECONDS", fine)
-            by_astropy._moments.cache_clear()
-            rows = by_astropy._rows(part, (20000,))[0].tolist()
-        by_astropy._moments.cache_clear()
-        for seconds, row in zip(fine, rows, strict=True):
-            assert table.at(float(seconds)) == pytest.approx(row, rel=2e-8, abs=1e-9)
+@each(("body", "arcseconds"), [("Sun", 0.0002), ("Moon", 0.004)])
+def test_between_the_rows_stands_what_astropy_says(body: str, arcseconds: float) -> None:
+    """Half-way between rows, and at both ends of a day."""
+    go_offline()
+    by_astropy = importlib.import_module("gateway.astro.ephemeris.by_astropy")
+    for seconds in (0.0, 600.0, 5400.0, 48600.0, 81000.0, 86399.0):
+        moment = 20000 * DAY + seconds
+        at = by_astropy.Time(moment, format="unix").tt
+        right = np.dot(erfa.pnm06a(at.jd1, at.jd2), by_astropy.from_earth(body, at))
+        assert separation(*from_vector(by_astropy.at(body, moment)), *from_vector(right)) < arcseconds / 3600.0
 
 
 def test_goes_on_without_astropy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,9 +130,6 @@ def test_a_frame_serves_a_whole_minute_of_several_clocks(monkeypatch: pytest.Mon
             sky.horizon(10.0, 20.0, 45.0, 10.0, clock + second)
             sky.to_of_date(10.0, 20.0, clock + second)
     assert sorted(made) == [unix(2001, 1, 1), unix(2026, 11, 21)]
-    for minute in range(1000):
-        sky.sidereal_time(60.0 * minute, 0.0)
-    assert len(sky._frames) <= 16
 
 
 def run(program: str) -> str:

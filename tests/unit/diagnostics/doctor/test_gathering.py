@@ -13,8 +13,7 @@ import msgspec
 import pytest
 
 from gateway.app.control.reach import Scope
-from gateway.astro.ephemeris.almanac import Almanac
-from gateway.astro.ephemeris.day_table import DAY
+from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering, installed
@@ -79,7 +78,7 @@ def test_an_almanac_has_days_until_the_first_that_it_lacks(
 ) -> None:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
     named, today = tmp_path / "year.almanac", 20780
-    named.write_bytes(Almanac("", dict.fromkeys((today, today + 1, today + 3), bytes(8 * 333))).encoded())
+    named.write_bytes(Almanac(dict.fromkeys((today, today + 1, today + 3), bytes(8 * 333))).encoded())
     assert gathering._almanac_until(today * DAY + 5.0, str(named)) == (today + 1) * DAY
     assert gathering._almanac_until((today + 2) * DAY, str(named)) is None
     assert gathering._almanac_until(today * DAY, None) is None
