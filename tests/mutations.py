@@ -357,9 +357,9 @@ MUTATIONS = [
         "tests/unit/astro/test_almanac.py",
     ),
     Mutation(
-        "days of older data of the Earth's rotation are kept",
-        r"days = self\.days if self\.by == newer\.by else \{\}",
-        "days = self.days",
+        "an almanac that cannot be stored is forgotten",
+        r"self\._own = self\._own\.joined\(newer\)\.newest\(\)",
+        "self._own = newer",
         "tests/unit/astro/test_almanac.py",
     ),
     Mutation(
