@@ -1,7 +1,9 @@
-"""Parses endpoints, brokers and sites as users type them, and suggests what a wrong one was probably meant to be.
+"""Parses endpoints, names of mounts, brokers and sites as users type them, and suggests what a wrong one should be.
 
-An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker is ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site
-is ``LAT,LON`` in degrees.
+A name such as ``6se``, ``CPC 1100`` or ``lx90`` stands for protocol and model; the names are data, ``called.toml`` of
+each protocol. ``celestron`` stands for a protocol without a model. An endpoint is
+``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker is ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site is ``LAT,LON``
+in degrees.
 """
 
 from __future__ import annotations
@@ -9,16 +11,85 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
 
-from gateway.app.config.mount_names import resolve_name, suggest_name
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
+from gateway.protocols.wireformat.command_set import load
+
+#: The row of names that leave the model open.
+OPEN = "any"
+
+
+def resolve_name(text: str) -> str | None:
+    """Return ``PROTOCOL[:MODEL]`` for a name as a user writes it, without a version; None for an unknown name."""
+    head, colon, rest = text.partition(":")
+    if not colon:
+        return head if head in PROTOCOLS else _look_up(_all_names(), head)
+    protocol = head if head in PROTOCOLS else _look_up(_all_names(), head)
+    if protocol not in PROTOCOLS:
+        return None
+    if not rest or rest in load(protocol).models:
+        return f"{protocol}:{rest}" if rest else protocol
+    own = {word: found for word, found in _all_names().items() if found.startswith(f"{protocol}:")}
+    return _look_up(own, rest) or f"{protocol}:{rest}"
+
+
+def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
+    """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker.
+
+    ``among`` are the protocols that may be meant.
+    """
+    known = [*among, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
+    plain = _normalised(word)
+    names = [name for name, found in sorted(_all_names().items()) if found.partition(":")[0] in among]
+    for choices in (known, names):
+        if close := similar(plain if choices is not known else word, choices, least=0.7):
+            return f"did you mean {close[0]!r}?"
+    which = ", ".join(
+        f"{name} for a {spec.makers[0].title()}" for name, spec in reversed(PROTOCOLS.items()) if spec.makers
+    )
+    return f"write {which}, or the name of the mount: 6se, cpc, avx, lx90, etx (mount-gateway --help lists the models)"
+
+
+@cache
+def _all_names() -> Mapping[str, str]:
+    """Return every name, without blanks and punctuation, with the ``PROTOCOL[:MODEL]`` it stands for."""
+    rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
+    for protocol in PROTOCOLS:
+        for model, words in names_by_model(protocol).items():
+            rows |= dict.fromkeys(words, protocol if model == OPEN else f"{protocol}:{model}")
+    return rows | {protocol: protocol for protocol in PROTOCOLS}
+
+
+def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
+    """Return the names of each model of a protocol. Raises MappingError."""
+    return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
+
+
+def _look_up(words: Mapping[str, str], written: str) -> str | None:
+    plain = _normalised(written)
+    return words.get(plain) or words.get(_makers().sub("", plain))
+
+
+@cache
+def _makers() -> re.Pattern[str]:
+    """Return the pattern of a maker or brand that may stand before the name of a mount."""
+    specs = PROTOCOLS.values()
+    makers = "|".join(maker for spec in specs for maker in spec.makers)
+    brands = "|".join(brand for spec in specs for brand in spec.brands)
+    return re.compile(f"^(?:{makers})?(?:{brands})?(?=.)")
+
+
+def _normalised(word: str) -> str:
+    return re.sub("[^a-z0-9]", "", word.lower())
+
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
 #: The address of a mount that is reached over HTTP, with its number if it is not the first of its server.

@@ -10,23 +10,109 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.pushes import Pushes
-from gateway.clients.commands.releases import Releases
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn, TurnRunner
 from gateway.clients.commands.unread import UnreadText
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.core.errors import NoAnswer
-from gateway.core.operations import AbortMotion, Operation
+from gateway.core.errors import Fault, NoAnswer
+from gateway.core.operations import AbortMotion, Direction, Operation, StopAxis
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
+from gateway.mount.motion.taps import over
 from gateway.mount.presence import HostActivity
 from gateway.protocols.base.frames import RESYNC_GAP, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending
+from gateway.protocols.base.surface import Ending, Surface
+from gateway.protocols.base.wants import Subscription
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Connected
+
+#: Seconds within which the releases of all four arrows are a stop.
+ALL_AT_ONCE = 0.3
+
+
+class Releases:
+    """What the releases of arrows of one connection end: the motion of an axis, a tap that waits, or all motion.
+
+    The release of an arrow whose press still waits in ``inbox`` makes it a tap, which is carried out in its turn.
+    ``by_stop``: the program releases its arrows by a full stop.
+    """
+
+    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, by_stop: bool) -> None:
+        self._controller, self._surface, self._inbox, self.by_stop = controller, surface, inbox, by_stop
+        #: The releases a moment ago, with the loop times of their arrival.
+        self._recent: dict[bytes, float] = {}
+
+    def ends(self, frame: bytes, ending: Ending, now: float, under_way: Turn | None) -> Ending | None:
+        """Return what a command ends; None if it releases only an arrow whose press waits behind ``under_way``."""
+        release = ending.operation
+        if not isinstance(release, StopAxis):
+            return ending
+        self._recent = {one: at for one, at in self._recent.items() if now - at <= ALL_AT_ONCE} | {frame: now}
+        if len(self._recent) == len(Direction):
+            self._recent.clear()
+            return Ending(AbortMotion(), ending.takes_back)
+        tapped = (
+            self._inbox and self._only_taps(release.axis, under_way) and self._inbox.release(ending.takes_back, now)
+        )
+        return None if tapped else ending
+
+    def _only_taps(self, axis: int, under_way: Turn | None) -> bool:
+        """Whether nothing moves the axis, or is about to, that the release of an arrow would end."""
+        wanted = self._controller.wanted.value
+        if not over(wanted, axis) or wanted.waiting_gotos or self._controller.slewing:
+            return False
+        waiting = [*self._inbox, under_way] if under_way is not None else self._inbox
+        return not any(self._surface.begins_goto(turn.frame) for turn in waiting)
+
+
+class Pushes:
+    """The subscriptions of one connection, which is sent readings without a request.
+
+    Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
+    is skipped, and so is one that falls due while earlier bytes are unread. ``read`` takes a reading in this client's
+    form, ``send`` writes bytes, ``unsent`` counts pending bytes.
+    """
+
+    def __init__(
+        self,
+        subscriptions: Sequence[Subscription],
+        read: Callable[[Operation], Awaitable[object]],
+        send: Callable[[bytes], None],
+        unsent: Callable[[], int],
+        spawn: Callable[[Coroutine[object, object, None]], asyncio.Task[None]],
+    ) -> None:
+        self._read, self._send, self._unsent = read, send, unsent
+        self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
+
+    async def _serve(self, subscription: Subscription) -> None:
+        """Run until cancelled. Times that were missed are skipped."""
+        now = asyncio.get_running_loop().time
+        last, due = b"", now() + subscription.after
+        if subscription.after:
+            await asyncio.sleep(subscription.after)
+        while True:
+            if not self._unsent():
+                last = await self._push(subscription, last)
+            due = max(due + subscription.every, now())
+            await asyncio.sleep(due - now())
+
+    async def _push(self, subscription: Subscription, last: bytes) -> bytes:
+        """Send one reading. Return the bytes that were sent last."""
+        try:
+            data = subscription.encode(await self._read(subscription.operation))
+        except Fault:
+            return last
+        if not data or (subscription.changes and data == last):
+            return last
+        self._send(data)
+        return data
+
+    def close(self) -> None:
+        for task in self._tasks:
+            task.cancel()
 
 
 class CommandProcessor:

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from gateway.astro.ephemeris.sky import Sky
-from gateway.diagnostics.report import answer_plots, sky_plots
-from gateway.diagnostics.report.answer_plots import at
+from gateway.diagnostics.report import plots
 from gateway.diagnostics.report.night import Night, Remark
-from gateway.diagnostics.report.sky_plots import TrackPoint, light, track
+from gateway.diagnostics.report.plots import TrackPoint, at, light, track
 from gateway.diagnostics.report.svg import clock
 
 #: How many commands of each program are named, and how many rows of refusals and notes are shown.
@@ -33,19 +32,19 @@ def page(night: Night, source: str) -> str:
     if seen:
         parts.append(_section(
             "Where it pointed", "North is up and east is left, as one looks up. The thick line: it tracked or rested; "
-            "the thin one: it was on its way.", f'<div class="round">{sky_plots.all_sky(seen, night)}</div>',
+            "the thin one: it was on its way.", f'<div class="round">{plots.all_sky(seen, night)}</div>',
         ))  # fmt: skip
         parts.append(_section(
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: a program was refused "
-            "something. Dashed: the limits.", _wide(sky_plots.altitude(seen, light(night, sky), night)),
+            "something. Dashed: the limits.", _wide(plots.altitude(seen, light(night, sky), night)),
         ))  # fmt: skip
     if night.took:
         parts.append(_section(
             "How long the mount took to answer", "The line is the middle one of the answers, the band nine of ten, "
             "dots are the longest. Red: something was noted about the mount or its line.",
-            _wide(answer_plots.over_time(night)),
+            _wide(plots.over_time(night)),
         ))  # fmt: skip
-        parts.append(_section("How often it took how long", "", _wide(answer_plots.histogram(night))))
+        parts.append(_section("How often it took how long", "", _wide(plots.histogram(night))))
     parts += [
         _section("Programs", "", table_of_programs(night)),
         _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", of_programs=True)),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.config import mount_names, parse_device, parse_endpoint, parse_site
+from gateway.app.config import endpoints, parse_device, parse_endpoint, parse_site
 from gateway.app.config.endpoints import suggest_address
 from gateway.app.control.stop_command import Report
 from gateway.cli import main
@@ -246,15 +246,15 @@ def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> No
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
-    names = {*load(protocol).models, mount_names.ANY, *(["starsense"] if protocol == "nexstar" else [])}
-    rows = mount_names.names_by_model(protocol)
+    names = {*load(protocol).models, endpoints.OPEN, *(["starsense"] if protocol == "nexstar" else [])}
+    rows = endpoints.names_by_model(protocol)
     assert set(rows) <= names
-    words = [word for side in PROTOCOLS for row in mount_names.names_by_model(side).values() for word in row]
+    words = [word for side in PROTOCOLS for row in endpoints.names_by_model(side).values() for word in row]
     assert len(words) == len(set(words))
     for model, row in rows.items():
         for word in row:
             assert parse_device(word).protocol == protocol and (
-                model == mount_names.ANY or parse_device(word).where == ""
+                model == endpoints.OPEN or parse_device(word).where == ""
             )
 
 

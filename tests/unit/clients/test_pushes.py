@@ -6,7 +6,7 @@ import asyncio
 from itertools import pairwise
 from typing import Any
 
-from gateway.clients.commands.pushes import Pushes
+from gateway.clients.commands.command_processor import Pushes
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
 from gateway.diagnostics.virtual_time import run

@@ -16,7 +16,7 @@ from gateway.app.control.reach import Scope
 from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli import main
 from gateway.cli.inspect import doctor
-from gateway.diagnostics.doctor import gathering, installed
+from gateway.diagnostics.doctor import gathering
 from gateway.diagnostics.doctor.checks import examine
 from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
 from gateway.system.own_commands import how_to_add, pip_command
@@ -69,8 +69,8 @@ def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Pa
 
 
 def test_releases_of_the_astronomy_data_are_days() -> None:
-    assert installed.published("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
-    assert installed.published("") is None
+    assert gathering.published("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
+    assert gathering.published("") is None
 
 
 def test_an_almanac_has_days_until_the_first_that_it_lacks(
@@ -87,24 +87,24 @@ def test_an_almanac_has_days_until_the_first_that_it_lacks(
 
 
 def test_the_installed_astronomy_data_can_be_read() -> None:
-    rotation, leap = installed.rotation_until(), installed.leap_seconds_until()
-    made = installed.published(installed.version(installed.DATA))
+    rotation, leap = gathering.rotation_until(), gathering.leap_seconds_until()
+    made = gathering.published(gathering.version(gathering.DATA))
     assert rotation is not None and leap is not None and made is not None
     assert 180 < (rotation - made) / 86400.0 < 500 and abs(leap - made) / 86400.0 < 500
 
 
 def test_a_package_that_is_not_there() -> None:
-    assert installed.version("no-such-package") == ""
-    assert list(installed.needed("no-such-package")) == [] and installed.missing_extras("no-such-package") == {}
+    assert gathering.version("no-such-package") == ""
+    assert list(gathering.needed("no-such-package")) == [] and gathering.missing_extras("no-such-package") == {}
 
 
 def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) -> None:
     told = ["here>=2", "old<1; python_version>'3'", "never; python_version<'3'", "gone", "more; extra == 'library'"]
-    monkeypatch.setattr(installed.importlib.metadata, "requires", lambda name: told)
-    monkeypatch.setattr(installed, "version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
-    found = [(package.name, package.version, package.fits) for package in installed.needed()]
+    monkeypatch.setattr(gathering.importlib.metadata, "requires", lambda name: told)
+    monkeypatch.setattr(gathering, "version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
+    found = [(package.name, package.version, package.fits) for package in gathering.needed()]
     assert found == [("here", "2.1", True), ("old", "1.1", False), ("gone", "", False)]
-    assert [package.name for package in installed.needed(extra="library")] == ["more"]
+    assert [package.name for package in gathering.needed(extra="library")] == ["more"]
 
 
 @pytest.mark.parametrize(("said", "kept"), [("yes\n", True), ("no\n", False), ("", None)])

@@ -13,11 +13,10 @@ from gateway.app.recording.format import read
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.cli import main
-from gateway.diagnostics.report.answer_plots import spreads
 from gateway.diagnostics.report.gather import gather
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.page import page, sentences
-from gateway.diagnostics.report.sky_plots import light, pieces, track
+from gateway.diagnostics.report.plots import light, pieces, spreads, track
 from tests.unit.diagnostics.report.recorded import BEGAN, REFUSED, SITE, TARGETS, Tape, head, night
 
 HOSTILE = "<script>alert(1)</script>"
