@@ -71,7 +71,7 @@ def carried(operation: str, mount: CommandSet, kind: Kind) -> list[Implementatio
             continue
         if None not in (aligned, way.aligned) and aligned != way.aligned:
             continue
-        needed = [mount.commands[command].known_to(model, version) for command in way.send + way.needs]
+        needed = [mount.commands[command].known_to(model, version) for command in way.needs]
         used = [mount.commands[command].known_to(model, version) for command in way.uses]
         if all(needed) and (needed or not used or any(used)):
             found.append(way)

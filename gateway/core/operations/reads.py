@@ -20,19 +20,13 @@ from gateway.core.operations.values import (
 class Position(Read[Equatorial], frozen=True):
     """-> Equatorial."""
 
-    answers = Equatorial
-
 
 class HorizontalPosition(Read[Horizontal], frozen=True):
     """-> Horizontal, as a fork reports it, or calculated from right ascension, declination, site and clock."""
 
-    answers = Horizontal
-
 
 class AxisPosition(Read[Horizontal], frozen=True):
     """-> Horizontal: the readings of the two motor axes, whatever they point at."""
-
-    answers = Horizontal
 
 
 class Slewing(Read[bool], frozen=True):

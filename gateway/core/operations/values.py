@@ -111,9 +111,7 @@ def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...
 
 
 class Read(Operation[AnswerT], frozen=True):
-    """Base of the operations that change nothing; ``answers`` is the struct a driver fills from reply fields."""
-
-    answers: ClassVar[type[Struct] | None] = None
+    """Base of the operations that change nothing."""
 
 
 class Direction(Enum):

@@ -2,8 +2,8 @@
 
 ``perform(operation)`` is a generator: it yields steps, and the caller sends back the outcome of each. There are four
 kinds of steps: ``Send`` (send this command and return the fields of its reply), ``Wait`` (leave the line to others for
-some seconds), ``Schedule`` (perform this operation later) and ``Remark`` (write this to the log). Rows of
-``driver.toml`` with ``send`` are carried out here; rows with ``call`` name functions of the protocol's own package.
+some seconds), ``Schedule`` (perform this operation later) and ``Remark`` (write this to the log). The rows of
+``driver.toml`` name functions of the protocol's own package (``call``).
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ class Driver:
         return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
 
     def _has(self, row: Implementation) -> bool:
-        return all(self.supports(name) for name in (*row.send, *row.needs))
+        return all(self.supports(name) for name in row.needs)
 
     @property
     def ends(self) -> frozenset[str]:
@@ -289,12 +289,4 @@ class Driver:
         row = self.implementation(type(operation))
         if row is None:
             raise Unsupported
-        if row.call:
-            return cast(_T, (yield from self.handlers[row.call](self, operation)))
-        given = {name: getattr(operation, name) for name in operation.__struct_fields__}
-        fields: op.Values = {}
-        for name in row.send:
-            fields |= yield Send(name, given)
-        if isinstance(operation, op.Read) and operation.answers is not None:
-            return cast(_T, operation.answers(**fields))
-        return cast(_T, fields or None)
+        return cast(_T, (yield from self.handlers[row.call](self, operation)))

@@ -27,7 +27,8 @@ from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
 #: The reply that some protocols give whether or not the command was carried out.
 ACKNOWLEDGED = b"#"
-#: What a row's ``call`` names: ``(session, command, values)`` -> the reply's values, or a generator that returns them.
+#: What a row's ``call`` names, called with session, command and values: returns the reply's values, or is a generator
+#: that returns them.
 Handler = Callable[..., object]
 
 

@@ -15,7 +15,6 @@ from gateway.core.operations import Activity, Equatorial, GetActivity, Goto, Pos
 from gateway.protocols.base.frames import LengthFramer
 from gateway.protocols.base.session import Kept, Session
 from gateway.protocols.base.wants import Handling, Subscription
-from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
 #: Bytes of the header (length and type), and of the longest message that is accepted.
@@ -70,7 +69,7 @@ class StellariumSession(Session):
     kept: Progress
 
 
-def goto(session: StellariumSession, command: Command, values: Mapping[str, Any]) -> Handling:
+def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
     """Slew; there is no reply, but the status of the next positions shows whether the goto was accepted."""
     try:
         if not -90.0 <= values["dec"] <= 90.0:

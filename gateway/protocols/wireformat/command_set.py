@@ -3,9 +3,9 @@
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (what a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands) and
 ``models.toml`` (differences between models). That of a dialect, for another maker's mounts, changes the first and
-fourth for the driver (``of``). The verbs of a surface row are ask, tell, say and call; those of a driver row are send
-and call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's parts are
-made: a mistake raises MappingError with file, row and reason. That a command ends a motion is written once, in its row
+fourth for the driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has
+call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's parts are made: a
+mistake raises MappingError with file, row and reason. That a command ends a motion is written once, in its row
 (``urgent``); the command set recognises it before its turn, and in incomplete bytes.
 """
 
@@ -35,6 +35,8 @@ from gateway.protocols.wireformat.rows import (
 )
 
 _T = TypeVar("_T")
+#: What the function of a surface row may take, by name: each takes what it uses.
+GIVEN = ("session", "command", "values")
 #: The words of ``urgent`` for commands that act as soon as they arrive.
 AT_ONCE = ("stop", "restart", "axis")
 
@@ -192,8 +194,6 @@ class CommandSet:
         return rows
 
     def _check_driver(self, where: str, key: str, row: Implementation) -> None:
-        if bool(row.send) == bool(row.call):
-            raise MappingError(where, key, "one of send, call is needed")
         if key == "AbortMotion" and not row.ends:
             raise MappingError(where, key, "it needs ends: its commands that end a motion and do nothing else")
         for name in (*row.commands, *row.ends):
@@ -206,7 +206,9 @@ class CommandSet:
 
     def functions(self, file: str, *modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
         """Return the public functions of these modules, ``module.function`` -> function, for the rows of ``file``
-        (``surface`` or ``driver``). Raises MappingError if a row calls one that there is not.
+        (``surface`` or ``driver``). Those of a surface are called with all of ``GIVEN``, and take what they name of it.
+
+        Raises MappingError if a row calls one that there is not, or one of a surface that takes something else.
         """
         found = _public(modules)
         if file == "surface":
@@ -217,7 +219,10 @@ class CommandSet:
         for key, name in called:
             if name is not None and name not in found:
                 raise MappingError(self._where(f"{file}.toml"), key, f"call: there is no function {name!r}")
-        return found
+            if file == "surface" and name is not None and (other := set(_takes(found[name])).difference(GIVEN)):
+                wrong = f"call: {name} takes {', '.join(sorted(other))}; it is given only {', '.join(GIVEN)}"
+                raise MappingError(self._where("surface.toml"), key, wrong)
+        return {name: _given(function) for name, function in found.items()} if file == "surface" else found
 
     @cached_property
     def _traits(self) -> frozenset[str]:
@@ -311,6 +316,21 @@ def _public(modules: tuple[ModuleType, ...]) -> Mapping[str, Callable[..., Any]]
         for name, value in vars(module).items()
         if isinstance(value, FunctionType) and value.__module__ == module.__name__ and not name.startswith("_")
     }
+
+
+def _takes(function: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the names of a function's parameters."""
+    code = function.__code__
+    return code.co_varnames[: code.co_argcount]
+
+
+def _given(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that is called with all of ``GIVEN``, and passes on what this one takes."""
+    names = _takes(function)
+    if names == GIVEN or not set(names).issubset(GIVEN):
+        return function
+    places = [GIVEN.index(name) for name in names]
+    return lambda *given: function(*[given[place] for place in places])
 
 
 @lru_cache

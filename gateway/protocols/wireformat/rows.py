@@ -163,16 +163,14 @@ class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``driver.toml``: one implementation of an operation.
 
-    send          the commands that it consists of
-    call          instead of ``send``: the function that carries it out (``module.function``)
-    needs, uses   further commands; without those of ``send`` and ``needs`` it is skipped, ``uses`` are optional
+    call          the function that carries it out (``module.function``)
+    needs, uses   the commands that it sends: without those of ``needs`` it is skipped, ``uses`` are optional
     ends          of the commands of a stop, those that end a motion and do nothing else
     part          a trait (``traits``) that a model must have, for the generated tables and the list of abilities
     aligned       for the tables: only used on an aligned mount (true), or only before the alignment (false)
     """
 
-    send: list[str] = []
-    call: str | None = None
+    call: str
     needs: list[str] = []
     uses: list[str] = []
     ends: list[str] = []
@@ -183,7 +181,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def commands(self) -> list[str]:
-        return self.send + self.needs + self.uses
+        return self.needs + self.uses
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -211,5 +209,5 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         kept = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]
-            kept[operation] = [way for way in possible if way.commands and has.issuperset(way.send + way.needs)]
+            kept[operation] = [way for way in possible if way.commands and has.issuperset(way.needs)]
         return kept | self.driver

@@ -21,18 +21,18 @@ TOPOCENTRIC, J2000 = 1, 2
 EAST, WEST, UNKNOWN = 0, 1, -1
 
 
-def alignment_mode(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def alignment_mode() -> Handling:
     if (yield op.GetAbilities()).german:
         return GERMAN
     return POLAR if (yield op.GetStatus()).equatorial else ALT_AZ
 
 
-def equatorial_system(session: AlpacaSession, command: Command, values: Values) -> int:
+def equatorial_system(session: AlpacaSession) -> int:
     """Return the equinox that is configured for the surface."""
     return J2000 if session.model["equinox"] == "j2000" else TOPOCENTRIC
 
 
-def side_of_pier(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def side_of_pier() -> Handling:
     """East is ASCOM's normal pointing state: the tube is east of the pier and points west, counterweight down."""
     try:
         side = yield op.TubeSide()
@@ -41,7 +41,7 @@ def side_of_pier(session: AlpacaSession, command: Command, values: Values) -> Ha
     return WEST if side == "W" else EAST
 
 
-def destination_side(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def destination_side(values: Values) -> Handling:
     """A German mount chooses, at every goto, the side from which it looks across the pier."""
     ra, _ = place(values)
     if not (yield op.GetAbilities()).german:
@@ -49,14 +49,14 @@ def destination_side(session: AlpacaSession, command: Command, values: Values) -
     return EAST if wrap180((yield op.SiderealTime()) - ra) >= 0.0 else WEST
 
 
-def axis_rates(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def axis_rates(values: Values) -> Handling:
     """Return the rates of an axis, degrees per second; a third axis has none."""
     third = axis(values) == 2
     speeds = (yield op.GetAbilities()).speeds
     return {"value": [] if third else [{"Minimum": low, "Maximum": high} for low, high in speeds]}
 
 
-def can_move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def can_move_axis(values: Values) -> Handling:
     third = axis(values) == 2
     return not third and op.MoveAxis.__name__ in (yield op.GetAbilities()).can
 

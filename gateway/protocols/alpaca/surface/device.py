@@ -19,45 +19,45 @@ from gateway.protocols.wireformat.numerals import moment
 ENDED_SHORT = "GotoEndedShort"
 
 
-def action(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def action(values: Values) -> Handling:
     """Carry out an action of this device's own. Raises Unsupported."""
     if given(values)["action"].casefold() != ENDED_SHORT.casefold():
         raise Unsupported(f"The only action is {ENDED_SHORT}.")
     return {"value": (yield op.GetActivity()).short}
 
 
-def supported_actions(session: AlpacaSession, command: Command, values: Values) -> dict[str, Any]:
+def supported_actions() -> dict[str, Any]:
     return {"value": [ENDED_SHORT]}
 
 
-def not_here(session: AlpacaSession, command: Command, values: Values) -> None:
+def not_here(command: Command) -> None:
     """Raise Unsupported: the gateway does not have this member."""
     raise Unsupported(f"Not available: {command.help}.")
 
 
-def connect(session: AlpacaSession, command: Command | None, values: Values) -> Handling:
+def connect(session: AlpacaSession) -> Handling:
     """Connect. Raises NoAnswer if the mount is known not to answer."""
     yield CheckPossible(op.Position())
     session.kept.connected = True
 
 
-def connected(session: AlpacaSession, command: Command, values: Values) -> bool:
+def connected(session: AlpacaSession) -> bool:
     return session.kept.connected is True
 
 
-def set_connected(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_connected(session: AlpacaSession, values: Values) -> Handling:
     """Connect or disconnect; this is completed before the reply."""
     if given(values)["on"]:
-        yield from connect(session, command, values)
+        yield from connect(session)
     else:
         session.kept.connected = False
 
 
-def disconnect(session: AlpacaSession, command: Command, values: Values) -> None:
+def disconnect(session: AlpacaSession) -> None:
     session.kept.connected = False
 
 
-def name(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def name() -> Handling:
     """Return the mount's own product name, or a general one until the mount has answered."""
     try:
         return (yield op.GetIdentity()).product
@@ -65,7 +65,7 @@ def name(session: AlpacaSession, command: Command, values: Values) -> Handling:
         return "Telescope mount"
 
 
-def description(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def description() -> Handling:
     """Return the mount's product name, model and version."""
     try:
         found: op.Identity = yield op.GetIdentity()
@@ -75,14 +75,14 @@ def description(session: AlpacaSession, command: Command, values: Values) -> Han
     return f"{found.product}, {found.model}{version}, by mount-gateway"
 
 
-def driver_version(session: AlpacaSession, command: Command, values: Values) -> dict[str, str]:
+def driver_version() -> dict[str, str]:
     return {"value": version()}
 
 
-def device_state(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def device_state(session: AlpacaSession) -> Handling:
     """Return the values that programs poll, in one reply; values that the mount does not report now are left out."""
     state: list[dict[str, Any]] = []
-    for label, reading in _polled(session, command):
+    for label, reading in _polled(session):
         try:
             state.append({"Name": label, "Value": (yield from reading)})
         except Fault:
@@ -90,18 +90,18 @@ def device_state(session: AlpacaSession, command: Command, values: Values) -> Ha
     return {"value": [*state, {"Name": "TimeStamp", "Value": moment(session.clock()).decode()}]}
 
 
-def _polled(session: AlpacaSession, command: Command) -> Iterator[tuple[str, Handling]]:
+def _polled(session: AlpacaSession) -> Iterator[tuple[str, Handling]]:
     yield "Altitude", _of(op.HorizontalPosition(), "alt")
-    yield "AtHome", motion.at_home(session, command, {})
-    yield "AtPark", motion.at_park(session, command, {})
+    yield "AtHome", motion.at_home()
+    yield "AtPark", motion.at_park()
     yield "Azimuth", _of(op.HorizontalPosition(), "az")
     yield "Declination", _of(op.Position(), "dec")
-    yield "IsPulseGuiding", motion.is_pulse_guiding(session, command, {})
+    yield "IsPulseGuiding", motion.is_pulse_guiding()
     yield "RightAscension", _hours(_of(op.Position(), "ra"))
-    yield "SideOfPier", abilities.side_of_pier(session, command, {})
+    yield "SideOfPier", abilities.side_of_pier()
     yield "SiderealTime", _hours(_of(op.SiderealTime()))
-    yield "Slewing", motion.slewing(session, command, {})
-    yield "Tracking", motion.tracking(session, command, {})
+    yield "Slewing", motion.slewing()
+    yield "Tracking", motion.tracking()
     yield "UTCDate", _utc()
 
 

@@ -35,16 +35,16 @@ SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
 RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("solar", 15.0 / SIDEREAL_ARCSECONDS)}
 
 
-def slew(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def slew(session: AlpacaSession, values: Values) -> Handling:
     yield op.Goto(*_target(session, values))
 
 
-def slew_altaz(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def slew_altaz(values: Values) -> Handling:
     az = within(values, "az", "Azimuth", 0.0, 360.0) % 360.0
     yield op.GotoHorizontal(az, within(values, "alt", "Altitude", -90.0, 90.0))
 
 
-def sync(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def sync(session: AlpacaSession, values: Values) -> Handling:
     yield op.Sync(*_target(session, values))
 
 
@@ -57,7 +57,7 @@ def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
     return session.kept.ra, session.kept.dec
 
 
-def slewing(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def slewing() -> Handling:
     return (yield from _slews((yield op.GetActivity())))
 
 
@@ -72,33 +72,33 @@ def _slews(moves: op.Activity) -> Handling:
     return moves.goto or moves.by_hand or moves.ends or (yield op.Slewing())
 
 
-def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def is_pulse_guiding() -> Handling:
     return (yield op.GetActivity()).pulse
 
 
-def at_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def at_park() -> Handling:
     """Return whether it is parked and at rest: some mounts report the end of a park while they still move."""
     moves: op.Activity = yield op.GetActivity()
     return moves.parked and not (yield from _slews(moves))
 
 
-def at_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def at_home() -> Handling:
     return (yield op.GetActivity()).homed and (yield op.HomeState()) == 1
 
 
-def find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def find_home() -> Handling:
     yield from _needs(op.Home, "This mount has no home position.")
     yield op.Home()
 
 
-def park(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def park() -> Handling:
     """Park the mount, unless it is parked already."""
     yield from _needs(op.Park, NO_PARK)
     if not (yield op.GetActivity()).parked:
         yield op.Park()
 
 
-def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def unpark() -> Handling:
     """Unpark and turn tracking on if possible. Raises Unsupported for a mount that cannot be parked."""
     yield from _needs(op.Park, NO_PARK)
     if not (yield op.GetActivity()).parked:
@@ -115,7 +115,7 @@ def _needs(operation: type[op.Operation], words: str) -> Handling:
         raise Unsupported(words)
 
 
-def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def move_axis(values: Values) -> Handling:
     """Move an axis at a rate of ``AxisRates``, positive or negative, or the next slower one of them; 0 ends the motion.
     Raises Invalid for a rate below or above all of them, Unsupported.
     """
@@ -134,7 +134,7 @@ def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handl
     yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=min(speed, max(slower))))
 
 
-def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def pulse_guide(session: AlpacaSession, values: Values) -> Handling:
     """Send a guide pulse; the reply is sent when it has begun. North raises the declination unless it is configured
     otherwise, which differs from what it meant before the pier side counted.
     """
@@ -152,13 +152,13 @@ def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Han
 # --- tracking ---------------------------------------------------------------------------------------------------------
 
 
-def tracking(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def tracking() -> Handling:
     """Return whether the mount tracks; a parked mount does not, whatever it reported last."""
     tracks = (yield op.GetStatus()).tracking is not op.Tracking.OFF
     return tracks and not (yield op.GetActivity()).parked
 
 
-def set_tracking(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_tracking(session: AlpacaSession, values: Values) -> Handling:
     on = given(values)["on"]
     if on and (yield op.GetActivity()).parked:
         raise Parked
@@ -167,7 +167,7 @@ def set_tracking(session: AlpacaSession, command: Command, values: Values) -> Ha
     session.kept.no_tracking = False
 
 
-def tracking_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def tracking_rate() -> Handling:
     """Return the number of the nearest drive rate."""
     try:
         factor = yield op.DriveRate()
@@ -176,11 +176,11 @@ def tracking_rate(session: AlpacaSession, command: Command, values: Values) -> H
     return min(RATES, key=lambda number: abs(RATES[number][1] - factor))
 
 
-def tracking_rates(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def tracking_rates() -> Handling:
     return {"value": (yield from _rates())}
 
 
-def set_tracking_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_tracking_rate(values: Values) -> Handling:
     """Set a drive rate. Raises Invalid if the mount does not have it."""
     number = given(values)["rate"]
     if number not in (yield from _rates()):
@@ -193,12 +193,12 @@ def _rates() -> Handling:
     return list(RATES) if "TrackRate" in (yield op.GetAbilities()).can else [0]
 
 
-def guide_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def guide_rate(command: Command) -> Handling:
     """Return the guide rate, degrees per second."""
     return (yield op.GetAbilities()).guides[_axis(command) - 1] * SIDEREAL
 
 
-def set_guide_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_guide_rate(command: Command, values: Values) -> Handling:
     """Set the guide rate, degrees per second, at most sidereal."""
     rate = within(values, "rate", "The guide rate", 0.0, SIDEREAL * 1.0001)
     if "SetGuideRate" not in (yield op.GetAbilities()).can:

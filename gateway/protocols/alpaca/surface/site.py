@@ -17,7 +17,7 @@ OWN = {
 }
 
 
-def kept(session: AlpacaSession, command: Command, values: Values) -> float:
+def kept(session: AlpacaSession, command: Command) -> float:
     """Return a value that the program has set. Raises NoTarget for a target that was not set."""
     field, name, *_ = OWN[command.name]
     value: float | None = getattr(session.kept, field)
@@ -32,16 +32,16 @@ def keep(session: AlpacaSession, command: Command, values: Values) -> None:
     setattr(session.kept, field, value % 360.0 if field == "ra" else value)
 
 
-def set_latitude(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_latitude(values: Values) -> Handling:
     yield op.SetSite(latitude=within(values, "latitude", "SiteLatitude", -90.0, 90.0))
 
 
-def set_longitude(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_longitude(values: Values) -> Handling:
     """Set the longitude, east positive."""
     yield op.SetSite(longitude=within(values, "longitude", "SiteLongitude", -180.0, 180.0))
 
 
-def set_clock(session: AlpacaSession, command: Command, values: Values) -> Handling:
+def set_clock(values: Values) -> Handling:
     """Set UTC and keep the UTC offset. Raises Refused if the mount refuses it."""
     unix = given(values)["unix"]
     before: op.Moment = yield op.GetClock()

@@ -34,25 +34,25 @@ _USAGE = (
 )
 
 
-def toggle_precision(session: LxSession, command: Command, values: op.Values) -> None:
+def toggle_precision(session: LxSession) -> None:
     """:U - toggle the format of coordinates for this client."""
     session.kept.precision = "low" if session.kept.precision == "high" else "high"
 
 
-def baud(session: LxSession, command: Command, values: op.Values) -> Handling:
+def baud(values: op.Values) -> Handling:
     """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
     if values.get("rate") not in RATES:
         raise Invalid("The baud rates are 1 to 9.")
     yield ChangeBaudRate(RATES[values["rate"]])
 
 
-def restart(session: LxSession, command: Command, values: op.Values) -> Handling:
+def restart(session: LxSession) -> Handling:
     """:I - unpark, and reset this client's settings. As an urgent command it stopped the mount when it arrived."""
     session.forget()
     yield FireAndForget(op.Unpark())
 
 
-def home_state(session: LxSession, command: Command, values: op.Values) -> Handling:
+def home_state() -> Handling:
     """:h? - 0 (not found) also for a telescope without a home position."""
     try:
         return {"state": str((yield op.HomeState()))}
@@ -60,7 +60,7 @@ def home_state(session: LxSession, command: Command, values: op.Values) -> Handl
         return {"state": "0"}
 
 
-def focus(session: LxSession, command: Command, values: op.Values) -> Handling:
+def focus(session: LxSession, command: Command) -> Handling:
     """:F+ :F- :FQ"""
     direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
     yield FireAndForget(op.Focus(direction, session.kept.focus_speed))
@@ -74,12 +74,12 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
     session.kept.focus_speed = speed
 
 
-def backlash(session: LxSession, command: Command, values: op.Values) -> Handling:
+def backlash(command: Command, values: op.Values) -> Handling:
     """:$BA for the declination motor, :$BZ for the right ascension motor."""
     yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
 
 
-def periodic_error(session: LxSession, command: Command, values: op.Values) -> Handling:
+def periodic_error(session: LxSession, command: Command) -> Handling:
     """$Q :$QA :$QZ - $Q toggles both axes by the state of right ascension, the others turn one axis on or off."""
     if command.name.startswith("$QA"):
         yield FireAndForget(op.PeriodicError(2, command.name.endswith("+")))
@@ -90,7 +90,7 @@ def periodic_error(session: LxSession, command: Command, values: op.Values) -> H
     yield FireAndForget(op.PeriodicError(None if toggled else 1, on))
 
 
-def silence(session: LxSession, command: Command, values: op.Values) -> bytes:
+def silence() -> bytes:
     """Send no reply: nothing has to be done and programs cope best with silence, or no true reply exists."""
     return b""
 
@@ -98,7 +98,7 @@ def silence(session: LxSession, command: Command, values: op.Values) -> bytes:
 # --- help -------------------------------------------------------------------------------------------------------------
 
 
-def help_line(session: LxSession, command: Command, values: op.Values) -> Handling:
+def help_line(session: LxSession, command: Command) -> Handling:
     """:?? :?+ :?- - an empty line precedes the first and follows the last; models without help do not reply."""
     if not session.model["help"]:
         return b""

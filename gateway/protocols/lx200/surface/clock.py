@@ -41,13 +41,13 @@ def _local(session: LxSession) -> Handling:
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
-def tell_local(session: LxSession, command: Command, values: op.Values) -> Handling:
+def tell_local(session: LxSession) -> Handling:
     """:GL (24 hours) :Ga (12 hours) :GC (date)"""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second, "date": local.date()}
 
 
-def tell_offset(session: LxSession, command: Command, values: op.Values) -> Handling:
+def tell_offset(session: LxSession) -> Handling:
     """:GG"""
     yield from commit_if_allowed(session)
     offset = session.kept.offset
@@ -178,7 +178,7 @@ def _instant(session: LxSession, day: date, seconds: float, offset: float, is_lo
     return nearer if abs(nearer - session.clock()) <= HOST_KNOWS else universal
 
 
-def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handling:
+def set_stamp(session: LxSession, values: op.Values) -> Handling:
     """:hIyyMMddHHmmss - set date and local time together."""
     session.check_may_set()
     try:
@@ -191,24 +191,24 @@ def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handli
     yield from commit(session)
 
 
-def tell_sidereal(session: LxSession, command: Command, values: op.Values) -> Handling:
+def tell_sidereal(session: LxSession) -> Handling:
     """:GS - the apparent sidereal time at the mount's site by its clock."""
     yield from commit_if_allowed(session)
     sidereal: float = yield op.SiderealTime()
     return {"sidereal": sidereal % 360.0}
 
 
-def set_sidereal(session: LxSession, command: Command, values: op.Values) -> None:
+def set_sidereal() -> None:
     """:SS - always raises Unsupported: sidereal time follows from clock and site."""
     raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
-def toggle_hours(session: LxSession, command: Command, values: op.Values) -> None:
+def toggle_hours(session: LxSession) -> None:
     """:H - toggle the 12-hour clock."""
     session.kept.twelve = not session.kept.twelve
 
 
-def tell_hours(session: LxSession, command: Command, values: op.Values) -> dict[str, str]:
+def tell_hours(session: LxSession) -> dict[str, str]:
     """:Gc"""
     return {"hours": "12" if session.kept.twelve else "24"}
 
@@ -216,7 +216,7 @@ def tell_hours(session: LxSession, command: Command, values: op.Values) -> dict[
 # --- GPS: the mount's own receiver; without one the reply is that of a receiver without a fix ---
 
 
-def gps_sentence(session: LxSession, command: Command, values: op.Values) -> Handling:
+def gps_sentence() -> Handling:
     """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force."""
     try:
         seen: op.Gps = yield op.GetGps()

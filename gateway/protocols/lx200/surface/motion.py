@@ -25,7 +25,7 @@ _DRIVES = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
 _MENU = ("ALTAZ", "POLAR", "LAND")
 
 
-def move(session: LxSession, command: Command, values: op.Values) -> Handling:
+def move(session: LxSession, command: Command) -> Handling:
     """:Mn :Ms :Me :Mw - motion by hand at this client's rate."""
     direction = op.Direction(command.name[1])
     kept = session.kept
@@ -54,7 +54,7 @@ def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
         session.kept.rate_dec = rate
 
 
-def max_rate(session: LxSession, command: Command, values: op.Values) -> None:
+def max_rate(session: LxSession, values: op.Values) -> None:
     """:Sw - set the fastest rate of this client and choose it: some programs use the command as a rate slider."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
@@ -63,14 +63,14 @@ def max_rate(session: LxSession, command: Command, values: op.Values) -> None:
     session.kept.rate = op.Rate(name="max")
 
 
-def guide_rate(session: LxSession, command: Command, values: op.Values) -> Handling:
+def guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
     fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
 
-def pulse(session: LxSession, command: Command, values: op.Values) -> Handling:
+def pulse(session: LxSession, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     values = given(values)
     direction, by_sky = op.Direction(values["direction"]), session.settings.guides_by_sky
@@ -80,7 +80,7 @@ def pulse(session: LxSession, command: Command, values: op.Values) -> Handling:
 # --- tracking ---------------------------------------------------------------------------------------------------------
 
 
-def alignment(session: LxSession, command: Command, values: op.Values) -> Handling:
+def alignment(session: LxSession) -> Handling:
     """ACK - the alignment mode. L is only sent to a client that requested land mode: some programs fail on it."""
     return {"mode": (yield from _letter(session))}
 
@@ -92,14 +92,14 @@ def _letter(session: LxSession) -> Handling:
     return "P" if status.equatorial else "A"
 
 
-def menu(session: LxSession, command: Command, values: op.Values) -> Handling:
+def menu(session: LxSession, command: Command) -> Handling:
     """:G0 :G1 :G2 - a line of the alignment menu, with a mark if it is the present mode."""
     index = int(command.name[1])
     letter = yield from _letter(session)
     return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
 
 
-def status(session: LxSession, command: Command, values: op.Values) -> Handling:
+def status(session: LxSession) -> Handling:
     """:GW - mount type, tracking, alignment."""
     seen: op.Status = yield op.GetStatus()
     return {
@@ -109,31 +109,31 @@ def status(session: LxSession, command: Command, values: op.Values) -> Handling:
     }
 
 
-def align(session: LxSession, command: Command, values: op.Values) -> Handling:
+def align() -> Handling:
     """:Aa - 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
     seen: op.Status = yield op.GetStatus()
     if not seen.aligned:
         raise NotAligned
 
 
-def land(session: LxSession, command: Command, values: op.Values) -> Handling:
+def land(session: LxSession) -> Handling:
     """:AL - tracking off. Waits for the outcome, so that the next reply reports the new state."""
     session.kept.land = True
     yield op.SetTracking(on=False)
 
 
-def track(session: LxSession, command: Command, values: op.Values) -> Handling:
+def track(session: LxSession) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode, so that its alignment is kept."""
     session.kept.land = False
     yield FireAndForget(op.SetTracking(on=True))
 
 
-def named_rate(session: LxSession, command: Command, values: op.Values) -> Handling:
+def named_rate(command: Command) -> Handling:
     """:TQ :TS :TL"""
     yield op.TrackRate(name=_DRIVES[command.name])
 
 
-def tell_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
+def tell_hertz() -> Handling:
     """:GT - the tracking rate; never 0, also while the mount does not track (see :GW)."""
     try:
         factor: float = yield op.DriveRate()
@@ -143,7 +143,7 @@ def tell_hertz(session: LxSession, command: Command, values: op.Values) -> Handl
     return {"hertz": _SIDEREAL_TOLD if _SIDEREAL[0] <= hertz <= _SIDEREAL[1] else min(_MOST, hertz)}
 
 
-def set_hertz(session: LxSession, command: Command, values: op.Values) -> Handling:
+def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
     hertz = given(values)["hertz"]
     if not 0 < hertz < 100:
@@ -151,7 +151,7 @@ def set_hertz(session: LxSession, command: Command, values: op.Values) -> Handli
     yield from _drive_at(session, hertz)
 
 
-def custom(session: LxSession, command: Command, values: op.Values) -> Handling:
+def custom(session: LxSession, command: Command) -> Handling:
     """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)

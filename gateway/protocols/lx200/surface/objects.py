@@ -41,7 +41,7 @@ _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "s
 _TYPES = re.compile("gpdco", re.IGNORECASE)
 
 
-def choose_catalog(session: LxSession, command: Command, values: op.Values) -> None:
+def choose_catalog(session: LxSession, values: op.Values) -> None:
     """:Lo - choose a catalogue; on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     session.kept.deep_sky = catalog
@@ -53,7 +53,7 @@ def choose_catalog(session: LxSession, command: Command, values: op.Values) -> N
         _check(session, lambda: deepsky.look_up(catalog, 1))
 
 
-def choose_stars(session: LxSession, command: Command, values: op.Values) -> None:
+def choose_stars(session: LxSession, values: op.Values) -> None:
     """:Ls - choose a catalogue: planets, Hipparcos, and SAO, HR and HD if they are installed."""
     catalog = None if "fault" in values else values["catalog"]
     session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
@@ -81,7 +81,7 @@ def select_object(session: LxSession, command: Command, values: op.Values) -> Ha
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
-def select_star(session: LxSession, command: Command, values: op.Values) -> Handling:
+def select_star(session: LxSession, values: op.Values) -> Handling:
     """:LS - select from the catalogue that :Ls chose; by default STAR on models that have it, else Hipparcos."""
     catalog = session.kept.stars
     if catalog == "model":
@@ -121,7 +121,7 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: st
     kept.ra, kept.dec, kept.moving, kept.object = place.ra, place.dec, moving, words
 
 
-def set_moon_target(session: LxSession, command: Command, values: op.Values) -> Handling:
+def set_moon_target(session: LxSession, values: op.Values) -> Handling:
     """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59); a half not set is 0."""
     if "fault" in values:
         session.kept.select_nothing("No object selected")
@@ -150,7 +150,7 @@ def _select(
 # --- searching --------------------------------------------------------------------------------------------------------
 
 
-def tell_search(session: LxSession, command: Command, values: op.Values) -> object:
+def tell_search(session: LxSession, command: Command) -> object:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     return getattr(session.kept.search, _LIMITS[command.name[1]])
 
@@ -164,13 +164,13 @@ def set_search(session: LxSession, command: Command, values: op.Values) -> None:
     session.kept.search = replace(session.kept.search, **{name: value})
 
 
-def step_quality(session: LxSession, command: Command, values: op.Values) -> None:
+def step_quality(session: LxSession) -> None:
     """:Sq - the next lower quality, from the worst back to the best."""
     present = QUALITIES.index(session.kept.search.quality)
     session.kept.search = replace(session.kept.search, quality=QUALITIES[(present + 1) % len(QUALITIES)])
 
 
-def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
+def browse(session: LxSession, command: Command) -> Handling:
     """:LF - select the first object within the limits, from the west; :LN, :LB - the next or previous one."""
     if not session.model["libraries"]:
         return
@@ -190,7 +190,7 @@ def browse(session: LxSession, command: Command, values: op.Values) -> Handling:
         session.kept.select_nothing(str(missing))
 
 
-def identify(session: LxSession, command: Command, values: op.Values) -> Handling:
+def identify(session: LxSession) -> Handling:
     """:Lf - report how many objects within the limits are in the field, and the one nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
@@ -207,7 +207,7 @@ def identify(session: LxSession, command: Command, values: op.Values) -> Handlin
         return {"text": str(missing)}
 
 
-def object_text(session: LxSession, command: Command, values: op.Values) -> dict[str, str]:
+def object_text(session: LxSession) -> dict[str, str]:
     """:LI - the description of the selected object."""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}

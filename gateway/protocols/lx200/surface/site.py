@@ -22,7 +22,7 @@ _NAMED = "MNOP"
 _SITES_AT_MOST = 4
 
 
-def tell_half(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_half(session: LxSession, command: Command) -> Handling:
     """:Gt :Gg - of the site in force; while that is incomplete, the stored half. Raises Fault if there is none."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
@@ -39,7 +39,7 @@ def _selected(session: LxSession) -> int:
     return (session.shared.site or 0) if session.kept.site is None else session.kept.site
 
 
-def set_half(session: LxSession, command: Command, values: Values) -> Handling:
+def set_half(session: LxSession, values: Values) -> Handling:
     """:St :Sg - store one half in the selected site and set it on the mount."""
     [(name, value)] = given(values).items()
     half = {name: value if name == "latitude" else -value}
@@ -61,7 +61,7 @@ def _enter(session: LxSession, index: int) -> Handling:
         session.set_for_all(replace(session.shared, site=index))
 
 
-def select(session: LxSession, command: Command, values: Values) -> Handling:
+def select(session: LxSession, values: Values) -> Handling:
     """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
     number = given(values)["site"]
     if number > _SITES_AT_MOST:
@@ -86,7 +86,7 @@ def _place(session: LxSession, index: int) -> SetSite:
     return SetSite(stored.latitude, stored.longitude)
 
 
-def tell_name(session: LxSession, command: Command, values: Values) -> dict[str, str]:
+def tell_name(session: LxSession, command: Command) -> dict[str, str]:
     """:GM :GN :GO :GP - the name of a site; sites without a name have four different defaults."""
     index, longest = _NAMED.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
@@ -115,7 +115,7 @@ def set_limit(session: LxSession, command: Command, values: Values) -> None:
     setattr(session.kept, name, wanted[name])
 
 
-def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:
+def tell_limit(session: LxSession, command: Command) -> dict[str, float]:
     """:Go :Gh - the lowest and the highest altitude in force for this client."""
     limits = session.limits
     return {"limit": limits.lowest if command.name == "Go" else limits.highest}

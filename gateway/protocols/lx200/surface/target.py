@@ -15,13 +15,13 @@ from gateway.protocols.lx200.surface.clock import commit_if_allowed
 from gateway.protocols.wireformat.command import Command
 
 
-def set_target(session: LxSession, _: Command, values: op.Values) -> None:
+def set_target(session: LxSession, values: op.Values) -> None:
     """:Sr :Sd - programs send :MS# even after a refusal (0), so a refused half must not leave a stale target."""
     session.kept.deselect()
     _set(session, values, "ra", "dec")
 
 
-def set_horizontal_target(session: LxSession, _: Command, values: op.Values) -> None:
+def set_horizontal_target(session: LxSession, values: op.Values) -> None:
     """:Sa :Sz - the target of :MA. Raises BelowHorizon or TooHigh for an altitude beyond the limits, or Invalid."""
     if "alt" in values:
         limits = session.limits
@@ -53,20 +53,20 @@ def _target(session: LxSession) -> Handling:
     return op.Equatorial(kept.ra, kept.dec)
 
 
-def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
+def tell_target(session: LxSession) -> Handling:
     """:Gr :Gd - zero if none was set, as on a Meade after power-on; for a moving object its present position."""
     if session.kept.moving is not None:
         yield from _target(session)
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
-def second_half(session: LxSession, command: Command, values: op.Values) -> Handling:
+def second_half(session: LxSession, command: Command) -> Handling:
     """:GD :GA - of the same instant as a :GR or :GZ directly before."""
     before, asked = (b":GR#", op.Position()) if command.name == "GD" else (b":GZ#", op.HorizontalPosition())
     return (yield ReuseLastReading(asked) if session.last == before else asked)
 
 
-def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
+def goto(session: LxSession) -> Handling:
     """:MS - slew to the target, by the time that this client has set before."""
     kept = session.kept
     if kept.draft is not None:
@@ -76,7 +76,7 @@ def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
     yield op.Goto(place.ra, place.dec, track=not kept.land, **limits)
 
 
-def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handling:
+def goto_horizontal(session: LxSession) -> Handling:
     """:MA - slew to the azimuth and altitude of :Sz and :Sa."""
     kept = session.kept
     if kept.az is None or kept.alt is None:
@@ -86,14 +86,14 @@ def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handli
     yield op.GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
 
 
-def sync(session: LxSession, _: Command, values: op.Values) -> Handling:
+def sync(session: LxSession) -> Handling:
     """:CM - programs read a bare # as a failure, and otherwise expect a text at once."""
     place: op.Equatorial = yield from _target(session)
     yield op.Sync(place.ra, place.dec)
     return {"text": session.settings.sync_text or session.model["sync_text"]}
 
 
-def sync_on_moon(session: LxSession, _: Command, values: op.Values) -> Handling:
+def sync_on_moon(session: LxSession) -> Handling:
     """:CL - sync on the selected place on the Moon; the command has no reply."""
     if not isinstance(session.kept.moving, op.MoonPlace):
         raise NoTarget
@@ -110,7 +110,7 @@ def _own_idle() -> Handling:
     return b"" if reply.strip(b" #") else reply
 
 
-def distance_bars(session: LxSession, _: Command, values: op.Values) -> Handling:
+def distance_bars(session: LxSession) -> Handling:
     """:D - a bar while a goto is under way, none when it has ended; in the telescope's own form if it is presented."""
     slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):

@@ -46,7 +46,7 @@ def passes(name: str, values: op.Values) -> bool:
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
-def device_version(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
+def device_version(session: NexStarSession, values: op.Values) -> dict[str, int]:
     """AUX 0xFE - bytes beyond the first two are the build number. Raises NoDevice."""
     device = values["device"]
     if device in MOTORS:
@@ -75,25 +75,25 @@ def _receiver(session: NexStarSession) -> Handling:
         return op.Gps(False, place, moment.unix)
 
 
-def gps_flag(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def gps_flag(session: NexStarSession) -> Handling:
     """Whether the GPS is linked, and whether its time is valid."""
     linked = int((yield from _receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
-def gps_place(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def gps_place(session: NexStarSession) -> Handling:
     """Latitude and longitude by GPS; before the first fix those of the site."""
     place = (yield from _receiver(session)).place or (yield op.GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def gps_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def gps_time(session: NexStarSession) -> Handling:
     """Date, year and time by GPS; before the first fix by the mount's clock."""
     seen = yield from _receiver(session)
     return _calendar(seen.unix if seen.linked else (yield op.GetClock()).unix)
 
 
-def universal_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def universal_time(session: NexStarSession) -> Handling:
     """Date, year and time of the real-time clock: always UT."""
     _require(session, "rtc")
     return _calendar((yield op.GetClock()).unix)
@@ -120,7 +120,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
     yield op.SetClock(now.timestamp(), moment.offset, moment.dst)
 
 
-def seek_switch(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def seek_switch(values: op.Values) -> Handling:
     """AUX 0x0B - homing always moves both axes; the command to the second motor finds it under way."""
     motor(values)
     yield CheckPossible(op.Home())
@@ -128,13 +128,13 @@ def seek_switch(session: NexStarSession, command: Command, values: op.Values) ->
         yield op.Home()
 
 
-def switch_found(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def switch_found(values: op.Values) -> Handling:
     """AUX 0x12 - 255 if the switch was found, else 0."""
     motor(values)
     return {"done": 255 if (yield op.HomeState()) == FOUND else 0}
 
 
-def move_focuser(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def move_focuser(command: Command, values: op.Values) -> Handling:
     """AUX 0x24, 0x25 of the focuser, whose positions increase outwards; 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
@@ -147,12 +147,12 @@ def move_focuser(session: NexStarSession, command: Command, values: op.Values) -
         yield from begin(op.Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
-def absent(session: NexStarSession, command: Command, values: op.Values) -> None:
+def absent() -> None:
     """Raise NoDevice: no mount behind this gateway has such a device or function."""
     raise NoDevice
 
 
-def set_position(session: NexStarSession, command: Command, values: op.Values) -> None:
+def set_position(session: NexStarSession, command: Command) -> None:
     """AUX 0x04 - never done. By its paper a SynScan replies ``#``, and a program reads one byte. Raises NoDevice."""
     if "dialect" not in session.model:
         raise NoDevice

@@ -40,13 +40,13 @@ def _key(session: NexStarSession, key: int) -> op.Rate:
     return op.Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
-def variable(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def variable(command: Command, values: op.Values) -> Handling:
     """AUX 0x06, 0x07 - quarter arcseconds a second; the three highest codes are tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
 
-def fine(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def fine(command: Command, values: op.Values) -> Handling:
     """Like ``variable``, but in 1/1024 arcseconds a second and without tracking codes."""
     axis = motor(values)
     yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
@@ -61,7 +61,7 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
         yield from begin(op.MoveAxis(axis, sense, op.Rate(degrees=degrees)))
 
 
-def mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def mode(session: NexStarSession) -> Handling:
     """t - the actual mode: a mount that cannot stop tracking still tracks after T 0. A StarSense 1.20 adds bytes."""
     status: op.Status = yield op.GetStatus()
     code = code_of(status.tracking, session.model, session.model["counts_as"])
@@ -86,7 +86,7 @@ def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Ha
     yield from attempt(op.SetTracking(on=wanted is not op.Tracking.OFF, mode=wanted, code=code or None))
 
 
-def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def pulse(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x26 - a guide pulse at a percentage of sidereal, its length in hundredths of a second.
 
     Raises Invalid for more than 100 percent.
@@ -100,12 +100,12 @@ def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handl
         session.set_for_all(replace(session.shared, pulse_ends=ends), lasting=False)
 
 
-def pulse_active(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
+def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
     """AUX 0x27 - whether the motor's last pulse is still running, whichever client sent it."""
     return {"active": int(session.clock() < session.shared.pulse_ends.get(motor(values), 0.0))}
 
 
-def set_guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x46 - if the mount lacks it, the reply is the no-response form."""
     axis = motor(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
@@ -121,7 +121,7 @@ def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideR
     session.set_for_all(session.shared.with_motor(name, value))
 
 
-def guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x47 - the mount's guide rate; if it reports none, the value set last, at first half sidereal."""
     axis = motor(values)
     try:
@@ -148,17 +148,17 @@ def _backlash_name(command: Command, axis: int) -> str:
     return f"backlash {axis} {command.name[-3:]}"
 
 
-def periodic_error(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def periodic_error(values: op.Values) -> Handling:
     """AUX 0x0D - if the mount lacks it, the reply is the no-response form. Raises Invalid for neither 0 nor 1."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
     yield op.PeriodicError(motor(values), bool(values["on"]))
 
 
-def hibernate_or_wake(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def hibernate_or_wake(command: Command) -> Handling:
     """x, y - hibernate, wake"""
     yield from begin(op.Hibernate() if command.name == "x" else op.Wake())
 
 
-def unsync(session: NexStarSession, command: Command, values: op.Values) -> None:
+def unsync() -> None:
     """u - acknowledged without effect: no mount here keeps a list of syncs."""

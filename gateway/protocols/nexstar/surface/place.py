@@ -15,7 +15,7 @@ from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 
 
-def set_site(session: NexStarSession, command: Command, values: Values) -> Handling:
+def set_site(values: Values) -> Handling:
     """W - impossible coordinates do nothing."""
     if "fault" in values:
         return
@@ -25,7 +25,7 @@ def set_site(session: NexStarSession, command: Command, values: Values) -> Handl
         yield place
 
 
-def clock(session: NexStarSession, command: Command, values: Values) -> Handling:
+def clock(session: NexStarSession, command: Command) -> Handling:
     """h, i - the local time in the zone that is reported: the zone and daylight saving that a client set, if they
     still make up the offset. If the mount reports daylight saving itself, that counts.
     """

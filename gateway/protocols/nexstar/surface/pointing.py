@@ -18,48 +18,47 @@ from gateway.core.errors import Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
-from gateway.protocols.wireformat.command import Command
 
 #: What the first axis of a Celestron German mount reads at the pole.
 POLE = 90.0
 
 
-def axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def axes(session: NexStarSession) -> Handling:
     """Z z - the readings of both axes"""
     return (yield from _readings(session))
 
 
-def goto(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def goto(session: NexStarSession, values: op.Values) -> Handling:
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
         session.kept.axis_goto = {}
         yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
-def goto_axes(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def goto_axes(session: NexStarSession, values: op.Values) -> Handling:
     """B b - goto to axis readings; a malformed one does nothing."""
     if "fault" not in values:
         session.kept.axis_goto = {}
         yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
 
 
-def sync(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def sync(values: op.Values) -> Handling:
     """S s - a refusal shows only in the log."""
     if "fault" not in values:
         yield from attempt(op.Sync(*fold_declination(values["ra"], values["dec"])))
 
 
-def slewing(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def slewing() -> Handling:
     """L - whether a goto is under way, as ASCII; hand motion does not count."""
     return {"slewing": "1" if (yield op.Slewing()) else "0"}
 
 
-def cancel(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def cancel() -> Handling:
     """M - ends gotos only: motion at a rate continues until rate 0."""
     yield FireAndForget(op.AbortSlew())
 
 
-def pier_side(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def pier_side(session: NexStarSession) -> Handling:
     """p - always E on a fork, and on a mount that has no side of the pier, such as a Meade fork."""
     with suppress(Unsupported):
         if _german(session):
@@ -70,14 +69,14 @@ def pier_side(session: NexStarSession, command: Command, values: op.Values) -> H
 # --- single axes, for programs that speak to the motors ----------------------------------------------------------
 
 
-def axis_position(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def axis_position(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x01 - the reading of one axis"""
     number = motor(values)
     seen = yield from _readings(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
-def axis_goto(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - goto of one axis. The other axis continues its own goto if one is under way, else stays."""
     number = motor(values)
     seen = yield from _readings(session)
@@ -87,7 +86,7 @@ def axis_goto(session: NexStarSession, command: Command, values: op.Values) -> H
     session.kept.axis_goto = {**sent, number: values["position"]}
 
 
-def axis_done(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def axis_done(values: op.Values) -> Handling:
     """AUX 0x13 - 255 when the goto has ended."""
     motor(values)
     return {"done": 0 if (yield op.Slewing()) else 255}

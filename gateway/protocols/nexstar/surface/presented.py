@@ -13,7 +13,6 @@ from gateway.core.operations import Values
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.devices import MOTORS
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
-from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, show_version
 
@@ -84,17 +83,17 @@ def contradicts_client(session: NexStarSession, name: str, values: Values) -> bo
 # --- version, model, echo -------------------------------------------------------------------------------------------
 
 
-def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def version(session: NexStarSession) -> dict[str, int]:
     """V - the version"""
     major, minor, patch = (*session.model["version"], 0)[:3]
     return {"major": major, "minor": minor, "patch": patch}
 
 
-def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def model(session: NexStarSession) -> dict[str, int]:
     """m - the model's number"""
     return {"model": session.model["id"]}
 
 
-def echo(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def echo(values: Values) -> dict[str, int]:
     """K - the byte that was sent"""
     return values

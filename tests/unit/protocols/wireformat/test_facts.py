@@ -80,7 +80,7 @@ def test_what_a_stop_must_not_do_without() -> None:
 
 def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
-    (tmp_path / "driver.toml").write_text('[[AbortMotion]]\nsend = ["Q"]\n', "utf-8")
+    (tmp_path / "driver.toml").write_text('[[AbortMotion]]\ncall = "pointing.abort"\nuses = ["Q"]\n', "utf-8")
     with pytest.raises(MappingError, match="it needs ends"):
         _ = CommandSet("lx200", tmp_path).driver
 

@@ -100,12 +100,13 @@ def test_no_function_that_a_row_might_call_is_left_over(spec: ProtocolSpec) -> N
         ("nexstar", "driver.toml", '[[Goto]]\ncall = "goto"', r"\[Goto\]: call: .*'goto'"),
         ("lx200", "surface.toml", 'GD = { call = "accessories.linked_state" }', r"\[GD\]: .*linked_state"),
         ("lx200", "surface.toml", 'GZ = { call = "_clear" }', r"\[GZ\]: .*_clear"),
+        ("nexstar", "surface.toml", 'J = { call = "devices.no_response" }', r"\[J\]: .* takes fault, frame"),
         ("nexstar", "surface.toml", 'J = { tell = ["linkedd"] }', r"\[J\]: its reply has aligned, not linkedd"),
         ("nexstar", "surface.toml", "J = { say = { alined = 1 } }", r"\[J\]: its reply has aligned, not alined"),
         ("nexstar", "surface.toml", 'J = { keep = ["aligned"] }', r"\[J\]: .*keep"),
         ("lx200", "surface.toml", 'GT = { ask = "Position", given = { axsis = 1 } }', r"\[GT\]: .*axsis"),
         ("lx200", "surface.toml", 'GT = { ask = "Position", models = ["lx2000"] }', r"\[GT\]: models: .*lx2000"),
-        ("lx200", "driver.toml", '[[Goto]]\nsend = ["MS"]\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
+        ("lx200", "driver.toml", '[[Goto]]\ncall = "pointing.goto"\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
     ],
 )
 def test_a_name_that_does_not_exist_is_told_when_the_file_is_loaded(
