@@ -92,7 +92,7 @@ def about(tree: Path, version: str, architecture: str) -> None:
     ))  # fmt: skip
     for script in ("postinst", "prerm", "postrm"):
         put(tree, f"DEBIAN/{script}", (FILES / script).read_text(), 0o755)
-    put(tree, "usr/lib/systemd/system/mount-gateway@.service", (FILES / "mount-gateway@.service").read_text())
+    put(tree, "usr/lib/systemd/system/mount-gateway@.service", unit())
     put(tree, "usr/lib/udev/rules.d/60-mount-gateway.rules", (FILES / "mount-gateway.rules").read_text())
     put(tree, "usr/share/doc/mount-gateway/copyright", (FILES / "copyright").read_text())
     put(tree, "usr/share/doc/mount-gateway/README.Debian", (FILES / "README.Debian").read_text())
@@ -102,6 +102,14 @@ def about(tree: Path, version: str, architecture: str) -> None:
     program.parent.mkdir(parents=True)
     program.symlink_to(HOME / "bin" / "mount-gateway")
     (tree / "etc/mount-gateway").mkdir(parents=True)
+
+
+def unit() -> str:
+    """Return the unit of mount-gateway@NAME, which runs /etc/mount-gateway/NAME.toml."""
+    return (ROOT / "gateway" / "cli" / "serve" / "mount-gateway.service").read_text().format(
+        program="/usr/bin/mount-gateway", config="/etc/mount-gateway/%i.toml", user="mount-gateway", group="dialout",
+        folder="mount-gateway/%i",
+    )  # fmt: skip
 
 
 def put(tree: Path, name: str, text: str, mode: int = 0o644) -> None:

@@ -57,6 +57,7 @@ DATA = {
     "gateway/fleet/overview/page": "gateway/fleet/overview/page",
     "gateway/app/watchdog/process.py": "gateway/app/watchdog",
     "gateway/astro/ephemeris/rehearsal.almanac": "gateway/astro/ephemeris",
+    "gateway/cli/serve/mount-gateway.service": "gateway/cli/serve",
 }
 #: Modules that are imported by a name which is put together at run time.
 WHOLE = ("gateway", "astropy_iers_data", "serial")

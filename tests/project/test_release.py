@@ -10,29 +10,21 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.serve.service import UNIT
 from tests.support.each import each
 from tests.support.pages import ROOT
 
 sys.path.insert(0, str(ROOT / "release"))
 import build
+import deb
 
 import release as making
 
-#: What a unit says of its own program, user and folders; two units agree about all else.
-OWN = ("Description", "Condition", "User", "Supplementary", "Exec", "State", "Syslog", "ReadWrite")
 
-
-def settings(unit: str) -> list[str]:
-    """The lines of a unit that do not depend on where the program lies and who runs it."""
-    return [line for line in unit.splitlines() if re.match(r"\w+=", line) and not line.startswith(OWN)]
-
-
-def test_the_packages_unit_has_the_rights_that_service_prints() -> None:
-    packaged = (ROOT / "release" / "debian" / "mount-gateway@.service").read_text("utf-8")
-    assert settings(packaged) == [line for line in settings(UNIT) if "{" not in line]
-    assert "CacheDirectory=mount-gateway" in settings(packaged), "no gateway computes the almanac anew at each start"
-    assert "run --wait --config /etc/mount-gateway/%i.toml" in packaged
+def test_the_packages_unit_runs_the_file_that_it_is_named_after() -> None:
+    packaged = deb.unit()
+    assert "ExecStart=/usr/bin/mount-gateway run --wait --config /etc/mount-gateway/%i.toml\n" in packaged
+    assert "StateDirectory=mount-gateway/%i\n" in packaged and "{" not in packaged
+    assert "CacheDirectory=mount-gateway\n" in packaged, "no gateway computes the almanac anew at each start"
 
 
 @each("folder", ["/var/lib/mount-gateway", "/var/cache/mount-gateway", "/etc/mount-gateway"])

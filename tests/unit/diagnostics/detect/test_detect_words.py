@@ -12,7 +12,6 @@ import serial
 
 from gateway.app.config import make_config, read_tables
 from gateway.cli import main
-from gateway.cli.serve.service import reached_from_elsewhere
 from gateway.diagnostics.detect import Finding, SerialPortInfo
 from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.report import block, next_steps, toml, values
@@ -146,39 +145,3 @@ def test_the_group_is_that_of_the_port(tmp_path: Path) -> None:
     name = grp.getgrgid(os.stat(path).st_gid).gr_name
     assert group_of(str(path)) == ("dialout" if name in ("root", "wheel") else name)
     assert group_of(str(tmp_path / "none")) == "dialout"
-
-
-# --- the service ------------------------------------------------------------------------------------------------------
-
-
-def test_a_service_that_no_phone_reaches_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "gateway.toml"
-    path.write_text(toml(mount()))
-    assert main(["service", str(path), "--user", "daemon"]) == 0
-    told = capsys.readouterr()
-    assert "[Service]" in told.out and f"run --wait --config {path}" in told.out
-    assert "no phone" in told.err and "tcp://0.0.0.0:4030" in told.err
-    path.write_text(toml(mount(), network=True))
-    assert main(["service", "--config", str(path), "--user", "daemon"]) == 0
-    assert capsys.readouterr().err == ""
-
-
-def test_a_service_runs_as_somebody_who_exists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "gateway.toml"
-    path.write_text(toml(mount()))
-    assert main(["service", str(path), "--user", "nobody-of-that-name"]) == 2
-    assert "this computer has no user 'nobody-of-that-name'" in capsys.readouterr().err
-
-
-@each(
-    ("at", "others"),
-    [
-        ("lx200@tcp://0.0.0.0:4030", True),
-        ("lx200@tcp://127.0.0.1:4030", False),
-        ("lx200@pty:/tmp/lx200", False),
-        ("lx200@/dev/ttyS1", True),
-        ("lx200@rfc2217://[::]:4030", True),
-    ],
-)
-def test_who_reaches_a_surface(at: str, others: bool) -> None:
-    assert reached_from_elsewhere(at) is others
