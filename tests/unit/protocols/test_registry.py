@@ -35,7 +35,6 @@ SAID_TO_PEOPLE = {
     "cli/inspect/explain.py",
     "cli/serve/demo.py",
     "cli/serve/run.py",
-    "cli/serve/service.py",
     "cli/serve/settings.py",
     "cli/serve/sim.py",
     "diagnostics/doctor/checks.py",
