@@ -22,7 +22,7 @@ from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, ReplyRules
+from gateway.protocols.base.reply_rules import ALONE, Expected, ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
@@ -218,7 +218,7 @@ class Transaction:
         left = self.heard + GAP - now
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
-        if not self._buffer:
+        if not self._unexplained:
             if self._last is None or not self.reply_rules.ambiguous_with(self._last, command):
                 return 0.0
             if now > self._stray + UNRULY and not self.reply_rules.expected(command).unterminated:
@@ -269,7 +269,7 @@ class Transaction:
             self.discard("garbled")
             return outcome
         if command.raw and isinstance(outcome, dict):
-            outcome = {**outcome, "raw": self._buffer[:length]}
+            outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.padding)}
         self._cut(length)
         self.times.answered(self.heard - began, self._now() - began, counts=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
@@ -316,7 +316,9 @@ class Transaction:
             elif taken is not None:
                 if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
-                    if await self._arrived.within(max(settle, expected.alone)):
+                    alone = max(ALONE, 2.0 * self.times.typical_rtt)
+                    ambiguous = self._buffer[: taken[1]] in expected.beginnings
+                    if await self._arrived.within(max(settle, alone if ambiguous else 0.0)):
                         taken = self._take(command)
                     self._settling = False
                 if taken is not None:  # else it was the beginning of a longer one
@@ -331,10 +333,10 @@ class Transaction:
         self.times.last_rtt = self._now() - began
         if self.lost:
             self.half = True
-        elif command.patience is not None and not command.long and not self._buffer:
+        elif command.patience is not None and not command.long and not self._unexplained:
             return Silence()
         self._distrust(command, expected, began)
-        half = bool(self._buffer)
+        half = bool(self._unexplained)
         self.discard("no complete answer")
         return Garbled() if half and command.patience is not None else NoAnswer()
 
@@ -364,9 +366,15 @@ class Transaction:
         self._buffer = self._buffer[length:]
 
     def discard(self, why: str) -> None:
-        if self._buffer:
+        if self._unexplained:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
+        self._buffer = b""
+
+    @property
+    def _unexplained(self) -> bytes:
+        """What has come and belongs to no reply; what some mounts send around each reply does not count."""
+        return self._buffer.strip(self.reply_rules.padding)
 
     async def drain(self, quiet: float) -> bool:
         """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came."""
@@ -376,7 +384,7 @@ class Transaction:
             self._arrived.clear()
             if left <= 1e-6 or not await self._arrived.within(left):
                 break
-        anything = bool(self._buffer)
+        anything = bool(self._unexplained)
         if anything and self._unanswered_since is not None:
             self.times.came_late(self.heard - self._unanswered_since)
         self._unanswered_since = None

@@ -16,6 +16,9 @@ from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
+#: Seconds without another byte that make a digit a whole reply, of a mount that may send a text after it.
+ALONE = 0.3
+
 
 class Expected(NamedTuple):
     """What is known of a reply before it arrives.
@@ -26,7 +29,7 @@ class Expected(NamedTuple):
     delay_after   the pause in seconds that the mount needs after a ``silent`` command
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
-    alone         seconds in which nothing must follow a reply that is also the beginning of a longer one
+    beginnings    replies that are also the beginning of a longer one: nothing must follow them for ``ALONE`` seconds
     gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the reply to the newest
                   request
     """
@@ -37,7 +40,7 @@ class Expected(NamedTuple):
     delay_after: float = 0.0
     silent: bool = False
     leaves_open: bool = False
-    alone: float = 0.0
+    beginnings: frozenset[bytes] = frozenset()
     gives_way: float = math.inf
 
 
@@ -81,10 +84,12 @@ class PlainReplies:
 class ReplyRules(Replies, Protocol):
     """How a protocol's requests and replies look on the wire.
 
-    ``closing`` are the bytes that end a half-sent command, and an unanswered one that ``leaves_open``.
+    ``closing`` are the bytes that end a half-sent command, and an unanswered one that ``leaves_open``; ``padding`` are
+    those that some mounts send before and after a reply, and that are no part of it.
     """
 
     closing: bytes
+    padding: bytes
 
     def expected(self, ask: Send) -> Expected: ...
     def ambiguous_with(self, one: Send, other: Send) -> bool: ...

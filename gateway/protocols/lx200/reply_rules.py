@@ -2,7 +2,8 @@
 
 A reply has one of five forms: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A raw
 0x15 instead of any of them, also of none, means busy (LX200GPS). After a command without a reply the gateway pauses
-shortly, because old telescopes need it. Input of clients is parsed leniently, replies of telescopes are not: only the
+shortly, because old telescopes need it. Replies are parsed like input of clients: line ends and blanks around them are
+no part of them, and a digit that no form has, with a text after it, is a refusal with that text. Otherwise only the
 exact form is accepted.
 
 If a surface presents the mount itself, the gateway writes its own replies in the notation of the connected telescope,
@@ -24,8 +25,6 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
 TIMEOUT, PACE = 3.0, 0.05  # seconds
-#: Seconds without another byte that make a digit a whole reply, of a controller that may send a text after it.
-ALONE = 0.3
 #: The maximum length of a reply that ends with ``#``.
 LONGEST = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds.
@@ -45,6 +44,10 @@ _FORMS = {
     "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
+#: What some mounts send around a reply, and before its ``#`` where that ends no text.
+PADDING, _PADDED = b"\r\n ", re.compile(rb"[\r\n ]+#")
+#: A digit and a text, as a mount refuses an order; and a text that cannot be a reply to anything else.
+_SAID, _WORDS = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
 
 
 @cache
@@ -52,12 +55,18 @@ def _exact(source: str) -> re.Pattern[bytes]:
     """Return the exact pattern of a reply form as telescopes send it."""
     pattern, at = b"", 0
     for field in _FIELD.finditer(source):
-        pattern += re.escape(source[at : field.start()].encode("latin-1"))
+        pattern += _literal(source[at : field.start()])
         form, at = field[1], field.end()
         words = [len(word) for word in form.split("|")]
         free = rb"[^#]*" if len(words) == 1 else rb"[^#]{%d,%d}" % (min(words), max(words))
         pattern += _FORMS.get(form, free)
-    return re.compile(pattern + re.escape(source[at:].encode("latin-1")), re.DOTALL)
+    end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal(source[at:])
+    return re.compile(pattern + end, re.DOTALL)
+
+
+def _literal(text: str) -> bytes:
+    """Return the pattern of characters between fields, with blanks or a line end before a ``#``."""
+    return re.escape(text.encode("latin-1")).replace(rb"\#", rb"[\r\n ]*\#")
 
 
 @cache
@@ -124,7 +133,7 @@ class Lx200ReplyRules:
     model that the user has ``named``, or of the one whose name the mount replies.
     """
 
-    closing = b"#"
+    closing, padding = b"#", PADDING
 
     def __init__(self, named: str | None = None, speaker: Driver | None = None) -> None:
         self._notation, self._named, self._speaker = Notation(), named is not None, speaker
@@ -166,24 +175,38 @@ class Lx200ReplyRules:
             return Busy(), 1
         if not replies:
             return {}, 0
+        before = len(buffer) - len(buffer.lstrip(PADDING))
+        if (taken := self._take(ask, buffer[before:])) is None:
+            return None
+        outcome, length = taken[0], before + taken[1]
+        return outcome, length if buffer[length:].strip(PADDING) else len(buffer)
+
+    def _take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         if not buffer:
             return None
+        replies = self.protocol.commands[ask.command].replies
         for reply, template in replies:
             found = _exact(str(template.source)).match(buffer)
             if found is None:
                 continue
             length = found.end()
-            if buffer[length:] and _begins_longer(self.protocol, ask.command, str(template.source)):
+            rest = buffer[length:].strip(PADDING)
+            if rest and _begins_longer(self.protocol, ask.command, str(template.source)):
                 continue
-            if "#" not in str(template.source) and buffer[length:] == b"#":
-                buffer, length = buffer[:length], length + 1  # some telescopes append one to every reply
-            values = template.decode(found[0])
+            if "#" not in str(template.source) and rest == b"#":
+                length = len(buffer)  # some telescopes append one to every reply
+            elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
+                return refusal
+            told = found[0] if ":text}" in str(template.source) else _PADDED.sub(b"#", found[0])
+            values = template.decode(told)
             if reply.fault is not None:
                 return _fault(reply.fault, values, reply.says), length
-            self._notation.learn(ask.command, found[0])
+            self._notation.learn(ask.command, told)
             if ask.command == "GVP" and not self._named:
                 self._protocol = load("lx200").of(load("lx200").by_product(values["product"]))
-            return {**values, "length": length}, length
+            return {**values, "length": len(told)}, length
+        if (refusal := _refusal(self.protocol, ask.command, buffer)) is not None:
+            return refusal
         hashes = max(source.count("#") for source in _sources(self.protocol, ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
             whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
@@ -206,6 +229,36 @@ def _sources(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 
 @cache
+def _lone_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
+    """Return the digits that may be the whole reply to an order with a text in its replies, if they have no meaning."""
+    replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
+    if protocol.commands[command].question or not any("{text" in source for _, source in replies):
+        return frozenset()
+    taken = {source[:1] for fault, source in replies if fault is None}
+    return frozenset(digit.encode() for digit in "0123456789" if digit not in taken)
+
+
+def _refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    """Return the refusal in a reply that has none of the command's forms, and its length; None if it is none.
+
+    It is a digit with a text, or that digit alone. A digit where every reply is a text is returned as the text.
+    """
+    replies = [(reply, str(template.source)) for reply, template in protocol.commands[command].replies]
+    lone, words = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()
+    if lone in _lone_digits(protocol, command):
+        if words:
+            return {"text": lone.decode()}, len(buffer)
+        named = (reply.fault for reply, source in replies if source.encode("latin-1").startswith(lone))
+        return _fault(next(named, None) or "Refused", {}, None), len(buffer)
+    if words or (said := _SAID.match(buffer)) is None:
+        return None
+    forms = [reply for reply, source in replies if source.encode("latin-1").startswith(said[1])]
+    if any(reply.fault is None for reply in forms) or (forms and _WORDS.fullmatch(said[2]) is None):
+        return None
+    return _fault("Refused", {"text": said[2].decode("latin-1")}, None), said.end()
+
+
+@cache
 def _begins_longer(protocol: CommandSet, command: str, source: str) -> bool:
     """Whether another reply form of the command begins with this one."""
     return any(other.startswith(source) and other != source for other in _sources(protocol, command))
@@ -217,11 +270,14 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
     return Expected(
         answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        unterminated=any("#" not in source for source in sources),
+        unterminated=any("#" not in source for source in sources) or bool(_lone_digits(protocol, command)),
         delay_after=0.0 if sources else PACE,
         silent=not sources,
         leaves_open=command == "ACK",
-        alone=ALONE if any(_begins_longer(protocol, command, source) for source in sources) else 0.0,
+        beginnings=frozenset(
+            {source.encode("latin-1") for source in sources if _begins_longer(protocol, command, source)}
+            | _lone_digits(protocol, command)
+        ),
     )
 
 

@@ -93,7 +93,7 @@ def _answered_ack(heard: bytes, still: float) -> str | None:
     """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes what it was
     sent before for a command, and refuses that first.
     """
-    heard = heard.removeprefix(b"0")
+    heard = heard.removeprefix(b"0").strip()
     if len(heard) != 1 or still < LONE:
         return None
     return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None
@@ -131,7 +131,9 @@ SPEC = ProtocolSpec(
     recognises=_recognises,
     questions=(
         Question(2, ACK_ALONE, _answered_ack),
-        Question(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard) else None, named=True),
+        Question(
+            3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, named=True
+        ),
     ),
     states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
     night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),

@@ -58,7 +58,7 @@ class NexStarReplyRules:
     """The reply rules of the NexStar protocol (see ``protocols/base/reply_rules.py``)."""
 
     protocol: CommandSet = PROTOCOL
-    closing = b""
+    closing = padding = b""
 
     def expected(self, ask: Send) -> Expected:
         """Return what reply to expect: every command has one; it may be ``#`` alone."""

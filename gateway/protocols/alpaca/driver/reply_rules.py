@@ -32,7 +32,7 @@ class AlpacaReplyRules:
 
     protocol: CommandSet = load("alpaca")
     #: Half a request never arrives: a blank line before an owed stop means nothing, and spares the wait for its end.
-    closing = b"\n"
+    closing, padding = b"\n", b""
 
     def __init__(self) -> None:
         self._dropped = False

@@ -8,6 +8,7 @@ and keeps it while it tracks past the meridian. Before the first goto its curren
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
 from gateway.core import operations as op
@@ -212,19 +213,24 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - an empty text is a refusal."""
+    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether it was taken."""
     mount.must_move()
     yield from aim(mount, operation.ra, operation.dec)
-    answer = yield from ask(mount, "CM")
-    if not answer.get("text", "-").strip():
-        raise Refused("The mount refused the sync.")
-    if not mount.facts.get("by_effect"):
+    said = ""
+    with suppress(Garbled, Silence):
+        answer = yield from ask(mount, "CM")
+        if not (said := answer.get("text", "-").strip()):
+            raise Refused("The mount refused the sync.")
+    worded = not said.isdigit() and said != ""
+    if worded and not mount.facts.get("by_effect"):
         return
-    for _ in range(LOOKS):  # each maker has words of its own for a refusal
+    within = STANDS_WITHIN if worded else 2.0 * mount.resolution
+    for look in range(LOOKS if worded else LOOKS - 1):  # each maker has words of its own for a refusal
+        if look:
+            yield Wait(SETTLE_WAIT)
         place = yield from position(mount, op.Position())
-        if separation(place.ra, place.dec, operation.ra, operation.dec) < STANDS_WITHIN:
+        if separation(place.ra, place.dec, operation.ra, operation.dec) < within:
             return
-        yield Wait(SETTLE_WAIT)
     raise Refused("The mount did not take the sync: it reports another position.")
 
 

@@ -266,7 +266,7 @@ def test_an_echo_is_not_a_mount() -> None:
 
 
 @each(("answer", "state"), [
-    (b"ERROR\r\n", "stranger"), (b"Ready#", "stranger"), (b"A\r\n", "stranger"), (b"P1", "stranger"),
+    (b"ERROR\r\n", "stranger"), (b"Ready#", "stranger"), (b"A1\r\n", "stranger"), (b"P1", "stranger"),
     (b"D", "downloader"),
 ])  # fmt: skip
 def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> None:

@@ -1,0 +1,161 @@
+"""Replies of genuine and home-made telescopes that differ by a line end, a blank or a code are understood, or refuse.
+
+The bytes are typed by hand: Arduino sketches answer with ``println``, the classic's manual has codes beyond 2 for
+``:MS#``, and some controllers do not answer ``:CM#``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.core.errors import Fault, Garbled
+from gateway.diagnostics.detect import SerialPortInfo, look, named
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.base.driver import Send
+from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+from tests.integration.lx200.test_odd_meades import found, hours, oddly
+from tests.support.each import each
+from tests.support.in_process_gateway import Bridge
+from tests.support.uart import UartWire
+
+DEVICES = ["lx200", "autostar", "lx200gps", "onstep", "teenastro"]
+#: What a device sends around each of its replies.
+AROUND = [(b"", b"\r\n"), (b"\r\n", b""), (b"\n\r", b" \r\n"), (b" ", b" ")]
+
+
+def padded(bridge: Bridge, around: tuple[bytes, bytes], apart: bool) -> None:
+    """Have the mount send this around its replies, what comes behind with them or in a packet of its own."""
+    wire: Any = bridge.controller.line.wire
+    feed: Callable[[bytes], bytes] = wire._feed
+    before, behind = around
+
+    def padding(data: bytes) -> bytes:
+        if not (answer := feed(data)):
+            return b""
+        if apart:
+            asyncio.get_running_loop().call_later(0.08, wire._deliver, behind)
+        return before + answer + (b"" if apart else behind)
+
+    wire._feed = padding
+
+
+@pytest.mark.parametrize("model", DEVICES)
+@pytest.mark.parametrize("around", AROUND)
+@pytest.mark.parametrize("apart", [False, True])
+def test_line_ends_and_blanks_around_replies_are_no_part_of_them(
+    model: str, around: tuple[bytes, bytes], apart: bool
+) -> None:
+    async def night() -> None:
+        bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0, "lowest": -90.0}, speed=10.0)
+        padded(bridge, around, apart)
+        await found(bridge)
+        assert bridge.driver.model == model
+        client = bridge.client()
+        assert 15.0 * hours(await client.ask(b":GR#", 3.5)) == pytest.approx(bridge.sim.position()[0], abs=0.01)
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+        await asyncio.sleep(30.0)
+        assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
+        assert b"#" in await client.ask(b":CM#", 4.0)
+        assert not [entry for entry in bridge.entries if "garbled" in entry.note or "does not answer" in entry.note]
+        await bridge.controller.close()
+
+    run(night())
+
+
+@each("url", ["-", "lx200@/dev/ttyUSB0", "lx200:other@/dev/ttyUSB0", "lx200:autostar@/dev/ttyUSB0"])
+def test_a_home_made_telescope_is_found(url: str) -> None:
+    """It knows the position alone, and ends each line."""
+
+    def device(data: bytes) -> bytes:
+        lines = {b":GR": b"03:00:00", b":GD": b"+45*00:00", b"\x06": b"P"}
+        return b"".join(
+            lines[part] + b"#\r\n" if part != b"\x06" else b"P\r\n" for part in data.split(b"#") if part in lines
+        )
+
+    async def night() -> None:
+        place = SerialPortInfo("-", "-") if url == "-" else named(url)
+        finding = await look(place, UartWire(device))
+        assert finding.state == "lx200", finding
+        assert finding.mount is not None, finding
+
+    run(night())
+
+
+@each(("command", "reply", "says"), [
+    ("MS", b"4Object above limit.#", "Object above limit."),
+    ("MS", b"4Object above limit.#\r\n", "Object above limit."),
+    ("MS", b"3 Limit#", "Limit"),
+    ("MS", b"1", "horizon"),
+    ("MS", b"6\r\n", "Refused"),
+    ("MA", b"1Object Below Horizon.#", "Object Below Horizon."),
+    ("MA", b"5Slewing already#", "Slewing already"),
+    ("Sd", b"0Out of range#", "Out of range"),
+])  # fmt: skip
+def test_a_digit_with_a_text_is_a_refusal_with_that_text(command: str, reply: bytes, says: str) -> None:
+    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    assert taken is not None and taken[1] == len(reply)
+    assert isinstance(taken[0], Fault) and not isinstance(taken[0], Garbled)
+    assert says.lower() in f"{taken[0]} {type(taken[0]).__name__}".lower()
+
+
+@each(("command", "reply"), [
+    ("MS", b"0Object#"),
+    ("MS", b"+45*00:00#"),
+    ("MA", b"1AT1#"),
+    ("Sr", b"0Autostar#"),
+    ("Sr", b"04.2g#"),
+    ("GR", b"4Object above limit.#"),
+    ("GR", b"4"),
+    ("GR", b"03:0 0:00#"),
+    ("GR", b"03:00:00#\r\n+45*00:00#"),
+])  # fmt: skip
+def test_no_other_bytes_become_a_reply(command: str, reply: bytes) -> None:
+    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    assert taken is None or isinstance(taken[0], Garbled) or taken[1] < len(reply)
+
+
+def test_a_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
+    async def night() -> None:
+        bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
+        oddly(bridge, b":MS#", b"4Object above limit.#")
+        async with bridge:
+            told = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b".#")
+            assert b"Object above limit." in told
+            assert bridge.controller.line.state == "up"
+
+    run(night())
+
+
+@pytest.mark.parametrize("answer", [b"", b"1", b"0#"])
+@pytest.mark.parametrize("model", ["lx200", "autostar"])
+@pytest.mark.parametrize("takes", [True, False])
+def test_a_sync_without_a_text_is_done_if_the_position_shows_it(answer: bytes, model: str, takes: bool) -> None:
+    async def night() -> None:
+        bridge = Bridge(model, driven="lx200", surface=model, config={"sun": 0.0})
+        wire: Any = bridge.controller.line.wire
+        feed: Callable[[bytes], bytes] = wire._feed
+
+        def quiet(data: bytes) -> bytes:
+            if data != b":CM#":
+                return feed(data)
+            if takes:
+                feed(data)
+            return answer
+
+        async with bridge:
+            wire._feed = quiet
+            ra, dec = bridge.sim.position()
+            client = bridge.client()
+            minutes = round(ra / 15.0 * 60.0 + 4.0) % 1440
+            await client.ask(
+                f":Sr{minutes // 60:02}:{minutes % 60:02}:00#:Sd{int(dec):+03}*00:00#".encode(), until=b"11"
+            )
+            told = await client.ask(b":CM#", 6.0)
+            assert (len(told) > 1) is takes, told
+            assert told.endswith(b"#")
+
+    run(night())
