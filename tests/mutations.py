@@ -369,12 +369,6 @@ MUTATIONS = [
         "tests/unit/app/test_simulated_speed.py",
     ),
     Mutation(
-        "a wish of the earlier form is answered in the new one",
-        r"if word == REQUEST_2:",
-        "if True:",
-        "tests/unit/app/control tests/unit/app/test_connected.py",
-    ),
-    Mutation(
         "an order that is being sent is shown as one that waits",
         r"if not order\.follow_up and order\.number != wanted\.active:",
         "if not order.follow_up:",

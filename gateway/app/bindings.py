@@ -17,7 +17,6 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
-from gateway.core.about import RULES
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
@@ -50,13 +49,9 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
 
 
 def make_driver(
-    endpoint: Endpoint,
-    config: MountConfig,
-    now: Callable[[], float],
-    rules: int = RULES,
-    warn: Callable[[str], None] | None = None,
+    endpoint: Endpoint, config: MountConfig, now: Callable[[], float], warn: Callable[[str], None] | None = None
 ) -> MadeDriver:
-    """Make the driver of a mount, which decides by these ``rules``. Raises UserError if its protocol has none."""
+    """Make the driver of a mount. Raises UserError if its protocol has none."""
     make = PROTOCOLS[endpoint.protocol].make_driver
     if make is None:
         raise UserError(f"{endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
@@ -71,7 +66,6 @@ def make_driver(
         reversed_axes=config.reversed_axes,
         rates=tuple(config.rates or ()),
         lowest=config.limits.lowest,
-        rules=rules,
     )
     made = make(settings, now)
     made[0].speed_factor = _speed_factor(endpoint, config.speed, warn)
@@ -177,7 +171,6 @@ class AcceptorFactory:
     def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, titles: str) -> SurfaceBinding:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
-        binding.surface.rules = self._controller.policy.rules
         if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)
             self.own.append(binding)
@@ -201,8 +194,8 @@ def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFra
     return spec.framing, spec.reply_rules(model) if model in spec.commands.dialects else spec.reply_rules()
 
 
-def policy(config: MountConfig, rules: int) -> Policy:
-    """Return the operator's settings in the form that the controller takes. ``rules``: the number of the rules."""
+def policy(config: MountConfig) -> Policy:
+    """Return the operator's settings in the form that the controller takes."""
     return Policy(
         config.limits,
         config.site_time,
@@ -212,7 +205,6 @@ def policy(config: MountConfig, rules: int) -> Policy:
         silence=config.dead_man,
         silence_closed=config.dead_man_closed,
         run_on=config.run_on,
-        rules=rules,
     )
 
 

@@ -24,7 +24,7 @@ from gateway.app.bindings import (
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import with_needs
-from gateway.app.control.orders import orders
+from gateway.app.control.orders import halt
 from gateway.app.control.server import Control
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.recording.entrance import Entrance
@@ -35,8 +35,8 @@ from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
-from gateway.core.about import RULES
 from gateway.core.errors import Fault, UserError
+from gateway.core.requests import Answer, Halt, Request
 from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
 from gateway.mount.controller import MountController
@@ -92,8 +92,6 @@ class Gateway:
         self.store: StateStore | None = None
         self.control: Control | None = None
         self.claim: Claim | None = None
-        #: The number of the rules that apply (``core/about.py``); the replay of an earlier recording uses its own.
-        self.rules = RULES
         #: Everything from outside enters through this, so that it can be recorded.
         self.entrance = Entrance()
 
@@ -146,12 +144,12 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.rules, self.warn)
+        driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.warn)
         shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else None
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
-        context = Context(driver, policy(config, self.rules), self.wire_log, line, self.sky, site_clock)
+        context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         announcers = [part.before_motion for part in (self.watched, self.store) if part is not None]
         self._controller = MountController(context, follow_ups, self.entrance.announcers(announcers))
         if self.store is None:
@@ -182,14 +180,7 @@ class Gateway:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
         where = [self.store.directory, *folders()[0]]
-        self.control = Control(
-            where,
-            self.store.name,
-            str(self.mount),
-            orders(self.controller, self.store, self.entrance),
-            lambda word, line: self.request_handler.take_line(word, line),
-            self.config.name or "",
-        )
+        self.control = Control(where, self.store.name, str(self.mount), self._carry_out, self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
@@ -197,6 +188,13 @@ class Gateway:
                 f"mount-gateway stop, status and goto will not find this gateway: {where[0]}: "
                 f"{error.strerror or error}; --state PATH names another folder"
             )
+
+    async def _carry_out(self, request: Request) -> Answer:
+        """Carry out a request of the control endpoint. A stop loads nothing from a disk that may be broken."""
+        if isinstance(request, Halt):
+            assert self.store is not None
+            return await halt(request, self.controller, self.store, self.entrance)
+        return await self.request_handler.take(request)
 
     async def fit(self) -> None:
         """Once the mount is identified, present a model that fits it on surfaces for which the user named none."""

@@ -15,13 +15,6 @@ from pathlib import Path
 RELEASED = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE = Path(__file__).resolve().parents[1]
-#: The rules by which the gateway decides. A recording is replayed by those of its time: by the first ones a site or
-#: clock might go to a mount that slews, a goto did not wait for them, the site was read as seldom as the clock, and
-#: only gotos were judged by the axes as they were before the syncs. Up to the second ones every telescope with a name
-#: was driven as a Meade; up to the third ones, one in low precision was switched before it was asked for its name, and
-#: the end of a goto was not sent to a Meade without one; up to the fourth ones a sync was accepted while the mount ran
-#: on after a stop, and the end of a goto to axis readings, of a park or home was not compared with its goal.
-RULES, END_UNSEEN, SWITCHED_UNNAMED, OF_ONE_MAKER, FIRST_RULES = 5, 4, 3, 2, 1
 #: How many digits of a commit are told.
 DIGITS = 12
 _PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")

@@ -206,14 +206,6 @@ class Answer(NamedTuple):
         return f"{self.outcome} {self.words}"
 
 
-def read_answer(text: str) -> Answer:
-    """Return an answer of the control endpoint. Without an outcome (``stopped``, a ``State``) the request was done."""
-    if text.startswith("["):
-        return msgspec.json.decode(text, type=Answer)
-    outcome = next((one for one in (DONE, UNDER_WAY, FAILED) if text.startswith(f"{one} ")), None)
-    return Answer(DONE, text) if outcome is None else Answer(outcome, text[len(outcome) + 1 :])
-
-
 def encode(request: Request) -> str:
     """Encode a request as a line."""
     return json.dumps(msgspec.to_builtins(request), separators=(",", ":"))

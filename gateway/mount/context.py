@@ -43,8 +43,8 @@ class Context:
         self.tasks, self.closed = BackgroundTasks(), False
         self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(link), WantedState()
-        self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings(policy.rules)
-        self.run_on = RunOnWatch(self.now, policy.rules)
+        self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings()
+        self.run_on = RunOnWatch(self.now)
         #: Astronomy with the best site and clock, for limits and horizon coordinates.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
@@ -65,7 +65,7 @@ class Context:
             return NoAnswer()
         if (driver.asleep or driver.powerless) and not self.wanted.waking and begins_motion(operation):
             return Asleep()
-        calculates = link.occupied or (self.incoming.sending is op.SetClock and self.incoming.waits)
+        calculates = link.occupied or self.incoming.sending is op.SetClock
         if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:

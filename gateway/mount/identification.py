@@ -14,7 +14,6 @@ from typing import Any
 from gateway.astro.axes import Build, Geometry
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
@@ -64,8 +63,7 @@ class Identification:
         self._status: op.Status | None = None
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)
-        if context.policy.rules > FIRST_RULES:
-            self._link.unheard.connect(self._stop_owed)
+        self._link.unheard.connect(self._stop_owed)
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:

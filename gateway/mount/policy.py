@@ -12,7 +12,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.about import RULES
 from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
 AT_LIMIT = 1.0 / 3600.0
@@ -93,7 +92,6 @@ class Policy(Struct, frozen=True):
     is not aligned may be sent to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed``: for how
     many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
     ``run_on``: for how many seconds at full speed the mount runs on after a stop.
-    ``rules``: the number of the rules that apply, lower than the present one in the replay of an earlier recording.
     """
 
     limits: Limits = Limits()
@@ -104,7 +102,6 @@ class Policy(Struct, frozen=True):
     silence: float = 30.0
     silence_closed: float = 5.0
     run_on: float = 0.5
-    rules: int = RULES
 
 
 def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:

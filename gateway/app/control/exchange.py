@@ -3,8 +3,9 @@
 An endpoint file holds a gateway's port and secret. An entry that cannot be read as such (half written, a directory,
 another program's) is ignored and never hides the others. The file of a killed gateway stays behind, and is removed by
 the next gateway, or ``stop``, that finds nothing listening on its port. A datagram is ``SEAL NUMBER TEXT``: the asking
-side draws the number, the answer repeats it, and the seal is an HMAC of the rest. A long answer is sent in numbered
-parts, because the system limits the size of a datagram.
+side draws the number, the answer repeats it, and the seal is an HMAC of the rest. The texts are ``ask`` with a request
+in JSON, and the ``Answer`` in JSON. A long answer is sent in numbered parts, because the system limits the size of a
+datagram.
 """
 
 from __future__ import annotations
@@ -28,10 +29,6 @@ LONGEST = 65536
 PART = 2000
 #: Confirms that a request was received and is being carried out.
 WAIT = "wait"
-#: The word before a request in JSON: the answer is a line of text, or (format 2) an ``Answer`` in JSON.
-REQUEST, REQUEST_2 = "wish", "wish2"
-#: The beginning of the answer to a word that a gateway does not know.
-UNKNOWN = "failed this gateway knows no order"
 #: Larger datagrams are ignored.
 LARGEST = 9216
 

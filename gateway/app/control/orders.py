@@ -1,60 +1,51 @@
-"""Carries out the orders ``stop``, ``hold`` and ``release`` of ``mount-gateway stop``.
+"""Carries out the requests ``Stop``, ``Hold`` and ``Release``.
 
-The answer is ``stopped``, ``held`` or ``released`` only if that was verified. Every other answer is ``failed`` with the
-reason, in words for the user of the command.
+A request is done only if that was verified: the mount was seen at rest. Every other answer says what went wrong.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
 
-from gateway.app.control.server import Order
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault, told
+from gateway.core.requests import DONE, FAILED, Answer, Halt, Hold, Release
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
-STOPPED, HELD, RELEASED = "stopped", "held", "released"
-#: What people read instead of an answer.
-IN_WORDS = {HELD: "stopped and held"}
+STOPPED = Answer(DONE, "stopped")
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 ACKNOWLEDGED = 5.0
 #: Seconds for which the command waits for the answer.
 LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
 
 
-def orders(controller: MountController, store: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
-    """Return the orders by their words."""
-
-    async def stop() -> str:
-        return await entrance.carry_out("o", lambda: stopped(controller))
-
-    async def hold() -> str:
-        entrance.apply_event("h", lambda: _hold(controller, True))
-        answer, trouble = await asyncio.gather(
-            entrance.carry_out("o", lambda: stopped(controller)), _on_disk(store, held=True)
-        )
-        if answer != STOPPED:
-            return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"
-        return f"failed it is stopped and held{trouble}" if trouble else HELD
-
-    async def release() -> str:
+async def halt(
+    request: Halt, controller: MountController, store: StateStore, entrance: Entrance = Entrance()
+) -> Answer:
+    """Stop, hold or release the mount."""
+    if isinstance(request, Release):
         trouble = await _on_disk(store, held=False)
         entrance.apply_event("u", lambda: _hold(controller, False))
-        return f"failed it is released{trouble}" if trouble else RELEASED
-
-    return {"stop": stop, "hold": hold, "release": release}
+        return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
+    stopping = entrance.carry_out("o", lambda: stopped(controller))
+    if not isinstance(request, Hold):
+        return await stopping
+    entrance.apply_event("h", lambda: _hold(controller, True))
+    answer, trouble = await asyncio.gather(stopping, _on_disk(store, held=True))
+    if not answer.done:
+        return Answer(FAILED, f"not stopped: {answer.words}; it is held from now on{trouble}")
+    return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 
 def _hold(controller: MountController, on: bool) -> None:
     controller.hold.on = on
 
 
-async def stopped(controller: MountController) -> str:
-    """Stop the mount and watch it until it is at rest; return ``stopped`` or ``failed REASON``."""
+async def stopped(controller: MountController) -> Answer:
+    """Stop the mount and watch it until it is at rest."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
             await controller.stop("mount-gateway stop")
@@ -63,11 +54,11 @@ async def stopped(controller: MountController) -> str:
             return STOPPED  # a hibernating mount is at rest, and does not answer
         why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
         owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.wanted.owed
-        return f"failed {why}{owed}"
+        return Answer(FAILED, f"{why}{owed}")
     try:
         await come_to_rest(controller.context, controller.reader)
     except Fault as fault:
-        return f"failed {fault}"
+        return Answer(FAILED, str(fault))
     return STOPPED
 
 

@@ -22,7 +22,8 @@ from gateway.app.control import exchange
 from gateway.app.control.exchange import ControlEndpoint, left_moving
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.app.status import State
-from gateway.core.requests import FAILED, Answer, Halt, Request, See, encode, new_number, read_answer
+from gateway.core.errors import NoAnswer
+from gateway.core.requests import FAILED, Answer, Request, See, encode, new_number
 from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
@@ -140,8 +141,8 @@ def explain_unreachable(process: processes.Process) -> str:
     """Return a sentence about a gateway that cannot be asked: what it is, and how to stop its mount."""
     if reachable(process):
         return (
-            f"a gateway runs as process {process.pid} and cannot be asked: it is of an older version, or had no "
-            f"folder to write to; kill {process.pid} ends it, which stops its mount"
+            f"a gateway runs as process {process.pid} and cannot be asked: it had no folder to "
+            f"write to; kill {process.pid} ends it, which stops its mount"
         )
     whose = user_name(process.user)
     return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"
@@ -154,16 +155,16 @@ def explain_no_answer(pid: int) -> str:
     return f"the gateway (process {pid}) does not answer: {resume}{ended}"
 
 
-async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | None:
-    """Send a request and return the answer, or ``failed REASON``; None if no gateway has this endpoint any more."""
+async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> Answer | None:
+    """Send a request and return the answer; None if no gateway has this endpoint any more."""
     number, parts, heard = new_number(), exchange.Parts(), False
-    asked, loop = exchange.seal(endpoint.secret, number, f"ask {word}"), asyncio.get_running_loop()
+    asked, loop = exchange.seal(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.setblocking(False)
         try:
             port.connect(("127.0.0.1", endpoint.port))
         except (OSError, OverflowError) as error:
-            return f"failed the gateway (process {endpoint.pid}) cannot be reached: {error}"
+            return _no_answer(f"the gateway (process {endpoint.pid}) cannot be reached: {error}")
         try:
             async with asyncio.timeout(seconds):
                 silence = loop.time() + HEARD
@@ -176,12 +177,16 @@ async def ask(endpoint: ControlEndpoint, word: str, seconds: float) -> str | Non
                                 if opened is not None and opened[0] == number:
                                     heard = True
                                     if (answer := parts.add(opened[1])) is not None:
-                                        return answer
+                                        return msgspec.json.decode(answer, type=Answer)
         except ConnectionError:
-            return f"failed {explain_no_answer(endpoint.pid)}" if processes.is_gateway(endpoint.pid) else None
+            return _no_answer(explain_no_answer(endpoint.pid)) if processes.is_gateway(endpoint.pid) else None
         except (OSError, TimeoutError):
             pass
-        return f"failed {explain_no_answer(endpoint.pid)}" if processes.exists(endpoint.pid) else None
+        return _no_answer(explain_no_answer(endpoint.pid)) if processes.exists(endpoint.pid) else None
+
+
+def _no_answer(why: str) -> Answer:
+    return Answer(FAILED, why, NoAnswer.__name__)
 
 
 def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
@@ -190,18 +195,9 @@ def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]
 
 
-async def request(endpoint: ControlEndpoint, wish: Request, seconds: float = ANSWERED) -> Answer:
+async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> Answer:
     """Send a request and return the answer; if there is none, it failed with ``NoAnswer``."""
-    line = encode(wish)
-    plain = str(wish.__struct_config__.tag) if isinstance(wish, Halt) else f"{exchange.REQUEST} {line}"
-    for form in (plain,) if isinstance(wish, See) else (f"{exchange.REQUEST_2} {line}", plain):
-        text = await ask(endpoint, form, seconds)
-        if text is None or not text.startswith(exchange.UNKNOWN):
-            answer = read_answer(text or f"{FAILED} the gateway has ended")
-            unnamed = answer.outcome == FAILED and not answer.fault and form != plain
-            return answer._replace(fault="NoAnswer") if unnamed else answer
-    why = "this gateway is of an older version, and takes no requests from the command line; restart it"
-    return Answer(FAILED, why)
+    return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
 
 
 async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:

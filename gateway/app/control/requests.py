@@ -13,8 +13,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control.exchange import REQUEST_2
-from gateway.app.control.orders import IN_WORDS, orders
+from gateway.app.control.orders import halt
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
 from gateway.app.recording.entrance import Entrance
@@ -92,24 +91,11 @@ class RequestHandler:
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
         return replace(state, served=ports, folder=folder)
 
-    async def take_line(self, word: str, line: str) -> str:
-        """Carry out a request that the control endpoint got after a ``word``, and return the answer as that asks."""
-        try:
-            request = requests.decode(line)
-        except ValueError:
-            return f"{FAILED} the gateway does not understand this: it is of another version than the command"
-        answer = await self.take(request)
-        if word == REQUEST_2:
-            return msgspec.json.encode(answer).decode()
-        return answer.words if isinstance(request, requests.See) else str(answer)
-
     async def take(self, request: requests.Request) -> Answer:
         """Let a request enter and carry it out. A name becomes a position before: what is recorded is decided."""
         if isinstance(request, requests.Halt):
             assert self._gateway.store is not None
-            by_word = orders(self._controller, self._gateway.store, self._entrance)
-            answer = await by_word[str(request.__struct_config__.tag)]()
-            return requests.read_answer(IN_WORDS.get(answer, answer))
+            return await halt(request, self._controller, self._gateway.store, self._entrance)
         if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 

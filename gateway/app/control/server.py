@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,21 +17,20 @@ import msgspec
 
 from gateway.app.control import exchange
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, NoAnswer
+from gateway.core.requests import FAILED, Answer, Request, decode
 from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
 
-#: Carries out an order and returns the answer. If it raises Fault, the answer is ``failed`` with its words.
-Order = Callable[[], Awaitable[str]]
 #: So many requests are remembered, so that a repeated one gets the same answer.
 REMEMBERED = 64
-ENDING_WORDS = "failed the gateway is ending, and stops its mount at that; ask again to be sure"
+ENDING = Answer(FAILED, "the gateway is ending, and stops its mount at that; ask again to be sure", NoAnswer.__name__)
 
-Requests = dict[str, asyncio.Task[str]]
+Requests = dict[str, asyncio.Task[Answer]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Serves requests: ``orders`` by their words, and ``handle_request`` with both parts of ``wish LINE``.
+    """Serves requests, which ``carry_out`` carries out.
 
     Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
     """
@@ -41,13 +40,12 @@ class Control(asyncio.DatagramProtocol):
         folders: Sequence[Path],
         name: str,
         mount: str,
-        orders: Mapping[str, Order],
-        handle_request: Callable[[str, str], Awaitable[str]] | None = None,
+        carry_out: Callable[[Request], Awaitable[Answer]],
         called: str = "",
     ) -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDING}" for folder in folders]
         self._state = str(folders[0].absolute())
-        self._mount, self._orders, self._handle_request, self._called = mount, orders, handle_request, called
+        self._mount, self._carry_out, self._called = mount, carry_out, called
         self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
         self._requests: Requests = {}
@@ -82,17 +80,17 @@ class Control(asyncio.DatagramProtocol):
         opened = exchange.unseal(self._secret, data)
         if opened is None or not opened[1].startswith("ask "):
             return
-        number, word = opened[0], opened[1].removeprefix("ask ")
+        number, line = opened[0], opened[1].removeprefix("ask ")
         task = self._requests.get(number)
         if task is None:
             if len(self._requests) >= REMEMBERED and not self._forget():
                 return
-            task = self._requests[number] = asyncio.get_running_loop().create_task(self._carry_out(word))
+            task = self._requests[number] = asyncio.get_running_loop().create_task(self._answer_to(line))
         elif not task.done():
             self._send(number, exchange.WAIT, addr)
             return
         self._send(number, exchange.WAIT, addr)
-        task.add_done_callback(lambda done: self._answer(number, "" if done.cancelled() else done.result(), addr))
+        task.add_done_callback(lambda done: self._answer(number, ENDING if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:
         """Do nothing: the caller has ended."""
@@ -105,24 +103,22 @@ class Control(asyncio.DatagramProtocol):
         del self._requests[old]
         return True
 
-    async def _carry_out(self, word: str) -> str:
-        order = self._orders.get(word)
-        first, _, line = word.partition(" ")
+    async def _answer_to(self, line: str) -> Answer:
         try:
-            if first in (exchange.REQUEST, exchange.REQUEST_2) and self._handle_request is not None:
-                return await self._handle_request(first, line)
-            if order is None:
-                return f"{exchange.UNKNOWN} {word!r}; it may be of another version"
-            return await order()
+            request = decode(line)
+        except ValueError:
+            return Answer(FAILED, "the gateway does not understand this: it is of another version than the command")
+        try:
+            return await self._carry_out(request)
         except asyncio.CancelledError:
-            return ENDING_WORDS
+            return ENDING
         except Fault as fault:
-            return f"failed {fault}"
+            return Answer(FAILED, str(fault), type(fault).__name__)
         except Exception as error:  # a defect must not look like a gateway that has ended
-            return f"failed internal error, please report it: {error!r}"
+            return Answer(FAILED, f"internal error, please report it: {error!r}")
 
-    def _answer(self, number: str, answer: str, addr: object) -> None:
-        for part in exchange.parts(answer):
+    def _answer(self, number: str, answer: Answer, addr: object) -> None:
+        for part in exchange.parts(msgspec.json.encode(answer).decode()):
             self._send(number, part, addr)
 
     def _send(self, number: str, text: str, addr: Any) -> None:

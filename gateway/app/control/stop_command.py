@@ -18,6 +18,7 @@ from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.app.control.reach import Scope, ask, explain_unreachable, is_own, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
+from gateway.core.requests import FAILED, Answer, Halt, Release
 from gateway.mount.readings.rest import come_to_rest
 from gateway.system.processes import age
 
@@ -31,13 +32,13 @@ class Report(Struct):
     name, else by its endpoint. ``others`` are those that run here, or were left moving, and were not meant.
     """
 
-    outcomes: list[tuple[str, str]]
+    outcomes: list[tuple[str, Answer]]
     doubts: list[str]
     others: set[str] = field(default_factory=set)
 
 
-async def order_all(scope: Scope, only: str | None, word: str) -> Report:
-    """Send an order to every gateway in the scope; unless it is ``release``, also stop mounts left moving.
+async def order_all(scope: Scope, only: str | None, request: Halt) -> Report:
+    """Send a request to every gateway in the scope; unless it is ``Release``, also stop mounts left moving.
 
     All mounts are served at once: a gateway that does not answer, or a doubt, must not keep another mount moving.
     """
@@ -66,11 +67,14 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
             )
             if mount not in meant and mount not in markers
         }
-        if word == "release" or attempt > 0:
+        if isinstance(request, Release) or attempt > 0:
             markers.clear()
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         answers_by_mount = await asyncio.gather(
-            *(_order_mount([one for one in new if one[1].mount == mount], word, markers.get(mount)) for mount in mounts)
+            *(
+                _order_mount([one for one in new if one[1].mount == mount], request, markers.get(mount))
+                for mount in mounts
+            )
         )
         report.outcomes += [
             (names.get(mount, mount), answer)
@@ -87,10 +91,10 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
 
 
 async def _order_mount(
-    gateways: Sequence[tuple[Path, ControlEndpoint]], word: str, left: tuple[Path, MarkerContent] | None
-) -> list[str]:
+    gateways: Sequence[tuple[Path, ControlEndpoint]], request: Halt, left: tuple[Path, MarkerContent] | None
+) -> list[Answer]:
     """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
-    asked = await asyncio.gather(*(ask(endpoint, word, LONGEST) for _, endpoint in gateways))
+    asked = await asyncio.gather(*(ask(endpoint, request, LONGEST) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if left is not None and not answers:
         folder, mark = left
@@ -113,8 +117,8 @@ def _delete(path: Path) -> None:
             path.unlink()
 
 
-async def _stop_directly(mark: MarkerContent, where: Path) -> str:
-    """Stop a mount that a killed gateway has left moving; return ``stopped`` or ``failed REASON``.
+async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:
+    """Stop a mount that a killed gateway has left moving.
 
     This opens a gateway without surfaces: a gateway that finds a marker sends the stop before anything else.
     """
@@ -122,25 +126,25 @@ async def _stop_directly(mark: MarkerContent, where: Path) -> str:
     from gateway.app.gateway import Gateway
 
     if not mark.mount:
-        return "failed its motion marker cannot be read; start its gateway, which stops the mount first"
+        return Answer(FAILED, "its motion marker cannot be read; start its gateway, which stops the mount first")
     try:
         gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(where)), [])
         await gateway.open()
     except UserError as error:
-        return f"failed {error}"
+        return Answer(FAILED, str(error))
     assert gateway.store is not None
     wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
         if not gateway.store.held:
-            return "failed a gateway holds its state files but does not answer"
+            return Answer(FAILED, "a gateway holds its state files but does not answer")
         async with asyncio.timeout(ACKNOWLEDGED):
             while wanted.owed:
                 await asyncio.sleep(0.02)
         await come_to_rest(gateway.controller.context, gateway.controller.reader)
         return STOPPED
     except TimeoutError:
-        return f"failed {line.reason or 'no answer from the mount'}"
+        return Answer(FAILED, line.reason or "no answer from the mount")
     except Fault as fault:
-        return f"failed {fault}"
+        return Answer(FAILED, str(fault))
     finally:
         await gateway.close()

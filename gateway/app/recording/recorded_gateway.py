@@ -21,7 +21,7 @@ from gateway.app.recording.entrance import Admitting, Entrance, Work
 from gateway.app.recording.format import escape
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import BASE, TurnLoop
-from gateway.core.about import RULES, commit, version
+from gateway.core.about import commit, version
 from gateway.core.requests import Request, encode
 from gateway.core.waiting import result_of
 from gateway.core.wire_log import MOUNT
@@ -268,7 +268,6 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST, turns: TurnLoop
         "past": gateway.previous_run,
         "version": version(),
         "commit": commit(),
-        "rules": RULES,
     }
     keep = gateway.config.record_keep
     recorder = Recorder(path, now, msgspec.to_builtins(settings), longest, keep, gateway.warn, turns)

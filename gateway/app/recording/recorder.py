@@ -22,7 +22,6 @@ from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOU
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.errors import UserError, about_file, told
 from gateway.core.wire_log import MOUNT, Entry
-from gateway.protocols.base.driver import Driver
 from gateway.system.files import plain_file
 
 #: Bytes after which a new file is begun, and how many files are kept, including the one being written.
@@ -54,7 +53,7 @@ class Recorder:
         self._path, self._now, self._longest, self._keep, self._warn = path, now, longest, keep, warn
         self._turns = loop if isinstance(loop, TurnLoop) else None
         self._began = now()
-        self._settings = {**settings, "python": "{}.{}".format(*sys.version_info), "exchanges": Driver.exchanges}
+        self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
         if self._turns is not None:
             self._settings |= {"began": settings["began"] - self._turns.elapsed, "elapsed": self._turns.elapsed}
             self._turns.on_time.append(self._turn)

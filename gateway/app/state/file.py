@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -46,8 +45,6 @@ class SavedState(Struct, omit_defaults=True):
     zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Annotated[int, Meta(ge=0, le=1)]] | None = None
     pec: bool | None = None
     motors: dict[str, Byte] = {}
-    #: Whether the owner has been told that guide pulses of Alpaca programs mean directions on the sky.
-    told_by_sky: bool = False
     mount: Values = {}
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
@@ -88,10 +85,7 @@ def _content(path: Path) -> bytes:
 def read_state(path: Path) -> SavedState:
     """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
-        kept = msgspec.json.decode(_content(path), type=SavedState)
-        written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
-        kept.site_of_program = site_of_program(kept, f"{written:%Y-%m-%d}")
-        return kept
+        return msgspec.json.decode(_content(path), type=SavedState)
     except FileNotFoundError:
         return SavedState(FORMAT)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
@@ -157,19 +151,7 @@ def to_shared(kept: SavedState) -> MountSettings:
         zone=kept.zone,
         pec=kept.pec,
         motors={name: value for name, value in kept.motors.items() if name.startswith(MOTORS)},
-        told_by_sky=kept.told_by_sky,
     )
-
-
-def site_of_program(kept: SavedState, written: str = "") -> SiteOfProgram | None:
-    """Return the site that a program has set in the run that saved this state.
-
-    An earlier version stored the number of the site alone; ``written`` is then the date of the file.
-    """
-    named = kept.sites.get(str(kept.site or 0), UNNAMED)
-    if kept.site_of_program is not None or named.latitude is None or named.longitude is None:
-        return kept.site_of_program
-    return SiteOfProgram(named.latitude, named.longitude, "in an earlier run", written)
 
 
 def from_shared(
@@ -183,7 +165,6 @@ def from_shared(
         zone=shared.zone,
         pec=shared.pec,
         motors=dict(shared.motors),
-        told_by_sky=shared.told_by_sky,
         mount=mount,
         synced=synced,
         site_of_program=site,

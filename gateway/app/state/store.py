@@ -41,7 +41,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. A mount that it left moving is stopped first, or judged if that is old."""
     controller.driver.restore_state(previous_run.kept.mount, moving=False)
     controller.synced.value = previous_run.kept.synced
-    controller.site_clock.stored = file.site_of_program(previous_run.kept)
+    controller.site_clock.stored = previous_run.kept.site_of_program
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
         controller.context.run_on.may_move()
@@ -86,7 +86,7 @@ class StateStore:
         self._written = file.encode(kept)
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
-        self._site: Callable[[], SiteOfProgram | None] = lambda: file.site_of_program(kept)
+        self._site: Callable[[], SiteOfProgram | None] = lambda: kept.site_of_program
         self._motion: Callable[[], LeftMotion | None] = lambda: None
         self._host: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None

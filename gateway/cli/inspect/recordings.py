@@ -100,8 +100,6 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(words)
     if recording.cut:
         print(recording.cut)
-    if outcome.differences and outcome.guessed:
-        print(f"the order of events was guessed, so that what is different may be due to that: {outcome.guessed}")
     verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} received different bytes"
     print(f"{outcome.clients} connections, {outcome.replies} replies, {outcome.requests} requests: {verdict}")
     return 1 if outcome.differences else 0

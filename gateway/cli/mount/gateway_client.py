@@ -86,8 +86,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
     for process in unreachable_gateways(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
-            f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "
-            "as root; if that is you, it is of an older version",
+            f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or as root",
             streams.ERROR,
         )
 

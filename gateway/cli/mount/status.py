@@ -99,7 +99,7 @@ def blocks(states: Sequence[State]) -> Iterator[list[str]]:
     folders = {state.folder for state in states}
     above = None
     for state in states:
-        heading = [f"of the state folder {state.folder or 'of an older version'}:"]
+        heading = [f"of the state folder {state.folder}:"]
         yield [*(heading if len(folders) > 1 and state.folder != above else []), *lines(state)]
         above = state.folder
 
@@ -121,9 +121,9 @@ def lines(state: State) -> Iterator[str]:
         "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
-        "served": [str(one) for one in state.served] or ["not told: this gateway is of an older version"],
+        "served": [str(one) for one in state.served] or ["no surface"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
-        "state": [state.folder or "not told"],
+        "state": [state.folder],
         "lately": state.lately or ["nothing was refused or ended in the last minute"],
     }
     for name, sentences in rows.items():

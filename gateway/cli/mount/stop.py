@@ -15,6 +15,7 @@ from typing import TextIO
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.gateway_client import add_which, no_such_mount
 from gateway.core.errors import UserError, told
+from gateway.core.requests import Hold, Release, Stop
 from gateway.system import streams
 
 EXAMPLES = """\
@@ -49,18 +50,19 @@ def _stop(arguments: argparse.Namespace) -> int:
     from gateway.app.control.reach import scope_of
     from gateway.app.control.stop_command import order_all
 
-    word = "hold" if arguments.hold else "release" if arguments.release else "stop"
+    request = Hold() if arguments.hold else Release() if arguments.release else Stop()
+    word = str(request.__struct_config__.tag)
     if arguments.mount and word != "stop":
         raise UserError(f"stop --{word} is for all mounts of a state folder: leave --mount out")
     scope = scope_of(arguments.state)
     good, bad = [], []
-    report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), word))
+    report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), request))
     for mount, answer in report.outcomes:
         name = mount or "a mount that is not known any more"
-        if answer.startswith("failed "):
-            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.removeprefix('failed ')}")
+        if answer.done:
+            good.append(f"{name}: {answer.words}")
         else:
-            good.append(f"{name}: {answer}")
+            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.words}")
     if word != "stop":
         told, trouble = _on_disk(scope.folder, word)
         good += [told] * bool(told)

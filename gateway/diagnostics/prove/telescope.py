@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
-from gateway.app.control.orders import STOPPED, stopped
+from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
 from gateway.astro.spherical import SIDEREAL_RATE, hour_angle_to_horizon, separation, wrap180
 from gateway.core import operations as op
@@ -168,7 +168,7 @@ class Telescope:
     async def stop(self) -> str:
         """Stop everything, ahead of all orders; return an empty text, or why the mount may still move."""
         answer = await self.gateway.entrance.carry_out("o", lambda: stopped(self.controller))
-        return "" if answer == STOPPED else answer.removeprefix("failed ")
+        return "" if answer.done else answer.words
 
     async def rest(self) -> Place:
         """Wait until the mount rests, and return where. Raises Ended."""

@@ -25,11 +25,6 @@ from gateway.mount.link.line import MountLink
 AFTERWARDS = 1.0
 
 
-def exchanges(recording: Recording) -> int:
-    """Return how the recorded gateway talked to the mount (``Driver.exchanges``)."""
-    return int(recording.settings.get("exchanges", 1))
-
-
 class Retracing:
     """Replays a recording to ``gateway``, which is not set up yet."""
 
@@ -62,7 +57,6 @@ class Retracing:
         self._host = float(recording.settings["began"])
         self._loop.elapsed = float(recording.settings.get("elapsed", 0.0))
         self.gateway.prepare(lambda reply_rules, wire_log: MountLink(self.wire, reply_rules, wire_log))
-        self.gateway.controller.driver.exchanges = exchanges(recording)
         try:
             await self._loop.follow(turns(recording), self._begin, self._play)
             self._compare()

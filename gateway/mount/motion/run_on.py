@@ -16,7 +16,6 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES, RULES
 from gateway.core.signals import Signal
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 
@@ -81,13 +80,10 @@ def seen(run_on: RunOn, here: Place, equatorial: bool, digit: float) -> RunOn | 
 
 
 class RunOnWatch:
-    """Holds the run-on under way, None at rest. ``changed`` is emitted with the time until which pulses wait.
+    """Holds the run-on under way, None at rest. ``changed`` is emitted with the time until which pulses wait."""
 
-    By the first ``rules``, those of old recordings, a mount that was stopped counted as resting at once.
-    """
-
-    def __init__(self, now: Callable[[], float], rules: int = RULES) -> None:
-        self._now, self._watches = now, rules > FIRST_RULES
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
         #: Emitted with each command that may set the mount moving, and how often until it was last seen at rest.
         self.sent: Signal[None] = Signal()
         self._rested_at = 0
@@ -136,8 +132,6 @@ class RunOnWatch:
         repeated end, and one of a mount that has been seen at rest since its last motion, change nothing.
         """
         now = self._now()
-        if not self._watches:
-            return
         if self.value is not None or not (self.sent.count != self._rested_at or by_others):
             self.value = None if self.value is None else replace(self.value, goto=goto or self.value.goto)
             return

@@ -124,7 +124,7 @@ class Order(Struct, frozen=True):
         if occupied and self.can_be_postponed:
             return Wait(LONGEST, Busy())
         arrow = isinstance(self.operation, op.Move | op.MoveAxis)
-        if arrow and incoming.sending and incoming.waits and now < self.since + FOR_EXCHANGE:
+        if arrow and incoming.sending and now < self.since + FOR_EXCHANGE:
             return Wait(FOR_EXCHANGE, None)
         return None
 

@@ -11,7 +11,6 @@ import re
 from math import inf
 
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
@@ -121,7 +120,7 @@ class Poller:
     def _renew_site(self, now: float) -> None:
         """Read the site of a mount that keeps its own often: its owner may set it and go on at once."""
         keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
-        if self._context.policy.rules == FIRST_RULES or not keeps or self._watched or now - self._asked_site < SITE_AGE:
+        if not keeps or self._watched or now - self._asked_site < SITE_AGE:
             return
         if self._reading_own is None or self._reading_own.done():
             self._asked_site = now
@@ -168,8 +167,7 @@ class Poller:
         return max(min(STATUS_ALONE - old, self._status_due - now), AFTER_MOTION - rests)
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount again. The log records the decision, so that a replay asks at the same moments."""
-        self._context.log.put("hub", "r", note=kind.__name__)
+        """Ask the mount again."""
         if kind is op.GetStatus:
             self._status_due = inf
         if kind is op.GetSite or kind is op.GetClock:

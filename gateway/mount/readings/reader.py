@@ -14,7 +14,6 @@ from typing import TypeVar, cast
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.about import END_UNSEEN, FIRST_RULES
 from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, NoDevice, Silence, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
@@ -140,8 +139,7 @@ class Reader:
 
     @property
     def _moves(self) -> bool:
-        others = self._context.policy.rules > FIRST_RULES and self._now() < self._movement.by_others_until
-        return self._movement.anything or others
+        return self._movement.anything or self._now() < self._movement.by_others_until
 
     def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
@@ -424,7 +422,7 @@ class Reader:
         if isinstance(goto, op.Goto):
             return missed(self._astrometry.from_mount(op.Equatorial(goto.ra, goto.dec)), here)
         goal = self._driver.destination(goto) if isinstance(goto, op.Park) else goto
-        if not isinstance(goal, op.GotoAxes | op.GotoHorizontal) or self._context.policy.rules <= END_UNSEEN:
+        if not isinstance(goal, op.GotoAxes | op.GotoHorizontal):
             return ""
         kind = op.AxisPosition if isinstance(goal, op.GotoAxes) else op.HorizontalPosition
         await self.answer(kind())

@@ -13,7 +13,6 @@ from math import asin, cos, degrees, radians, sin
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Seen
 from gateway.mount.readings.cache import Readings
@@ -99,12 +98,9 @@ class AltitudeAxis:
 
     @property
     def shifts(self) -> tuple[Shift, ...]:
-        """By how much the tube may be off because of syncs, where the axes do not tell; none without a site.
-
-        A recording of the time before the altitudes that follow from them were watched is replayed without.
-        """
+        """By how much the tube may be off because of syncs, where the axes do not tell; none without a site."""
         mount, shifts = self._mount, self._mount.frame().shifts
-        if not shifts or mount.policy.rules == FIRST_RULES or self.available or mount.sources.site() is None:
+        if not shifts or self.available or mount.sources.site() is None:
             return ()
         return shifts
 
@@ -149,8 +145,7 @@ class AltitudeAxis:
         change = wrap180((turn or 0.0) - turned), tilt - before
         if any(change) and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None
-        slews = self._mount.movement.slewing and self._mount.driver.exchanges > 1
-        if not self._lasts((turn or 0.0, tilt), slews and any(change)):
+        if not self._lasts((turn or 0.0, tilt), self._mount.movement.slewing and any(change)):
             return 0.0, 0.0
         self.tilt, self.turn, self.synced = tilt, turn, False
         self._mount.frame.measured = turn, tilt

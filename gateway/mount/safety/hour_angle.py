@@ -23,8 +23,6 @@ from gateway.mount.safety.allow import PastNow
 
 #: Degrees past the meridian beyond which a tube has passed under the pole and no longer turns towards the pier.
 AROUND_THE_POLE = 90.0
-#: Since these exchanges with the mount (``Driver.exchanges``) the axes are read for the hour angle.
-SINCE = 2
 #: Seconds between two readings of the axes: while the mount moves, and while it tracks or rests.
 IN_MOTION, AT_REST = 0.45, 5.0
 #: Seconds for which a pier side is trusted at rest.
@@ -33,8 +31,7 @@ SIDE_AGE = 5.0
 
 def told_by_axes(mount: Context) -> bool:
     """Whether the mount itself reports its axes."""
-    driver = mount.driver
-    return driver.exchanges >= SINCE and driver.implementation(op.AxisPosition) is not None
+    return mount.driver.implementation(op.AxisPosition) is not None
 
 
 def past_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:

@@ -35,13 +35,13 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
 
     ``turned`` is what syncs have added to the readings of the two axes: azimuth and altitude, or those of an equatorial
-    mount (`Geometry.axes`). Sums that earlier versions have saved do not have it. ``otherwise`` is the same if the
-    mount took its tube for pointing the other way.
+    mount (`Geometry.axes`). ``otherwise`` is the same if the mount took its tube for
+    pointing the other way.
     """
 
     east: float = 0.0
     north: float = 0.0
-    turned: Pair | None = None
+    turned: Pair = (0.0, 0.0)
     otherwise: tuple[Pair, ...] = ()
 
     @property
@@ -52,7 +52,7 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
     @property
     def axes(self) -> tuple[Pair, ...]:
         """By how many degrees syncs may have turned the two axes since the alignment: one pair, or several."""
-        return (self.turned if self.turned is not None else (self.east, self.north), *self.otherwise)
+        return (self.turned, *self.otherwise)
 
     def steps(self, turns: Turns) -> Iterator[tuple[Pair, Pair]]:
         """Yield each sum of the axes that is possible now with each that is possible after a sync."""

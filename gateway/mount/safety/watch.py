@@ -242,7 +242,7 @@ class LimitWatch:
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
         self.others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
         mount.movement.by_others_until = self.others.until
-        mount.driver.moved_by_others = self.moved_by_others and mount.driver.exchanges > 1
+        mount.driver.moved_by_others = self.moved_by_others
         if self.others.begins and mount.driver.moved_by_others:
             mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.seen.across > REALIGNED * mount.fastest:
@@ -271,7 +271,7 @@ class LimitWatch:
         past = None if mount.policy.limits.hour_angle is None else self._hour_angle.look(self.seen)
         if self.moved_by_others and not moving.ordered:
             limits = limits.for_keys()
-            if mount.driver.exchanges > 1 and now - mount.cache.age(op.Slewing, now) < self.others.since:
+            if now - mount.cache.age(op.Slewing, now) < self.others.since:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns

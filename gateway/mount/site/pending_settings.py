@@ -14,7 +14,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
-from gateway.core.about import FIRST_RULES, RULES
 from gateway.core.errors import Busy
 from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
 from gateway.mount.presence import Program
@@ -74,10 +73,8 @@ class IncomingSettings:
     programs that are still setting one, in several commands, each with the loop time until which that is expected.
     """
 
-    def __init__(self, rules: int = RULES) -> None:
+    def __init__(self) -> None:
         self.pending: Pending = {}
-        #: Whether gotos and settings wait for each other; without it a mount that slews might be sent a new clock.
-        self.waits = rules > FIRST_RULES
         self.sending: type[Operation] | None = None
         self.unfinished: dict[Program, float] = {}
 
@@ -93,7 +90,7 @@ class IncomingSettings:
         """Return the refusal of a goto that could not wait any longer; None if it need not wait."""
         coming = [one for (kind, _), one in self.pending.items() if kind in SKY]
         self.unfinished = {program: until for program, until in self.unfinished.items() if until > now}
-        if not self.waits or not (coming or self.unfinished):
+        if not (coming or self.unfinished):
             return None
         what = "site" if coming and all(isinstance(one.value, SetSite) for one in coming) else "clock"
         wait = max([SOON, *(CALCULATING,) * calculating, *(until - now for until in self.unfinished.values()),

@@ -13,7 +13,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Refused, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
@@ -74,7 +73,7 @@ class SiteAndClock:
     async def _ask_for_site(self) -> None:
         """Ask a mount again that told no site at the start: its GPS may have a fix by now."""
         now = self._context.now()
-        if self._context.policy.rules == FIRST_RULES or now - self._asked_site < GPS_SEARCH:
+        if now - self._asked_site < GPS_SEARCH:
             return
         self._asked_site = now
         await self.renew(op.GetSite)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
-from math import inf
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
@@ -166,15 +165,8 @@ class SyncSettings:
     def _reachable(self) -> bool:
         return self._ready and self._link.state == "up" and not self._driver.asleep
 
-    def _in_motion(self, by_first_rules: float = inf) -> bool:
-        """Whether the mount slews or is moved by hand, or is about to: then it gets no site and no clock.
-
-        By the first rules that held for a clock that was set some time ago: ``by_first_rules``, seconds.
-        """
-        if not self._incoming.waits:
-            clock = self.pending.get(kind_of(op.SetClock(0.0, 0.0)))
-            old = clock is not None and self._now() - clock.since > by_first_rules
-            return old and len(self.pending) == 1 and self._context.movement.anything
+    def _in_motion(self) -> bool:
+        """Whether the mount slews or is moved by hand, or is about to: then it gets no site and no clock."""
         wanted = self._context.wanted.value
         begins = any(order.number == wanted.active and isinstance(order.operation, _MOVES) for order in wanted.pending)
         return begins or self._context.movement.anything or self.moved_by_others()
@@ -185,7 +177,7 @@ class SyncSettings:
             self._wake.clear()
             now = self._now()
             pending: Pending = {kind: one for kind, one in self.pending.items() if kind[0] not in SKY}
-            held_back = len(pending) < len(self.pending) and self._in_motion(CHECK_AFTER)
+            held_back = len(pending) < len(self.pending) and self._in_motion()
             pending = pending if held_back else self.pending
             step = pending_settings.next_setting(pending, now)
             if step is None and not held_back:

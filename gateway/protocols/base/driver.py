@@ -153,8 +153,6 @@ class Driver:
     patience: float | None = None
     #: Whether the mount hibernates; whether it moves although no client ordered that, so that it may be slewing.
     asleep = moved_by_others = False
-    #: How it talks to the mount, which recordings tell: 1 did not read the tracking mode at once after sending it.
-    exchanges = 2
     #: Whether it was parked, and was not unparked or moved since; whether a goto is known to take it from there.
     parked = goto_unparks = False
 

@@ -52,11 +52,10 @@ UNNAMED = NamedSite()
 
 
 class MountSettings(Struct, frozen=True):
-    """The settings that all clients of a mount share. The first six are stored in the state file.
+    """The settings that all clients of a mount share. The first five are stored in the state file.
 
     ``zone``: hours of the time zone, and of daylight saving, whose sum is the UTC offset; ``motors``: values of motors
-    by name (``backlash 1 pos``, ``guide rate 2``); ``told_by_sky``: the owner has been told that guide pulses mean the
-    sky; ``pulse_ends``: Unix time when the last guide pulse of an axis ends.
+    by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends``: Unix time when the last guide pulse of an axis ends.
     """
 
     sites: Mapping[int, NamedSite] = {}
@@ -65,7 +64,6 @@ class MountSettings(Struct, frozen=True):
     zone: tuple[float, int] | None = None
     pec: bool | None = None
     motors: Mapping[str, int] = {}
-    told_by_sky: bool = False
     manual_hertz: float | None = None
     pulse_ends: Mapping[int, float] = {}
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msgspec import Struct
 
-from gateway.core.about import RULES
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
@@ -66,7 +65,6 @@ class DriverSettings(Struct, frozen=True):
     reversed_axes: str | None = None  # those that count the other way: none, first, second, both
     rates: tuple[float, ...] = ()  # of the nine keys, as measured, degrees a second
     lowest: float = 0.0  # the default park position is not below this altitude, degrees
-    rules: int = RULES  # those of the time of a recording that is replayed
 
 
 class MadeDriver(NamedTuple):

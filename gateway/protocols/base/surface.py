@@ -14,7 +14,6 @@ from typing import NamedTuple
 import msgspec
 
 from gateway.core import operations
-from gateway.core.about import FIRST_RULES, RULES
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import GOTOS, begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
@@ -60,9 +59,6 @@ class Surface:
         self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
         #: Reply -> the reply in the mount's own notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
-        #: The number of the rules that apply, and whether the first ones refused a frame that is carried out today.
-        self.rules = RULES
-        self.refused_at_first: Callable[[bytes], bool] = lambda frame: False
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
@@ -118,8 +114,6 @@ class Surface:
         try:
             try:
                 values = template.decode(frame)
-                if self.rules == FIRST_RULES and self.refused_at_first(frame):
-                    raise ValueError("minutes or seconds over 59")
             except ValueError as error:
                 if row is not None and row.call and not passed:
                     values = {"fault": Invalid(str(error))}

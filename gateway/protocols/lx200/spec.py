@@ -31,8 +31,6 @@ ACK_ALONE = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 LONE = 0.1
 _POSITION = rb"\d\d:\d\d(\.\d|:\d\d)#"
-#: Sixty minutes or seconds in a target or a time.
-_SIXTY = rb"^:S[rdL].*\d\D+60(?:\.0*)?\D"
 #: What a program for a Meade may begin a connection with: bytes that are ignored, and whole commands.
 OPENING = rb"(?s)(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*"
 
@@ -50,7 +48,6 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
-    surface.refused_at_first = lambda frame: re.search(_SIXTY, frame) is not None
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},

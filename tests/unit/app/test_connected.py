@@ -15,7 +15,6 @@ from gateway import (
     BelowHorizon,
     BlockingConnectedGateway,
     ConnectedGateway,
-    Fault,
     Held,
     Invalid,
     NoAnswer,
@@ -28,10 +27,9 @@ from gateway import (
     open_gateway,
 )
 from gateway.app.api import arrival, connected
-from gateway.app.control.exchange import REQUEST, UNKNOWN, ControlEndpoint, read_endpoints
+from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.orders import LONGEST
-from gateway.app.control.reach import ANSWERED, request
-from gateway.app.control.server import Control
+from gateway.app.control.reach import ANSWERED
 from gateway.app.status import OLD_AFTER, State, StatusLine
 from gateway.astro.spherical import wrap180
 from gateway.core import requests
@@ -205,33 +203,6 @@ def test_of_several_one_must_be_named(tmp_path: Path) -> None:
             assert connect("west").name == "west"
             with pytest.raises(UserError, match="no gateway runs here for south"):
                 connect("south")
-
-    play(work())
-
-
-def test_a_gateway_of_an_older_version_is_asked_as_it_understands(tmp_path: Path) -> None:
-    async def work() -> None:
-        heard = []
-
-        async def old(word: str, line: str) -> str:
-            heard.append(word)
-            if word != REQUEST:
-                return f"{UNKNOWN} {word!r}; it may be of another version"
-            return "failed Object Below Horizon." if '"goto"' in line else "done it is parked"
-
-        async def stopped() -> str:
-            return "stopped"
-
-        served = Control([tmp_path], "m", "m", {"stop": stopped}, old)
-        await served.open()
-        [(_, endpoint)] = read_endpoints(tmp_path)
-        mount = ConnectedGateway(endpoint)
-        with pytest.raises(Fault, match="Object Below Horizon"):
-            await mount.goto(1.0, 2.0)
-        await mount.park()
-        assert await request(endpoint, requests.Stop()) == requests.Answer("done", "stopped")
-        assert heard == ["wish2", "wish"] * 2 + ["wish2"]
-        await served.close()
 
     play(work())
 

@@ -11,18 +11,21 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.orders import orders
+from gateway.app.control.orders import halt
 from gateway.app.state import file as on_disk
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
+from gateway.core.requests import Answer, Halt, Release
+from gateway.core.requests import Hold as HoldIt
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
 
 WORDS = b"The mount is held: type mount-gateway stop --release."
 RATE = op.Rate(name="max")
+HELD, RELEASED = Answer("done", "stopped and held"), Answer("done", "released")
 #: All that takes its turn among the motions, and whether a held mount does it.
 DONE: dict[op.Operation, bool] = {
     op.Goto(10.0, 20.0): False, op.GotoHorizontal(10.0, 50.0): False, op.GotoAxes(10.0, 20.0): False,
@@ -49,9 +52,9 @@ def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() 
                 held.admit(operation)
 
 
-async def _order(bridge: Bridge, word: str) -> str:
+async def _order(bridge: Bridge, request: Halt) -> Answer:
     assert bridge.store is not None
-    return await orders(bridge.controller, bridge.store)[word]()
+    return await halt(request, bridge.controller, bridge.store)
 
 
 def _axes(bridge: Bridge) -> tuple[float, float]:
@@ -80,7 +83,7 @@ def test_no_program_moves_a_held_mount(
 ) -> None:
     async def program() -> None:
         async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
-            assert await _order(bridge, "hold") == "held"
+            assert await _order(bridge, HoldIt()) == HELD
             client = bridge.client()
             if presented == "lx200":
                 await client.ask(b":AL#", 2.0)
@@ -93,7 +96,7 @@ def test_no_program_moves_a_held_mount(
                 assert bridge.sim.tracking <= tracking, command
             assert any("The mount is held. To release it" in entry.note for entry in bridge.entries), "it is in the log"
             assert await client.ask(b":GR#" if presented == "lx200" else b"e")
-            assert await _order(bridge, "release") == "released"
+            assert await _order(bridge, Release()) == RELEASED
             client.tell(said[0])
             assert not await _rests(bridge)
 
@@ -103,7 +106,7 @@ def test_no_program_moves_a_held_mount(
 def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
-            assert await _order(bridge, "hold") == "held"
+            assert await _order(bridge, HoldIt()) == HELD
             client = bridge.client()
             assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
             assert await client.ask(b":MS#", until=b"#") == b"2" + WORDS + b"#"
@@ -120,15 +123,16 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             assert not await _rests(bridge, 1.0)
-            assert await _order(bridge, "hold") == "held"
+            assert await _order(bridge, HoldIt()) == HELD
             assert await _rests(bridge)
             assert bridge.sim.tracking, "it follows the sky as before"
-            await _order(bridge, "release")
+            await _order(bridge, Release())
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
-            answer = await _order(bridge, "hold")
-            assert answer.startswith("failed not stopped: ") and answer.endswith("; it is held from now on")
+            answer = await _order(bridge, HoldIt())
+            assert not answer.done
+            assert answer.words.startswith("not stopped: ") and answer.words.endswith("; it is held from now on")
             assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
 
     run(program())
@@ -137,14 +141,14 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
 def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge(state=tmp_path) as first:
-            assert await _order(first, "hold") == "held"
+            assert await _order(first, HoldIt()) == HELD
         async with Bridge(state=tmp_path, on=first) as second:
             assert second.warned == [
                 "nexstar@bridge: the mount is held: no program moves it until mount-gateway stop --release"
             ]
             second.client().tell(b":RS#:Mn#")
             assert await _rests(second)
-            assert await _order(second, "release") == "released"
+            assert await _order(second, Release()) == RELEASED
             second.client().tell(b":RS#:Mn#")
             assert not await _rests(second)
         async with Bridge(state=tmp_path, on=first) as third:
@@ -163,15 +167,16 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
             monkeypatch.setattr(on_disk, "hold_folder", full)
-            answer = await _order(bridge, "hold")
-            assert answer == (
-                "failed it is stopped and held, but a restart of the gateway forgets that: "
+            answer = await _order(bridge, HoldIt())
+            assert not answer.done
+            assert answer.words == (
+                "it is stopped and held, but a restart of the gateway forgets that: "
                 f"{tmp_path}/hold cannot be written (No space left on device; make room on that disk (df -h shows "
                 "which is full), or choose a folder on another one)"
             )
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)
-            assert await _order(bridge, "release") == "released"
+            assert await _order(bridge, Release()) == RELEASED
 
     run(program())
 
@@ -182,7 +187,7 @@ def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) 
             async with Bridge("cge", state=tmp_path / str(step)) as bridge:
                 bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
                 await asyncio.sleep(0.05 * step)
-                assert await _order(bridge, "hold") == "held"
+                assert await _order(bridge, HoldIt()) == HELD
                 bridge.client().tell(b":Mw#:Me#")
                 await asyncio.sleep(1)
                 assert await _rests(bridge), step

@@ -19,6 +19,7 @@ from gateway.app.control import exchange, reach, stop_command
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.state.file import MarkerContent
 from gateway.cli import main
+from gateway.core.requests import Answer
 from gateway.system import processes
 from gateway.system import runtime_folders as runtime
 from gateway.system.processes import Process, serves
@@ -117,7 +118,7 @@ def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[
     moving = Moving(started, tmp_path)
     moving.move()
     held = f"held: no gateway moves a mount of {tmp_path} until mount-gateway stop --release"
-    assert stop(*here, "--hold") == (0, f"{moving.endpoint}: held\n{held}")
+    assert stop(*here, "--hold") == (0, f"{moving.endpoint}: stopped and held\n{held}")
     assert not moving.moves()
     goto = b":Sr07:00:00#:Sd+30*00:00#:MS#"
     refused = b"112The mount is held: type mount-gateway stop --release.#"
@@ -145,8 +146,8 @@ def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path:
 def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
     stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def directly(mark: MarkerContent, where: Path) -> str:
-        return f"stopped {mark.mount}"
+    async def directly(mark: MarkerContent, where: Path) -> Answer:
+        return Answer("done", f"stopped {mark.mount}")
 
     monkeypatch.setattr(stop_command, "_stop_directly", directly)
     here = ("--state", str(tmp_path))
@@ -168,11 +169,11 @@ def test_what_a_killed_gateway_with_another_state_folder_left_moving_is_stopped(
         monkeypatch.setenv(name, str(tmp_path))
     monkeypatch.delenv("STATE_DIRECTORY")
     (east := tmp_path / "east").mkdir()
-    marker, answers = east / "m.moving", ["failed no answer", "stopped"]
+    marker, answers = east / "m.moving", [Answer("failed", "no answer"), Answer("done", "stopped")]
 
-    async def directly(mark: MarkerContent, where: Path) -> str:
+    async def directly(mark: MarkerContent, where: Path) -> Answer:
         assert (mark.mount, where) == ("nexstar@/dev/ttyS9", east)
-        if (answer := answers.pop(0)) == "stopped":
+        if (answer := answers.pop(0)).done:
             marker.unlink()
         return answer
 

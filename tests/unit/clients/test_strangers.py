@@ -6,24 +6,13 @@ The mount's line is the judge: but for the questions that the gateway itself ask
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
-import msgspec
 import pytest
 
-from gateway.app.config import MountConfig, SurfaceConfig
-from gateway.app.gateway import Gateway
-from gateway.app.recording.format import read
-from gateway.app.recording.recorder import Recorder
-from gateway.app.simulated import make_simulator
-from gateway.core.wire_log import WireLog
-from gateway.diagnostics.replay.replaying import replay
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.line import MountLink
-from gateway.transport.wires import SimulatedTransport
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
-from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.in_process_gateway import Bridge
 
 MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}
 QUESTION = {"nexstar": b"e", "lx200": b":GR#"}
@@ -124,46 +113,3 @@ def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
             assert await Caller(bridge.acceptor).ask(b":Gr#") != b"05:34:32#"
 
     run(program())
-
-
-@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> None:
-    """Over a network, with a greeting that stops short, and with a hibernation that is refused."""
-    path = tmp_path / "evening.rec"
-    question, sleep = QUESTION[presented], {"nexstar": b"x", "lx200": b":hN#"}[presented]
-
-    async def evening() -> None:
-        loop = asyncio.get_running_loop()
-        config, surfaces = MountConfig(at="nexstar:cpc@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
-        transcript = WireLog(lambda: EVENING + loop.time())
-        gateway = Gateway(config, surfaces, transcript, clock=transcript.clock)
-        wire = SimulatedTransport("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
-        head = {
-            "began": transcript.clock(),
-            "config": {"mount": config, "surface": surfaces},
-            "past": gateway.previous_run,
-        }
-        recorder = Recorder(path, loop.time, msgspec.to_builtins(head))
-        transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda reply_rules, to: MountLink(wire, reply_rules, to))
-        gateway.begin()
-        await asyncio.sleep(3.0)
-        for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):
-            program = Caller(gateway.acceptors[0], number=50000 + 2 * number)
-            stranger = Caller(gateway.acceptors[0], number=50001 + 2 * number)
-            await program.dribble(b"#" + question, (0.05,))
-            await stranger.dribble(GREETINGS[name], (0.3,))
-            assert stranger.gone
-            await program.ask(sleep, 1.0)
-            await program.ask(question)
-            program.close()
-        short = Caller(gateway.acceptors[0], number=51000)
-        await short.dribble(b"HEA", (0.1,))
-        await short.ask(question)
-        await gateway.close()
-        recorder.close()
-
-    run(evening())
-    outcome = replay(read(path))
-    assert outcome.differences == [] and outcome.strayed == []
-    assert outcome.clients == 9 and outcome.replies >= 8

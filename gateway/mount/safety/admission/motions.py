@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import BelowHorizon, Fault, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
@@ -145,7 +144,7 @@ class Admission:
         mount = self._mount
         mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         status = await self._status()
-        rests = status.tracking is op.Tracking.OFF and mount.policy.rules > FIRST_RULES
+        rests = status.tracking is op.Tracking.OFF
         by_axes = not status.equatorial and mount.driver.implementation(op.GotoAxes)
         if by_axes and not any(mount.driver.offset):
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))

@@ -12,7 +12,6 @@ import asyncio
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.core.about import END_UNSEEN
 from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
@@ -57,7 +56,7 @@ async def admit_sync(
 async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
     """Return whether the mount comes to rest soon, which runs on after a stop or is moved at its own keys."""
     until = mount.now() + GOTO_END
-    while (mount.run_on.value is not None or watch.others.moves) and mount.policy.rules > END_UNSEEN:
+    while mount.run_on.value is not None or watch.others.moves:
         if mount.now() >= until:
             return False
         await ask.read_now(op.Position())

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from msgspec.structs import replace
-
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoTarget, Unsupported
@@ -20,12 +18,6 @@ from gateway.protocols.wireformat.command import Command
 
 #: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
-#: What the owner of a German mount is told at its first guide pulse, once for all runs.
-BY_SKY = (
-    "guide pulses of Alpaca programs mean directions on the sky, on both sides of the pier: a guiding program that was "
-    'calibrated with an earlier version must be calibrated anew, with "reverse Dec after meridian flip" off; '
-    'guide-directions = "motor" on the surface brings back what they meant then'
-)
 NO_PARK = "This mount cannot be parked."
 #: A speed that differs from one of the mount's by less than this fraction counts as that one.
 NEAR = 0.01
@@ -136,17 +128,12 @@ def move_axis(values: Values) -> Handling:
 
 def pulse_guide(session: AlpacaSession, values: Values) -> Handling:
     """Send a guide pulse; the reply is sent when it has begun. North raises the declination unless it is configured
-    otherwise, which differs from what it meant before the pier side counted.
+    otherwise.
     """
     direction = DIRECTIONS[within(values, "direction", "Direction", 0, 3)]
     ms = within(values, "ms", "Duration", 0, 600_000)
-    by_sky = session.settings.guides_by_sky
-    if not ms:
-        return
-    if by_sky and not session.shared.told_by_sky and (yield op.GetAbilities()).german:
-        yield Note(BY_SKY)
-        session.set_for_all(replace(session.shared, told_by_sky=True))
-    yield op.Pulse(direction, ms, by_sky)
+    if ms:
+        yield op.Pulse(direction, ms, session.settings.guides_by_sky)
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------

@@ -10,7 +10,6 @@ import math
 from contextlib import suppress
 
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import FOCUSER, count_motion, end
@@ -104,7 +103,7 @@ def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
 
 def look_at_drive_rate(mount: Lx200Driver) -> Steps:
     """:GT - read the drive rate that a motion is about to replace, once a minute at most."""
-    if mount.rules == FIRST_RULES or mount.drive_changed or mount.now() - mount.drive_read < _DRIVE_AGE:
+    if mount.drive_changed or mount.now() - mount.drive_read < _DRIVE_AGE:
         return
     mount.drive_read = mount.now()
     with suppress(Fault):

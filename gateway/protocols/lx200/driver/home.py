@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 
 from gateway.core import operations as op
-from gateway.core.about import SWITCHED_UNNAMED
 from gateway.core.errors import Busy, Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell
@@ -37,7 +36,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
 
     A nameless mount is asked for its name once more: to an OnStep, whose name may have been lost, :hF declares a home.
     """
-    nameless = not mount.product and mount.named_model is None and mount.rules > SWITCHED_UNNAMED
+    nameless = not mount.product and mount.named_model is None
     if nameless and (yield from insist(mount, "GVP", 2)) is not None:
         raise Refused("The mount has told its name only now. Connect it again, so that it is identified.")
     yield from stop_current_motion(mount)

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from gateway.astro.spherical import fold_declination, wrap180
-from gateway.core.about import OF_ONE_MAKER, SWITCHED_UNNAMED
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
@@ -138,7 +137,7 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     if product.startswith("LX200 "):
         return "lx200"
     if product:
-        return (load("lx200").by_product(product) if mount.rules > OF_ONE_MAKER else None) or "autostar"
+        return load("lx200").by_product(product) or "autostar"
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
@@ -159,7 +158,7 @@ def high_precision(mount: Lx200Driver) -> Steps:
         mount.low = _is_low(answer)
         if not mount.low or attempt == 2:
             break
-        if mount.model is None and mount.rules > SWITCHED_UNNAMED:
+        if mount.model is None:
             mount.reply_time = min(OWN_PATIENCE, mount.now() - began)
             if (product := (yield from _probe(mount, "GVP"))) is not None:
                 mount.take_for((yield from _model(mount, product["product"])))

@@ -12,7 +12,6 @@ from contextlib import suppress
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES, SWITCHED_UNNAMED
 from gateway.core.errors import BelowHorizon, Garbled, Refused, Silence, TooHigh, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell, told_side
@@ -128,7 +127,7 @@ def _stands(mount: Lx200Driver, state: GotoState) -> bool:
     One that tells its state has bars that are true: a goto of an OnStep may wait for a person at the meridian.
     """
     told = mount.dialect and mount.tells_status
-    return state.then is None and not told and state.read - state.moved > STANDS and mount.rules > FIRST_RULES
+    return state.then is None and not told and state.read - state.moved > STANDS
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:
@@ -206,7 +205,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
     """:Q, unless a motion by hand is under way, which it would end too; a goto may be one of the mount's own keys."""
     known = mount.goto is not None or mount.seeking
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
-    if known or (not by_hand and mount.rules > SWITCHED_UNNAMED):
+    if known or not by_hand:
         mount.goto = None
         yield from end(mount, "Q", MOUNT, known)
         mount.seeking = False

@@ -89,7 +89,7 @@ class Lx200Driver(Driver):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
-        self.now, self.rules, self.measured = now, settings.rules, settings.rates
+        self.now, self.measured = now, settings.rates
         self.named_model = settings.model
         self.take_for(settings.model)
         self.product, self.firmware = "", ""

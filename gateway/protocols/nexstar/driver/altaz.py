@@ -9,7 +9,6 @@ altitude and the latitude: below 80 degrees of altitude they change by less than
 from __future__ import annotations
 
 from gateway.astro.spherical import declination_rates, hour_angle_rates
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import BY_HAND, SLEWING, Send, Steps
@@ -81,13 +80,8 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         first, second = _motor_ratios(direction, where, mount)
         added = rate * first, rate * second
     mount.pulsing.add(direction.axis)
-    if mount.settings.rules == FIRST_RULES:  # a recording of then is replayed: these counted from the acknowledgements
-        catch_up = delay / lasts if tracked else 0.0
-        _, _, heard = yield from _add_rates(mount, direction.axis, added, fractions=(catch_up, 2.0 * catch_up))
-        after = mount.now() - heard[0] + max(0.0, (mount.motor_delay or 0.0) - BETWEEN)
-        return Pulsed(max(0.0, lasts - after), ends=False)
     loses = tracked and delay > 0.0  # while the motors are told
-    began, late, _ = yield from _add_rates(mount, direction.axis, added, lasts if loses else None)
+    began, late = yield from _add_rates(mount, direction.axis, added, lasts if loses else None)
     longer = 0.0
     if loses:
         moves, tracks = added[direction.axis - 1], mount.tracking_rates[direction.axis - 1]
@@ -142,26 +136,21 @@ def _motor_rates(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
-def _add_rates(
-    mount: NexStar, axis: int, added: Pair, lasts: float | None = None, fractions: Pair | None = None
-) -> Steps:
-    """Add a rate and send the sums. Return when the first motor was sent its own, loop time, how late that was, and
-    when each motor acknowledged.
+def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = None) -> Steps:
+    """Add a rate and send the sums. Return when the first motor was sent its own, loop time, and how late that was.
 
     If tracking was on until now, and the rates are wanted for ``lasts`` seconds, they make up for the tracking that
-    each motor has lost by then, or by these ``fractions``.
+    each motor has lost by then.
     """
     before = mount.added_rates.get(axis)
     mount.added_rates[axis] = added
-    sent, late, heard = list[float](), list[float](), list[float]()
+    sent, late = list[float](), list[float]()
     try:
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.added_rates:
                 planned = max(mount.now(), mount.next_at)
                 lost = 0.0 if lasts is None else planned - mount.suspended_at
-                faster = lost / (lasts or 1.0) if fractions is None else fractions[number != axis]
-                yield _rate(mount, number, faster, prompt=True)
-                heard.append(mount.now())
+                yield _rate(mount, number, lost / (lasts or 1.0), prompt=True)
                 sent.append(mount.sent_at)
                 late.append(mount.sent_at - planned)
     except Busy:  # it was never sent
@@ -173,9 +162,8 @@ def _add_rates(
             yield from tracking.resume(mount)
         raise
     if len(sent) > 1:
-        apart = sent if fractions is None else heard
-        mount.motor_delay = min(FARTHEST, apart[1] - apart[0])
-    return sent[0], late[0], heard
+        mount.motor_delay = min(FARTHEST, sent[1] - sent[0])
+    return sent[0], late[0]
 
 
 def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.about import FIRST_RULES
 from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
@@ -63,7 +62,7 @@ def move(mount: NexStar, operation: op.Move) -> Steps:
     pulse_instead = operation.ms is not None and mount.times_pulses
     if not pulse_instead and altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
         return None
-    by_sky = mount.moves_by_gotos and mount.settings.rules != FIRST_RULES  # the small gotos lead over the sky
+    by_sky = mount.moves_by_gotos  # the small gotos lead over the sky
     sign = operation.direction.sense if by_sky else sense(mount, operation.direction)
     if mount.goto is not None:
         yield from stop_current_motion(mount)  # during a goto ``p`` already returns the side of its goal

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, separation, wrap180, wrap360
 from gateway.core import operations as op
-from gateway.core.about import END_UNSEEN
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
@@ -238,7 +237,7 @@ def _away(mount: NexStar, place: str) -> Steps:
     """Return by how many degrees the axes are away from the position of park or home, 0 if none is known."""
     by_switches = mount.settings.aux_home and mount.has("home")  # only these know where home is
     there = op.Park() if place == "park" else op.Home() if place == "home" and not by_switches else None
-    goal = None if there is None or mount.settings.rules <= END_UNSEEN else mount.destination(there)
+    goal = None if there is None else mount.destination(there)
     if goal is None:
         return 0.0
     axes: op.Horizontal = yield from axis_position(mount, op.AxisPosition())

@@ -9,7 +9,6 @@ from msgspec import Struct, ValidationError, convert, to_builtins
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.about import SWITCHED_UNNAMED
 from gateway.core.errors import Fault, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
@@ -219,8 +218,7 @@ class NexStar(Driver):
     @property
     def undecided(self) -> bool:
         """Whether it may be set up in alt-az or equatorially, and has not shown yet by its tracking which it is."""
-        either = self.native_mode is None and self.number in self.facts.get("either", ())
-        return either and self.settings.rules > SWITCHED_UNNAMED
+        return self.native_mode is None and self.number in self.facts.get("either", ())
 
     def must_be_decided(self) -> None:
         """Raise Refused if it is undecided."""

@@ -177,7 +177,7 @@ def resume(mount: NexStar) -> Steps:
     if mount.supports("t"):
         shown = False
         with contextlib.suppress(NoAnswer):  # the motion has ended, whatever becomes of this
-            shown = mount.exchanges > 1 and (yield from _read_mode(mount)) is mode
+            shown = (yield from _read_mode(mount)) is mode
         yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value, shown=shown))
 
 

@@ -15,38 +15,43 @@ from gateway.app.control import reach
 from gateway.app.control.exchange import ControlEndpoint, Parts, parts, read_endpoints, seal, unseal
 from gateway.app.control.reach import ask
 from gateway.app.control.server import Control
+from gateway.core import requests
 from gateway.core.errors import NoAnswer
+from gateway.core.requests import Answer
+
+STOPPED = Answer("done", "stopped")
+Work = Callable[[requests.Request], Awaitable[Answer]]
 
 
-async def _good() -> str:
-    return "stopped"
+async def _good(request: requests.Request) -> Answer:
+    assert request == requests.Stop()
+    return STOPPED
 
 
-async def _dead() -> str:
+async def _dead(_: requests.Request) -> Answer:
     raise NoAnswer
 
 
-async def _broken() -> str:
+async def _broken(_: requests.Request) -> Answer:
     raise RuntimeError("a defect")
 
 
-async def _long() -> str:
-    return "".join(chr(33 + number % 900) for number in range(12_000))
+async def _long(_: requests.Request) -> Answer:
+    return Answer("done", "".join(chr(33 + number % 900) for number in range(12_000)))
 
 
-def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None = None, word: str = "stop"
-           ) -> str | None:  # fmt: skip
-    """What a gateway answers; with ``secret`` to somebody who has guessed it."""
+def _asked(folder: Path, carry_out: Work, secret: str | None = None) -> Answer | None:
+    """What a gateway answers to ``Stop``; with ``secret`` to somebody who has guessed it."""
 
-    async def program() -> str | None:
-        served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", {"stop": order})
+    async def program() -> Answer | None:
+        served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", carry_out)
         await served.open()
         [(path, endpoint)] = read_endpoints(folder)
         assert path.stat().st_mode & 0o777 == 0o600
         assert (endpoint.mount, endpoint.pid, endpoint.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
         if secret is not None:
             endpoint = msgspec.structs.replace(endpoint, secret=secret)
-        answer = await ask(endpoint, word, 5.0)
+        answer = await ask(endpoint, requests.Stop(), 60.0)
         await served.close()
         assert read_endpoints(folder) == []
         return answer
@@ -55,26 +60,38 @@ def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None
 
 
 @pytest.mark.parametrize(
-    ("order", "answer"),
+    ("carry_out", "answer"),
     [
-        (_good, "stopped"),
-        (_dead, "failed No answer from mount."),
-        (_broken, "failed internal error, please report it: RuntimeError('a defect')"),
+        (_good, STOPPED),
+        (_dead, Answer("failed", "No answer from mount.", "NoAnswer")),
+        (_broken, Answer("failed", "internal error, please report it: RuntimeError('a defect')")),
     ],
 )
-def test_a_gateway_answers_when_it_has_done_it(
-    tmp_path: Path, order: Callable[[], Awaitable[str]], answer: str
-) -> None:
-    assert _asked(tmp_path, order) == answer
+def test_a_gateway_answers_when_it_has_done_it(tmp_path: Path, carry_out: Work, answer: Answer) -> None:
+    assert _asked(tmp_path, carry_out) == answer
 
 
-def test_an_order_of_another_version_is_refused_in_words(tmp_path: Path) -> None:
-    answer = _asked(tmp_path, _good, word="jump")
-    assert answer == "failed this gateway knows no order 'jump'; it may be of another version"
+@pytest.mark.parametrize(
+    "line", ["", "stop", "{}", '{"type":"goto"}', '{"type":"fly","number":"1"}', "\0", '{"type":"stop"}\n', "\xff"]
+)
+def test_what_is_no_request_is_refused_in_words(tmp_path: Path, line: str) -> None:
+    async def program() -> str:
+        served, loop = Control([tmp_path], "m", "m", _good), asyncio.get_running_loop()
+        await served.open()
+        [(_, endpoint)] = read_endpoints(tmp_path)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+            port.setblocking(False)
+            port.connect(("127.0.0.1", endpoint.port))
+            await loop.sock_sendall(port, seal(endpoint.secret, "1", f"ask {line}"))
+            heard = [unseal(endpoint.secret, await loop.sock_recv(port, 9216)) for _ in range(2)]
+        await served.close()
+        return str(heard[1])
+
+    assert "the gateway does not understand this" in asyncio.run(program())
 
 
 def test_an_answer_may_be_long(tmp_path: Path) -> None:
-    assert _asked(tmp_path, _long) == asyncio.run(_long())  # type: ignore[arg-type]
+    assert _asked(tmp_path, _long) == asyncio.run(_long(requests.Stop()))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
@@ -82,12 +99,12 @@ def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(reach, "HEARD", 0.3)
     done: list[None] = []
 
-    async def counted() -> str:
+    async def counted(_: requests.Request) -> Answer:
         done.append(None)
-        return "stopped"
+        return STOPPED
 
     answer = _asked(tmp_path, counted, secret)
-    assert answer is not None and "does not answer" in answer
+    assert answer is not None and "does not answer" in answer.words and answer.fault == "NoAnswer"
     assert done == []
 
 
@@ -96,10 +113,10 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
     monkeypatch.setattr(reach, "AGAIN", 0.05)
     done: list[None] = []
 
-    async def slow() -> str:
+    async def slow(_: requests.Request) -> Answer:
         done.append(None)
         await asyncio.sleep(0.3)
-        return "stopped"
+        return STOPPED
 
     sent: list[tuple[str, str]] = []
     sending = Control._send
@@ -110,7 +127,7 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
             sending(control, number, text, addr)
 
     monkeypatch.setattr(Control, "_send", lossy)
-    assert _asked(tmp_path, slow) == "stopped"
+    assert _asked(tmp_path, slow) == STOPPED
     assert len(done) == 1
 
 
@@ -118,16 +135,16 @@ def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(reach, "AGAIN", 0.05)
     monkeypatch.setattr(reach, "HEARD", 1.0)
 
-    async def slow() -> str:
+    async def slow(_: requests.Request) -> Answer:
         await asyncio.sleep(1.3)
-        return "stopped"
+        return STOPPED
 
-    assert _asked(tmp_path, slow) == "stopped"
+    assert _asked(tmp_path, slow) == STOPPED
 
 
 def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     async def program() -> None:
-        served = Control([tmp_path], "m", "m", {"stop": _good})
+        served = Control([tmp_path], "m", "m", _good)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
@@ -142,7 +159,7 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
                 seal(endpoint.secret, "", ""),
             ):
                 stranger.sendto(data, ("127.0.0.1", endpoint.port))
-        assert await ask(endpoint, "stop", 60.0) == "stopped"
+        assert await ask(endpoint, requests.Stop(), 60.0) == STOPPED
         await served.close()
 
     asyncio.run(program())
@@ -159,23 +176,23 @@ def test_a_seal_is_of_a_secret_a_number_and_a_text() -> None:
 
 
 def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
-    async def program() -> str | None:
+    async def program() -> Answer | None:
         forever = asyncio.Event()
 
-        async def never() -> str:
+        async def never(_: requests.Request) -> Answer:
             await forever.wait()
-            return "stopped"
+            return STOPPED
 
-        served = Control([tmp_path], "m", "m", {"stop": never})
+        served = Control([tmp_path], "m", "m", never)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        asking = asyncio.ensure_future(ask(endpoint, "stop", 60.0))
+        asking = asyncio.ensure_future(ask(endpoint, requests.Stop(), 60.0))
         await asyncio.sleep(0.2)
         await served.close()
         return await asking
 
     answer = asyncio.run(program())
-    assert answer is not None and answer.startswith("failed the gateway is ending")
+    assert answer is not None and answer.words.startswith("the gateway is ending")
 
 
 # --- the files --------------------------------------------------------------------------------------------------
@@ -199,8 +216,8 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
             os.mkfifo(tmp_path / "pipe.control")
         stale.write_bytes(msgspec.json.encode(endpoint))
         assert read_endpoints(tmp_path) == [(stale, endpoint)]
-        assert await ask(endpoint, "stop", 60.0) is None
-        served = Control([tmp_path], "nexstar@sim", "nexstar@sim", {"stop": _good})
+        assert await ask(endpoint, requests.Stop(), 60.0) is None
+        served = Control([tmp_path], "nexstar@sim", "nexstar@sim", _good)
         await served.open()
         assert not stale.exists()
         assert [found.mount for _, found in read_endpoints(tmp_path)] == ["nexstar@sim"]
@@ -212,12 +229,12 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
 def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> None:
     async def program() -> None:
         (tmp_path / "full").write_text("")
-        served = Control([tmp_path / "full", tmp_path], "m", "m", {"stop": _good})
+        served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        assert (endpoint.state, await ask(endpoint, "stop", 60.0)) == (str(tmp_path / "full"), "stopped")
+        assert (endpoint.state, await ask(endpoint, requests.Stop(), 60.0)) == (str(tmp_path / "full"), STOPPED)
         await served.close()
-        nowhere = Control([tmp_path / "full"], "m", "m", {"stop": _good})
+        nowhere = Control([tmp_path / "full"], "m", "m", _good)
         with pytest.raises(OSError, match="Not a directory"):
             await nowhere.open()
         await nowhere.close()

@@ -44,7 +44,7 @@ def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
             client.tell(NORTH)
             await asyncio.sleep(3)
             began = bridge.controller.now()
-            assert await stopped(bridge.controller) == "stopped"
+            assert (await stopped(bridge.controller)).done
             assert bridge.controller.now() - began < 6.0
             before = bridge.sim.truth()
             await asyncio.sleep(1)
@@ -79,7 +79,7 @@ def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
             began = bridge.controller.now()
             answer = await stopped(bridge.controller)
-            assert answer.startswith("failed the stop was acknowledged, but the mount still moves after 8 s: ")
+            assert answer.words.startswith("the stop was acknowledged, but the mount still moves after 8 s: ")
             assert bridge.controller.now() - began < 14.0
 
     run(program())
@@ -100,11 +100,11 @@ def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, 
                 if not bridge.sim.slewing:
                     break
                 await asyncio.sleep(1)
-            assert await stopped(bridge.controller) == "stopped"
+            assert (await stopped(bridge.controller)).done
             bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
             await asyncio.sleep(3)
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            assert "still moves" in await stopped(bridge.controller)
+            assert "still moves" in (await stopped(bridge.controller)).words
 
     run(program())
 
@@ -124,7 +124,7 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
 
             bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
             began = bridge.controller.now()
-            assert await stopped(bridge.controller) == "stopped"
+            assert (await stopped(bridge.controller)).done
             assert 2.0 < bridge.controller.now() - began < 6.0
 
     run(program())
@@ -139,8 +139,8 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
             hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
             bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
             answer = await stopped(bridge.controller)
-            assert answer.startswith(
-                "failed the stop was sent, but the gateway cannot see whether the mount is at rest: "
+            assert answer.words.startswith(
+                "the stop was sent, but the gateway cannot see whether the mount is at rest: "
             )
 
     run(program())
@@ -155,15 +155,17 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
             bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             for _ in range(2):  # at first it is only silent, then known to be down
                 answer = await stopped(bridge.controller)
-                assert answer.startswith("failed ")
-                assert answer.endswith("; the stop is owed, and the first thing that it is sent when it answers again")
+                assert not answer.done
+                assert answer.words.endswith(
+                    "; the stop is owed, and the first thing that it is sent when it answers again"
+                )
                 await asyncio.sleep(20)
             sent = len(bridge.sent())
             bridge.controller.line.wire._feed = hear  # type: ignore[attr-defined]
             await asyncio.sleep(10)
             orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
             assert list(dict.fromkeys(orders))[:3] == [b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"]
-            assert await stopped(bridge.controller) == "stopped"
+            assert (await stopped(bridge.controller)).done
 
     run(program())
 
@@ -182,7 +184,7 @@ def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
             await asyncio.sleep(2)
             answer = await stopped(bridge.controller)
             pressing.cancel()
-            assert "a program has set the mount moving again" in answer and "stop --hold" in answer
+            assert "a program has set the mount moving again" in answer.words and "stop --hold" in answer.words
 
     run(program())
 
@@ -193,6 +195,6 @@ def test_a_mount_that_hibernates_rests() -> None:
             bridge.client().tell(b"x")
             await asyncio.sleep(12)
             assert bridge.sim.asleep
-            assert await stopped(bridge.controller) == "stopped"
+            assert (await stopped(bridge.controller)).done
 
     run(program())

@@ -54,7 +54,6 @@ def test_the_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
     assert east.added(place(), place(), [[(350.0, -4.0)]]).axes[0] == pytest.approx(
         (10.0, -4.0)
     )  # a turn and ten degrees
-    assert SyncSum(3.0, 1.0).axes == ((3.0, 1.0),)  # as an earlier version has saved it
 
 
 @pytest.mark.parametrize("by_day", [False, True])

@@ -8,7 +8,6 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.clients.access import Access
-from gateway.core.about import FIRST_RULES
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support.each import each
@@ -136,14 +135,6 @@ def test_a_sign_or_decimals_that_a_form_has_not_are_refused(bad: bytes) -> None:
     assert talk.send(b":So10*#:Sh80#") == b"11"
     assert talk.send(bad) == b"0"
     assert talk.send(b":Go#:Gh#") == b"10*#80*#"
-
-
-def test_a_recording_of_before_is_replayed_by_the_rules_of_then() -> None:
-    """They refused sixty in a target and in a time: no goto followed."""
-    talk = Talk()
-    talk.binding.surface.rules = FIRST_RULES
-    assert talk.send(b":Sr05:00:00#:Sd+20*00:00#:SL12:60:00#:Sd+45*60.0#:MS#:Sz179*60#") == b"11001No target set.#1"
-    assert talk.send(b":Sr06:00:00#:Sd+60*00:60#:Sd+60*00#:MS#") == b"1011No target set.#"
 
 
 @each("model", WITH_HORIZON)
