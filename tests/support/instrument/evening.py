@@ -1,0 +1,126 @@
+"""Legitimate evenings: gotos that an observer sends, four tenths of them low on purpose, and Hamlib's park.
+
+What becomes of each is compared with the way that the mount alone would take. *Harmless* has two measures. Old: this
+way keeps altitude 0 and 20 degrees from the risen Sun. New: it keeps the Sun's distance, and an altitude only where
+somebody wrote one.
+"""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.astro.spherical import separation
+from tests.support.instrument.rules import rule_of
+from tests.support.instrument.worlds import CIRCLE, EPHEMERIS, KINDS, SITES, SLIPS, World, on_date
+
+#: Gotos of one world, and the altitude that divides the low goals from the others.
+GOTOS, LOW = 10, 12.0
+#: Degrees from its goal at which a goto has arrived; degrees beyond a limit that are rounding and running on.
+ARRIVED, SLACK = 1.0, 0.4
+
+
+class Told(Struct, frozen=True):
+    """One goto. ``seen``: by night, by day, or by night with the Sun up by some source; ``up``: whether the goal is up
+    by the mount's own site and clock. ``outcome``: done, refused, short; ``rule`` is the one behind a refusal.
+    ``through``: D1 or D2 if the tube really came there.
+    """
+
+    kind: str
+    slip: str
+    day: bool
+    lit: bool
+    low: bool
+    up: bool
+    outcome: str
+    words: str
+    rule: str
+    old: bool
+    new: bool
+    through: str
+
+    @property
+    def lost(self) -> bool:
+        return self.outcome != "done"
+
+
+def goal_for(world: World, dice: Random, lowest: float, park: bool) -> tuple[float, float]:
+    """Return azimuth and altitude of a goal: low ones are just above the limit."""
+    if park:
+        return 0.0, 0.0
+    if dice.random() < 0.4:
+        return dice.uniform(0.0, 360.0), lowest + dice.uniform(0.0, 6.0)
+    return dice.uniform(0.0, 360.0), dice.uniform(lowest + 6.0, 86.0)
+
+
+async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | None, park: bool) -> list[Told]:
+    """Play the gotos of one evening. ``lowest``: what the owner wrote, if anything; ``park``: Hamlib's, each time."""
+    dice = Random(f"{kind} {slip} {day} {seed} {lowest} {park}")
+    site = SITES[seed % len(SITES)]
+    settings = SLIPS[slip]
+    start, limits = on_date(dice, site, day), {} if lowest is None else {"lowest": lowest}
+    found: list[Told] = []
+    async with World(kind, site, start, settings, limits) as world:
+        if settings.phone:
+            await world.set_clock(settings.phone)
+        for number in range(2 * GOTOS if park else GOTOS):
+            if number == 1 and settings.syncs[0]:
+                await synced(world, dice, *settings.syncs)
+            there = goal_for(world, dice, lowest or 0.0, park and number % 2 == 1)
+            if told := await one_goto(world, there, slip, day, park and number % 2 == 1):
+                if number % 2 == 1 or not park:
+                    found.append(told)
+    return found
+
+
+async def synced(world: World, dice: Random, times: int, degrees: float) -> None:
+    for _ in range(times):
+        ra, dec = await world.told_place()
+        await world.sync(ra, max(-89.0, min(89.0, dec + degrees * (1 if dec < 0 else -1) * dice.choice((1, 1, -1)))))
+
+
+async def one_goto(world: World, there: tuple[float, float], slip: str, day: bool, horizontal: bool) -> Told | None:
+    """Send one goto; return what became of it. None: the goal is near the Sun or beyond what the mount believes."""
+    goal = world.place(*there)
+    believed = world.believed(goal)
+    alone = world.alone(goal, there if horizontal else None)
+    lit, first = world.lit(), len(world.looks)
+    world.look()
+    words = await (world.goto_horizontal(*there) if horizontal else world.goto(*goal))
+    outcome = "refused" if words else "done"
+    if not words:
+        await world.rest()
+        # a German mount's twin may have flipped, so compare the goals over the same sky: the end tracks
+        rests = horizontal and separation(*alone.end, *world.sim.truth()) > ARRIVED
+        here = world.looks[-1]
+        off = separation(here.azimuth, here.altitude, *there) if rests else separation(*alone.end, *world.sim.truth())
+        if off > ARRIVED:
+            notes = world.notes()
+            outcome, words = "short", next((note for note in notes if "stopped" in note), f"{off:.0f} degrees short")
+    elif world.notes():
+        words += f" | {world.notes()[-1]}"
+    looks = world.looks[first:]
+    world.looks = looks[-1:]
+    near = min(look.sun for look in looks)
+    through = "D1" if near < min(CIRCLE, looks[0].sun) - SLACK else ""
+    through = "D2" if min(look.altitude for look in looks) < min(world.lowest, looks[0].altitude) - SLACK else through
+    return Told(
+        world.kind, slip, day, lit, there[1] < LOW + max(0.0, world.lowest), believed >= max(0.0, world.lowest) - 1e-3,
+        outcome, words, rule_of(words) if words else "", alone.keeps(max(0.0, world.lowest), 0.01),
+        alone.keeps(world.lowest, 0.1), through,
+    )  # fmt: skip
+
+
+def cells(slips: list[str], gotos: int, seed: int, lowest: float | None, park: bool) -> list[tuple[Any, ...]]:
+    """Return the evenings of these slips with so many gotos by night and by day, all kinds of mount in turn."""
+    worlds = -(-gotos // (len(KINDS) * GOTOS))
+    return [
+        (kind, slip, day, seed + number, lowest, park)
+        for number in range(worlds) for slip in slips for day in (False, True) for kind in KINDS
+    ]  # fmt: skip
+
+
+def prepare() -> None:
+    EPHEMERIS.load()
