@@ -23,11 +23,10 @@ from typing import Any
 from tests.soak.attack_limits import LIMITS, Attack
 from tests.soak.attack_motion import MOTION
 from tests.soak.attack_settings import SETTINGS
-from tests.soak.attack_sun import SUNS
 from tests.soak.attack_syncs import SYNCS_AND_WAYS
 from tests.soak.attacked import HERE, Attacked
 
-ATTACKS = [*LIMITS, *MOTION, *SETTINGS, *SUNS, *SYNCS_AND_WAYS]
+ATTACKS = [*LIMITS, *MOTION, *SETTINGS, *SYNCS_AND_WAYS]
 UNITS = {"altitude": "°", "sun": "°", "turned": "°", "past meridian": "°", "off": "°",
          "told": "°", "after the stop": " s",
          "drift": "″/min", "untold": "", "wrong": ""}  # fmt: skip

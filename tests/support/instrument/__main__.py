@@ -1,27 +1,25 @@
 """Play evenings and attacks, print their tables.
 
-    python -m tests.support.instrument evenings [--slip right …] [--gotos 200] [--lowest 15] [--park] [--seed 1]
+python -m tests.support.instrument evenings [--slip right …] [--gotos 200] [--lowest 15] [--park] [--without RULE]
+python -m tests.support.instrument attacks [--only WORDS] [--kinds 6] [--without RULE]
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from multiprocessing import Pool
 from pathlib import Path
-from typing import Any
 
 from msgspec import json
 
 from gateway.diagnostics.virtual_time import run
+from tests.support.instrument.attacks import Attack, Result, assault, attacks
 from tests.support.instrument.evening import Told, cells, evening, prepare
+from tests.support.instrument.rules import SWITCHES, without
 from tests.support.instrument.worlds import SLIPS
-
-
-def play(one: tuple[Any, ...]) -> list[Told]:
-    return run(evening(*one))
 
 
 def share(told: list[Told], measure: str) -> str:
@@ -65,39 +63,56 @@ def by_kind_and_rule(told: list[Told]) -> Iterator[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("evenings",))
+    parser.add_argument("what", choices=("evenings", "attacks"))
     parser.add_argument("--slip", action="append", choices=SLIPS)
     parser.add_argument("--gotos", type=int, default=180)
     parser.add_argument("--lowest", type=float)
     parser.add_argument("--park", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--kinds", type=int, default=6, help="on how many kinds of mount each attack is tried")
+    parser.add_argument("--without", choices=SWITCHES)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     prepare()
+    with without(chosen.without):
+        (evenings if chosen.what == "evenings" else assaults)(chosen)
+
+
+def evenings(chosen: argparse.Namespace) -> None:
     work = cells(chosen.slip or list(SLIPS), chosen.gotos, chosen.seed, chosen.lowest, chosen.park)
     began, told = time.process_time(), list[Told]()
-    with Pool(chosen.jobs) if chosen.jobs > 1 else _Here() as pool:
-        for number, found in enumerate(pool.imap_unordered(play, work)):
-            told += found
-            if number % 50 == 49:
-                print(f"{number + 1} of {len(work)} evenings", flush=True)
+    for number, one in enumerate(work):
+        told += run(evening(*one))
+        if number % 50 == 49:
+            print(f"{number + 1} of {len(work)} evenings", file=sys.stderr, flush=True)
     if chosen.json:
         chosen.json.write_bytes(json.encode(told))
     print(f"{len(told)} gotos, {time.process_time() - began:.0f} s of this process")
     print("\n".join([*by_slip(told), *by_kind_and_rule(told)]))
 
 
-class _Here:
-    """A pool of this process alone."""
-
-    imap_unordered = staticmethod(map)
-
-    def __enter__(self) -> _Here:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
+def assaults(chosen: argparse.Namespace) -> None:
+    work: list[tuple[Attack, str, int]] = []
+    for number, one in enumerate(one for one in attacks() if chosen.only in one.name):
+        first = (number + chosen.seed * chosen.kinds) % len(one.kinds)
+        tried = (one.kinds * 2)[first : first + min(chosen.kinds, len(one.kinds))]
+        work += [(one, kind, chosen.seed + place + number) for place, kind in enumerate(tried)]
+    results: dict[str, list[Result]] = {}
+    for planned in work:
+        found = run(assault(*planned))
+        results.setdefault(found.name, []).append(found)
+    print("| attack | runs | through | where |\n|---|---|---|---|")
+    for name, rows in results.items():
+        through = [row for row in rows if row.through]
+        where = ", ".join(
+            f"{row.kind} {row.near if row.through == 'D1' else row.low if row.past < 0.0 else row.past:.1f}"
+            for row in through
+        )
+        print(f"| {name} | {len(rows)} | {len(through)} | {where} |")
+    runs = [row for rows in results.values() for row in rows]
+    dangers = Counter(row.through for row in runs if row.through)
+    print(f"| all | {len(runs)} | {dangers.total()} | {dict(dangers)} |")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from gateway.astro.spherical import separation
 from tests.support.instrument.rules import rule_of
-from tests.support.instrument.worlds import CIRCLE, EPHEMERIS, KINDS, SITES, SLIPS, World, on_date
+from tests.support.instrument.worlds import CIRCLE, EPHEMERIS, KINDS, NOTHING, SITES, SLIPS, World, on_date
 
 #: Gotos of one world, and the altitude that divides the low goals from the others.
 GOTOS, LOW = 10, 12.0
@@ -60,7 +60,7 @@ async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | No
     dice = Random(f"{kind} {slip} {day} {seed} {lowest} {park}")
     site = SITES[seed % len(SITES)]
     settings = SLIPS[slip]
-    start, limits = on_date(dice, site, day), {} if lowest is None else {"lowest": lowest}
+    start, limits = on_date(dice, site, day), NOTHING if lowest is None else {"lowest": lowest}
     found: list[Told] = []
     async with World(kind, site, start, settings, limits) as world:
         if settings.phone:
@@ -69,9 +69,8 @@ async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | No
             if number == 1 and settings.syncs[0]:
                 await synced(world, dice, *settings.syncs)
             there = goal_for(world, dice, lowest or 0.0, park and number % 2 == 1)
-            if told := await one_goto(world, there, slip, day, park and number % 2 == 1):
-                if number % 2 == 1 or not park:
-                    found.append(told)
+            told = await one_goto(world, there, slip, day, park and number % 2 == 1)
+            found += [told] if number % 2 == 1 or not park else []
     return found
 
 
@@ -81,8 +80,8 @@ async def synced(world: World, dice: Random, times: int, degrees: float) -> None
         await world.sync(ra, max(-89.0, min(89.0, dec + degrees * (1 if dec < 0 else -1) * dice.choice((1, 1, -1)))))
 
 
-async def one_goto(world: World, there: tuple[float, float], slip: str, day: bool, horizontal: bool) -> Told | None:
-    """Send one goto; return what became of it. None: the goal is near the Sun or beyond what the mount believes."""
+async def one_goto(world: World, there: tuple[float, float], slip: str, day: bool, horizontal: bool) -> Told:
+    """Send one goto; return what became of it."""
     goal = world.place(*there)
     believed = world.believed(goal)
     alone = world.alone(goal, there if horizontal else None)

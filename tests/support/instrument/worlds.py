@@ -9,14 +9,15 @@ from __future__ import annotations
 import asyncio
 import copy
 import time
+from collections.abc import Mapping
 from random import Random
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from gateway.astro.axes import Build, Geometry, Pair, Sky
 from gateway.astro.ephemeris.sky import Sky as Ephemeris
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
-from gateway.core.wire_log import Entry
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun
 
@@ -26,6 +27,7 @@ RISEN, CIRCLE = -0.9, 20.0
 LOOK = 0.25
 HOUR = 3600.0
 EPHEMERIS = Ephemeris()
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Kind(NamedTuple):
@@ -34,7 +36,7 @@ class Kind(NamedTuple):
     driven: str
     model: str
     version: str | None = None
-    simulated: dict[str, Any] = {}
+    simulated: Mapping[str, Any] = NOTHING
     first: bytes = b""
 
 
@@ -136,9 +138,9 @@ class World:
     """One gateway over one mount. ``limits`` are settings of the configuration."""
 
     def __init__(
-        self, kind: str, site: Pair, start: float, slip: Slip = Slip(), limits: dict[str, Any] | None = None
+        self, kind: str, site: Pair, start: float, slip: Slip = Slip(), limits: Mapping[str, Any] = NOTHING
     ) -> None:
-        made, config = KINDS[kind], dict(limits or {})
+        made, config = KINDS[kind], dict(limits)
         self.kind, self.site, self.slip = kind, site, slip
         if (configured := slip.config(site)) is not None:
             config["site"] = configured
@@ -151,9 +153,9 @@ class World:
         )  # fmt: skip
         self.sim: Any = self.stage.sim
         self.lowest = float(config.get("lowest", -90.0))
+        own: Any = getattr(self.sim, "utc", None)
         if slip.told:
-            own = self.sim.utc
-            self.sim.utc = lambda: own() + slip.told
+            vars(self.sim)["utc"] = lambda: own() + slip.told
         if made.first:
             self.sim.feed(made.first)
         self.looks: list[Look] = []
@@ -262,6 +264,9 @@ class World:
         return await self._begun(b":MA#")
 
     async def _begun(self, order: bytes) -> str:
+        self.program.tell(b":GR#:GD#")  # programs poll
+        await asyncio.sleep(1.0 + 4.0 * self.slip.latency)
+        self.program.heard = b""
         self.stage.entries.clear()
         heard = (await self.ask(order)).decode("latin-1")
         if heard == "0":
