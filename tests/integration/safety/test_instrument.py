@@ -19,7 +19,7 @@ EVENINGS = {
 }  # fmt: skip
 #: Attacks that get through today: what nobody but the mount can know.
 THROUGH = {
-    "the same, nobody else knows the site lx200gps polar", "told clock +1 h, low gotos cpc",
+    "the same, nobody else knows the site lx200gps", "told clock +1 h, low gotos cpc",
     "told clock -5 h, low gotos synscan-az", "a sync of +14°, over the top lx200gps polar",
     "a sync of -14°, arrows down classic",
 }  # fmt: skip
