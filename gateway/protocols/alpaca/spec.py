@@ -41,6 +41,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     driver = AlpacaDriver(now, settings, handlers)
     follow_ups: FollowUps = {
         pointing.KeepTracking: pointing.keep_tracking,
+        motion.PulseOn: motion.pulse_on,
         contradictions.CompareEquinox: contradictions.compare_equinox,
     }
     return MadeDriver(driver, follow_ups, AlpacaReplyRules())

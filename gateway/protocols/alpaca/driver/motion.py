@@ -5,25 +5,38 @@ German mount is reversed on the west side of the pier; ``MoveAxis`` is taken to 
 that it does not. A stop sends rate 0
 to both axes besides ``AbortSlew``, which in older servers ends gotos only. Some stop tracking as well: it is looked at
 after every motion.
+
+To some servers the rate of ``MoveAxis`` replaces tracking, to others it is added to it. That makes a difference for
+slow motion: tracking is turned off for it, and each axis gets the sum of both.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 
+from gateway.astro.spherical import hour_angle_rates
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import expect
 from gateway.protocols.alpaca.driver.identify import read_status
-from gateway.protocols.alpaca.driver.pointing import ORDER, look_at_tracking, order, pier_side, stop_current_motion
+from gateway.protocols.alpaca.driver.pointing import (
+    ORDER,
+    look_at_tracking,
+    order,
+    pier_side,
+    resume_tracking,
+    stop_current_motion,
+)
 from gateway.protocols.alpaca.driver.state import SIDEREAL, AlpacaDriver, told
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.driver import SLEWING, Remark, Send, Steps, Wait
+from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
 
 #: How often, and how many seconds apart, it is looked whether an order had an effect.
 LOOKS, LOOK_AGAIN = 4, 0.5
 #: A deviation from a speed by more than this fraction is remarked in the log.
 REMARK_FROM = 0.1
+#: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
+SLOW = 0.1
 #: The longest guide pulse that is sent at once, milliseconds: no request ends one.
 LONGEST_PULSE = 500
 #: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
@@ -58,33 +71,100 @@ def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
         return (yield from pulse(mount, op.Pulse(operation.direction, operation.ms, sky=True)))
     side = yield from tube_side(mount, operation.axis)
     sense = turned(mount, operation.axis, operation.sense, side)
-    return (yield from _turn(mount, operation.axis, sense, side, operation.rate))
+    return (yield from _turn(mount, operation.axis, sense, side, operation.rate, True))
 
 
 def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
-    """Move an axis by motor sense."""
+    """Move an axis by motor sense. A key adds to tracking, a variable rate is that of the motor."""
     side = yield from tube_side(mount, operation.axis)
-    yield from _turn(mount, operation.axis, operation.sense, side, operation.rate)
+    on_sky = operation.rate.key is not None or operation.rate.name is not None
+    yield from _turn(mount, operation.axis, operation.sense, side, operation.rate, on_sky)
 
 
-def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) -> Steps:
+def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, on_sky: bool) -> Steps:
     """Begin to move an axis at the nearest speed that it has."""
     if not mount.ranges.get(axis):
         raise Unsupported(f"The server of this mount reports that axis {axis} cannot be moved by hand.")
     if mount.goto is not None:
         yield from stop_current_motion(mount)
+    mount.following.pop(axis, None)
+    follows = mount.tracks and mount.supports("set_tracking") and (axis == 1 or not mount.equatorial)
+    if follows and mount.wanted(rate) < SLOW:
+        return (yield from _turn_slowly(mount, axis, sense * mount.wanted(rate), side, on_sky))
+    mount.slow.pop(axis, None)
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
         yield Remark(f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed")
     known = "" if mount.side_untold else side  # every arrow is compared on a side that is not told
-    mount.moving[axis], mount.parked = sense * mount.sign(axis, known) * speed, False
-    expect(mount, axis, turned(mount, axis, sense, side), known)
+    expected = turned(mount, axis, sense, side)
+    yield from _send_rate(mount, axis, sense * mount.sign(axis, known) * speed)
+    expect(mount, axis, expected, known)
+
+
+def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky: bool) -> Steps:
+    """Move an axis on top of tracking, or at just this motor speed, with tracking off; on an alt-az mount the other
+    axis follows the sky. A mount that has no such speed is moved by guide pulses.
+    """
+    rates = (yield from _following(mount, side)) if on_sky else {axis: 0.0}
+    sent = {one: follows + (speed if one == axis else mount.slow.get(one, 0.0)) for one, follows in rates.items()}
+    able = {one: mount.nearest(one, rate) for one, rate in sent.items()}
+    off = abs(able[axis] - sent[axis])
+    too_far = on_sky and off > abs(speed) / 2.0
+    if too_far and mount.equatorial and mount.times_pulses:
+        mount.pulsed[axis] = op.Direction("w" if turned(mount, axis, 1 if speed > 0.0 else -1, side) > 0 else "e")
+        mount.moving[axis], mount.parked, mount.by_hand = 0.0, False, True
+        return (yield from pulse_on(mount, PulseOn(axis)))
+    if too_far:
+        raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
+    if off > REMARK_FROM * abs(speed):
+        yield Remark(f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed")
+    if not mount.suspended:
+        yield from order(mount, "set_tracking", on=False)
+        mount.suspended = True
+        yield from _go_on(mount)
+    mount.slow[axis] = speed
+    for one, rate in able.items():
+        if one != axis and one not in mount.slow:
+            if one in mount.moving and one not in mount.following:
+                continue  # it is moved faster
+            mount.following[one] = rate
+        yield from _send_rate(mount, one, mount.sign(one, "" if mount.side_untold else side) * rate)
+    return None
+
+
+def _go_on(mount: AlpacaDriver) -> Steps:
+    """Send the rates of the axes that are moved again: turning tracking on or off may have ended their motion."""
+    for axis in sorted(mount.moving.keys() - mount.pulsed.keys()):
+        yield from _send_rate(mount, axis, mount.moving[axis])
+
+
+def _following(mount: AlpacaDriver, side: str) -> Steps:
+    """Return the speeds at which the axes follow the sky, degrees a second as the motors count: of an equatorial mount
+    the first axis alone. Raises Unsupported if the server of an alt-az mount does not tell its place.
+    """
+    if mount.equatorial:
+        return {1: turned(mount, 1, 1, side) * SIDEREAL}
+    place = []
+    for member in ("azimuth", "altitude", "sitelatitude"):
+        place.append((yield from told(mount, member)))
+    if None in place:
+        raise Unsupported("Slow arrows on top of alt-az tracking need azimuth, altitude and latitude from the server.")
+    first, second = hour_angle_rates(*place)
+    return {1: first * SIDEREAL, 2: second * SIDEREAL}
+
+
+def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
+    """Send the rate of an axis, signed as MoveAxis counts it. If that is refused, nothing stays suspended for it."""
+    mount.moving[axis], mount.parked, mount.by_hand = rate, False, True
     try:
-        yield Send("moveaxis", {"axis": axis - 1, "rate": mount.moving[axis]}, patience=ORDER, prompt=True)
+        yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, patience=ORDER, prompt=True)
     except (Silence, NoAnswer):
         raise NoAnswer from None  # it may move: the stop that follows must know
     except Fault as fault:
         mount.moving.pop(axis, None)
+        mount.slow.pop(axis, None)
+        if not mount.slow:
+            yield from resume_tracking(mount)
         mount.parked = isinstance(fault, Parked)
         if isinstance(fault, Refused) and not mount.parked:
             raise Refused(f'The mount refused this. Its server says: "{fault}"') from None
@@ -93,10 +173,24 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate) 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
     """End the motion of one axis."""
-    if not mount.may_move(operation.axis):
+    axis = operation.axis
+    if not mount.may_move(axis):
         return
-    yield Send("moveaxis", {"axis": operation.axis - 1, "rate": 0.0})
-    if mount.moving.pop(operation.axis, None) is not None and not mount.moving:
+    mount.pulsed.pop(axis, None)
+    if mount.slow.pop(axis, None) is not None and mount.slow:  # the other axis is moved on: this one follows the sky
+        rates = yield from _following(mount, "")
+        mount.following[axis] = mount.nearest(axis, rates.get(axis, 0.0))
+        yield from _send_rate(mount, axis, mount.sign(axis, "") * mount.following[axis])
+        return
+    moved = axis in mount.moving
+    for one in sorted({axis, *(() if mount.slow else mount.following)}):
+        yield Send("moveaxis", {"axis": one - 1, "rate": 0.0})
+        mount.following.pop(one, None)
+        mount.moving.pop(one, None)
+    if mount.suspended and not mount.slow:
+        yield from resume_tracking(mount)
+        yield from _go_on(mount)
+    elif moved and not mount.moving:
         yield from look_at_tracking(mount)
 
 
@@ -122,6 +216,7 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
         raise NoAnswer
     if failed and (failed.keys() & mount.moving.keys() or (yield from told(mount, "slewing", True))):
         raise Refused(f'The stop was refused. The server says: "{next(iter(failed.values()))}"')
+    yield from resume_tracking(mount)
     yield from look_at_tracking(mount)
 
 
@@ -164,6 +259,19 @@ def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
     return op.Pulsed(piece / 1000.0, ends=True, left=ms - piece, since=mount.sent_at)
 
 
+class PulseOn(op.Operation, frozen=True):
+    """Internal: the next guide pulse of an axis that is moved by them."""
+
+    axis: int
+
+
+def pulse_on(mount: AlpacaDriver, operation: PulseOn) -> Steps:
+    """Send a guide pulse, and the next one when it ends, until the arrow is released."""
+    if (direction := mount.pulsed.get(operation.axis)) is not None:
+        yield Schedule(LONGEST_PULSE / 1000.0, operation)
+        yield from _pulse(mount, direction, LONGEST_PULSE)
+
+
 def guide_rate(mount: AlpacaDriver, operation: op.GuideRate) -> Steps:
     """Return the guide rate as a fraction of sidereal."""
     yield from ()
@@ -182,6 +290,9 @@ def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
 
 def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
     """Turn tracking on or off; a parked mount is unparked first. Raises Refused if it is ``heard`` without effect."""
+    if mount.suspended:  # for slow motion, after which it is turned on if that is wanted
+        mount.tracks = operation.on
+        return
     if operation.on and mount.parked:
         yield from order(mount, "unpark")
         mount.parked = False

@@ -88,7 +88,8 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     slews = bool((yield Send("slewing"))["value"])
     state = mount.goto
     if state is None:
-        return slews and not mount.moving
+        mount.by_hand = mount.by_hand and (slews or bool(mount.moving))
+        return slews and not mount.by_hand
     if slews:
         state.seen, state.unconfirmed = True, False
         return True
@@ -215,6 +216,7 @@ def stop_current_motion(mount: AlpacaDriver) -> Steps:
     for axis in sorted(mount.moving):
         yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
         mount.moving.pop(axis, None)
+    yield from resume_tracking(mount)
     if mount.goto is not None:
         yield from abort_slew(mount, op.AbortSlew())
     until = mount.now() + ENDS_WITHIN
@@ -227,7 +229,20 @@ def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
     mount.give_up_goto()
     yield Send("abortslew")
     mount.moving.clear()
+    yield from resume_tracking(mount)
     yield from look_at_tracking(mount)
+
+
+def resume_tracking(mount: AlpacaDriver) -> Steps:
+    """Turn tracking on again that was turned off for slow motion. If that fails, the look at it tries again."""
+    mount.slow.clear()
+    mount.following.clear()
+    mount.pulsed.clear()
+    suspended, mount.suspended = mount.suspended, False
+    if suspended and mount.tracks:
+        with suppress(Fault):
+            yield Send("set_tracking", {"on": True}, patience=ORDER)
+        yield from look_at_tracking(mount)
 
 
 class KeepTracking(op.Operation, frozen=True):

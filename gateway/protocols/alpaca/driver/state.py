@@ -13,7 +13,7 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.alpaca.tables import Untold
-from gateway.protocols.base.driver import SLEWING, Driver, Handler, Send, Step, Steps, Wait
+from gateway.protocols.base.driver import SLEWING, Driver, Handler, SavedValues, Send, Step, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
@@ -72,6 +72,15 @@ class AlpacaDriver(Driver):
         self.doubted_until = -math.inf
         #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
         self.moving: dict[int, float] = {}
+        #: Whether tracking is off for slow motion; the axes in slow motion and their speeds on the sky, as the motor
+        #: counts, those that only follow the sky meanwhile, and at what speeds all follow it; degrees a second.
+        self.suspended = False
+        self.slow: dict[int, float] = {}
+        self.following: dict[int, float] = {}
+        #: The axes that are moved by guide pulses, and their directions.
+        self.pulsed: dict[int, op.Direction] = {}
+        #: Whether a motion by hand was the last one: the server may tell of it until the motors stand still.
+        self.by_hand = False
         #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
         self.reversed = REVERSED.get(settings.reversed_axes or "")
         self.line_was_lost()
@@ -147,6 +156,13 @@ class AlpacaDriver(Driver):
         self.goto_side = "" if self.goto is not None else self.goto_side
         self.goto = None
 
+    def saved_state(self, moving: bool) -> SavedValues:
+        return {"suspended": True} if self.suspended else {}
+
+    def restore_state(self, saved: SavedValues, moving: bool) -> None:
+        if moving and saved.get("suspended") is True:  # the stop that is owed turns tracking on again
+            self.suspended = self.tracks = True
+
     def impossible(self, operation: op.Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
             return Refused(SLEWING)
@@ -168,14 +184,23 @@ class AlpacaDriver(Driver):
     def speed(self, rate: op.Rate) -> float:
         return max(self.fit(axis, rate) for axis in (1, 2))
 
-    def fit(self, axis: int, rate: op.Rate) -> float:
-        """Return the speed nearest to a hand rate that this axis has, degrees a second."""
+    def wanted(self, rate: op.Rate) -> float:
+        """Return the speed that a hand rate means, degrees a second."""
         wanted = KEYS[(rate.key or 1) - 1] if rate.name is None else NAMED[rate.name]
         if rate.degrees is not None:
             wanted = min(wanted, rate.degrees) if rate.name == "max" else rate.degrees
-        wanted = max(1e-6, min(abs(wanted), self.fastest(axis)))
+        return abs(wanted)
+
+    def fit(self, axis: int, rate: op.Rate) -> float:
+        """Return the speed nearest to a hand rate that this axis has, degrees a second."""
+        wanted = max(1e-6, min(self.wanted(rate), self.fastest(axis)))
         near = [max(low, min(high, wanted)) for low, high in self.ranges.get(axis, ())]
         return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
+
+    def nearest(self, axis: int, rate: float) -> float:
+        """Return the signed rate nearest to this one that the axis has, or 0; degrees a second."""
+        low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
+        return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
         able = super().can_do(equatorial)

@@ -3,8 +3,8 @@
 It can be made to lack members (``lacks``, by their names in addresses: its ``Can…`` follow), to give other values than
 it has (``tells``), and to differ as servers do: ``platform`` 6 has no DeviceState and no ``connect``, ``blocks``
 answers a slew when it has ended, ``quiet_axes`` says that it is not slewing while an axis is moved, ``sends_j2000``
-sends and takes J2000 and declares it, ``senses`` are the signs of MoveAxis, and ``keeps_clock`` accepts a time and goes
-on with its own.
+sends and takes J2000 and declares it, ``senses`` are the signs of MoveAxis, with ``adds_tracking`` its rates are added
+to tracking instead of replacing it, and ``keeps_clock`` accepts a time and goes on with its own.
 """
 
 from __future__ import annotations
@@ -96,6 +96,7 @@ class Telescope(Simulated):
         lacks: frozenset[str] = frozenset(),
         tells: Mapping[str, Any] | None = None,
         senses: tuple[int, int] = (1, 1),
+        adds_tracking: bool = False,
         lowest: float = -90.0,
         parked: bool = False,
         blocks: bool = False,
@@ -122,7 +123,10 @@ class Telescope(Simulated):
         self.connected_since, self.elevation = math.inf, 100.0
         self.target: list[float | None] = [None, None]
         self.drive_rate, self.guides = 0, [SIDEREAL_RATE / 2.0, SIDEREAL_RATE / 2.0]
+        self.adds_tracking = adds_tracking
         self.moved: set[int] = set()
+        #: The speeds at which the axes that are moved followed the sky before.
+        self.follows: dict[int, float] = {}
         self.going, self.at = "", "park" if parked else ""
         self.tracks = False
         self.track(aligned and not parked)
@@ -174,6 +178,7 @@ class Telescope(Simulated):
 
     def track(self, on: bool) -> None:
         self.tracks = on
+        self.follows.clear()
         self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
 
     def of_date(self, ra: float, dec: float) -> Pair:
@@ -238,8 +243,12 @@ class Telescope(Simulated):
         self.mechanics.cancel(self.now)
         self.at = self.going = ""
         if rate:
+            follows = (
+                self.mechanics.speeds(self.now)[axis - 1] if axis not in self.moved else self.follows.get(axis, 0.0)
+            )
+            self.follows[axis] = follows if self.adds_tracking and self.tracks else 0.0
             self.moved.add(axis)
-            self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate)
+            self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate + self.follows[axis])
         elif axis in self.moved:
             self.moved.discard(axis)
             self.mechanics.resume_axis(self.now, axis)

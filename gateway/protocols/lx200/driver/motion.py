@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 
+from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core import operations as op
-from gateway.core.errors import Refused
+from gateway.core.errors import Refused, Unsupported
 from gateway.protocols.base.driver import BY_HAND, SLEWING, Remark, Steps
 from gateway.protocols.lx200.driver.dialect import watch_arrow
 from gateway.protocols.lx200.driver.drive import drive_at, look_at_drive_rate, restore_drive_rate
@@ -23,7 +24,7 @@ from gateway.protocols.lx200.driver.ends import (
     set_fastest,
     use_guide_rate,
 )
-from gateway.protocols.lx200.driver.pointing import beyond_pole
+from gateway.protocols.lx200.driver.pointing import beyond_pole, horizontal_position
 from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 from gateway.protocols.lx200.reply_rules import PACE
@@ -180,6 +181,7 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
     mount.goto = None
     mount.moving.clear()
     mount.pulsing.clear()
+    mount.shares.clear()
     yield from end(mount, "Q", MOUNT, moved)
     mount.seeking = False
     yield from restore_drive_rate(mount)
@@ -191,7 +193,31 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
 
 def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
     """:Mg -> Pulsed, at most four digits; without :Mg a motion at guide rate, which the gateway must end."""
+    if operation.sky and not mount.equatorial and operation.ms > 0:
+        return (yield from _pulse_by_both(mount, operation.direction, operation.ms))
     return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
+
+
+def _pulse_by_both(mount: Lx200Driver, direction: op.Direction, ms: int) -> Steps:
+    """Guide in right ascension or declination with both motors of an alt-az mount, each for its share of the time."""
+    horizon = (yield from horizontal_position(mount, op.HorizontalPosition())) if mount.site is not None else None
+    if horizon is None or mount.site is None or not mount.times_pulses:
+        raise Unsupported(
+            "Guiding in right ascension and declination needs the latitude and, of an alt-az Meade, :GZ#, :GA# and :Mg."
+        )
+    ratios = hour_angle_rates if direction.axis == 1 else declination_rates
+    shares = ratios(horizon.az, horizon.alt, mount.site.latitude)
+    piece, now = min(ms, int(LONGEST_PULSE / max(1.0, *map(abs, shares)))), mount.now()
+    for axis, share in enumerate(shares, 1):
+        left = mount.shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new one replaces it
+        total = direction.sense * share * piece + math.copysign(max(0.0, left[1] - now) * 1000.0, left[0])
+        letter = {(1, True): "w", (1, False): "e", (2, True): "n", (2, False): "s"}[axis, total >= 0.0]
+        if (
+            pulsed := (yield from _pulse(mount, axis, letter, round(min(LONGEST_PULSE, abs(total))), None))
+        ) is not None:
+            mount.shares[axis] = total, mount.now() + pulsed.seconds
+    ends = max((ends for _, ends in mount.shares.values()), default=now)
+    return op.Pulsed(max(0.0, ends - mount.now()), ends=True, left=ms - piece)
 
 
 def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:

@@ -122,6 +122,8 @@ class Lx200Driver(Driver):
         self.pulsing: dict[int, str] = {}  # axis -> letter of a guide pulse that the gateway must end
         #: When the last pulse that the telescope times itself ends.
         self.pulses_until = -math.inf
+        #: By axis, the sense and the end of its share of the last pulse on the sky, on an alt-az mount.
+        self.shares: dict[int, tuple[float, float]] = {}
         self.focusing = False
         #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
         self.begun: dict[int, int] = {}

@@ -63,7 +63,7 @@ def test_slewing_is_true_until_the_goto_is_over(mount: tuple[str, str]) -> None:
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_a_pulse_is_told_as_long_as_it_lasts(mount: tuple[str, str]) -> None:
-    """Both axes at once, looked at twenty times a second."""
+    """Both axes at once, looked at twenty times a second. A motor in azimuth takes 1.4 times as long at 45 degrees."""
 
     async def program() -> None:
         async with stage(*mount) as own:
@@ -74,7 +74,7 @@ def test_a_pulse_is_told_as_long_as_it_lasts(mount: tuple[str, str]) -> None:
             assert await ask(client, "get slewing") is False
             while await ask(client, "get ispulseguiding"):
                 await asyncio.sleep(0.05)
-            assert 1.15 < clock() - began < 2.0
+            assert 1.15 < clock() - began < (2.3 if mount[0] == "lx200gps" else 2.0)
 
     run(program())
 
