@@ -23,7 +23,7 @@ from gateway.astro.ephemeris.almanac import Almanac
 from gateway.astro.offline import go_offline
 from tests.support import sampling
 from tests.support.forked import Forked
-from tests.support.order import mixed
+from tests.support.order import seed, shuffled
 from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
@@ -41,6 +41,7 @@ def pytest_configure(config: pytest.Config) -> None:
     Bytecode is cached even if the environment says otherwise: compiling the tests costs each worker four seconds, and
     compiling the package costs each product process as much as the rest of its start.
     """
+    seed()  # before any worker is started
     sampling.WHOLE = config.getoption("whole") or any("::" in argument for argument in config.args)
     sys.dont_write_bytecode = False
     gc.disable()  # until all tests are collected
@@ -48,6 +49,10 @@ def pytest_configure(config: pytest.Config) -> None:
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
         config.option.tx = [strict if spec == "popen" else spec for spec in config.option.tx]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    terminalreporter.write_line(f"TEST_ORDER={seed()} repeats this order")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -59,7 +64,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not sampling.WHOLE and (out := sampling.left_out(items)):
         config.hook.pytest_deselected(items=[item for item in items if item in out])
         items[:] = [item for item in items if item not in out]
-    items[:] = mixed(items)
+    items[:] = shuffled(items)
 
 
 @pytest.hookimpl(trylast=True)
