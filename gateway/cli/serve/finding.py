@@ -52,20 +52,20 @@ async def serve(
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
-async def _found(gateway: Gateway, warn: Callable[[str], None], silence: float = FIRST_WORD) -> bool:
+async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up early if there is little hope.
 
-    A port may be silent for ``silence`` seconds.
+    A port may be silent for `FIRST_WORD` seconds; for ``more`` if it was waited for before.
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
-    began, said, soon = now(), silence != FIRST_WORD, NAMED if gateway.mount.model else UNNAMED
+    began, said, soon = now(), more is not None, NAMED if gateway.mount.model else UNNAMED
     heard = began if line.transaction.heard_ever else None
     while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
             return True
         if heard is None and line.transaction.heard_ever:
             heard = now()
-        hope = silence if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
+        hope = (FIRST_WORD if more is None else more) if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
         if line.unopened or now() > (heard or began) + hope:
             break
         if not said and now() > began + SAID_AFTER and not line.unopened:

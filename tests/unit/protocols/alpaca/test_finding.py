@@ -56,6 +56,7 @@ def test_discovery_finds_each_telescope_once(monkeypatch: pytest.MonkeyPatch) ->
     """Two addresses of a server are one telescope; a server that is none offers nothing."""
     loopback = IPv4Address("127.0.0.1"), IPv4Network("127.0.0.0/8")
     monkeypatch.setattr(finding, "ipv4_networks", lambda: [loopback])
+    monkeypatch.setattr(finding, "LAST", 0.6)
     udp = free_udp_port()
 
     async def look(where: list[str]) -> list[OfferedMount]:
