@@ -349,8 +349,10 @@ class Moving:
         return abs(self._declination() - before) > 100
 
     def rests(self) -> bool:
-        """Whether it stands still, once the motors have run down."""
-        time.sleep(RAMP_SECONDS)
+        """Whether it comes to stand still."""
+        deadline = time.monotonic() + PATIENCE
+        while self.moves() and time.monotonic() < deadline:
+            pass
         return not self.moves()
 
     def _declination(self) -> int:

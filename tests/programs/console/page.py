@@ -173,6 +173,12 @@ class Visit:
 
         wait_until(what, look)
 
+    def sizes(self, *sizes: tuple[int, int]) -> Iterator[tuple[int, int]]:
+        """The screen in one size after the other."""
+        for width, height in sizes:
+            self.page.set_viewport_size({"width": width, "height": height})
+            yield width, height
+
     def show(self, view: str) -> None:
         """Another view, by its address."""
         self.page.evaluate("view => { location.hash = `/${view}` }", view)

@@ -17,52 +17,54 @@ PAGE = Path(__file__).resolve().parents[3] / "gateway/console/page"
 LARGEST, FIRST = 150_000, 1.0
 
 
-@pytest.mark.parametrize("size", [PHONE, (360, 640), (844, 390), TABLET, DESK])
-def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
-    page = visit(size)
+def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit]) -> None:
+    page = visit()
     page.find("Aldebaran")
-    for view in VIEWS:
-        page.show(view)
-        wide = page.page.evaluate(
-            "[...document.querySelectorAll('html, main, .conversation')]"
-            ".filter(one => one.scrollWidth > one.clientWidth + 1).map(one => one.id || one.className || one.tagName)"
-        )
-        assert wide == [], view
-        box = page.page.locator("#stop").bounding_box()
-        assert box is not None and box["width"] >= 200 and box["height"] >= 48
-        assert 0 <= box["x"] <= size[0] - box["width"] and 0 <= box["y"] <= size[1] - box["height"], view
-        centre = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
-        assert page.page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('#stop') !== null", centre), view
+    for size in page.sizes(PHONE, (360, 640), (844, 390), TABLET, DESK):
+        for view in VIEWS:
+            page.show(view)
+            wide = page.page.evaluate(
+                "[...document.querySelectorAll('html, main, .conversation')]"
+                ".filter(one => one.scrollWidth > one.clientWidth + 1)"
+                ".map(one => one.id || one.className || one.tagName)"
+            )
+            assert wide == [], view
+            box = page.page.locator("#stop").bounding_box()
+            assert box is not None and box["width"] >= 200 and box["height"] >= 48
+            assert 0 <= box["x"] <= size[0] - box["width"] and 0 <= box["y"] <= size[1] - box["height"], view
+            centre = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+            assert page.page.evaluate(
+                "([x, y]) => document.elementFromPoint(x, y).closest('#stop') !== null", centre
+            ), view
 
 
-@pytest.mark.parametrize("size", [(844, 390), (667, 375)])
-def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
-    page = visit(size)
+def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Visit]) -> None:
+    page = visit()
     page.find("Aldebaran")
-    assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
-    assert page.page.get_by_role("heading", level=1).count() == 1
-    for view, whole in (
-        ("sky", "#chart, #search, #go, #sync"),
-        ("control", "#pad, #rate, #orders"),
-        ("talk", "#explain"),
-    ):
-        page.show(view)
-        assert page.overlapping() == [], view
-        scrolls = page.page.evaluate("(main => main.scrollHeight - main.clientHeight)(document.querySelector('main'))")
-        assert scrolls <= 0, view
-        hidden = page.page.evaluate(
-            "one => [...document.querySelectorAll(one)].filter(one => one.getBoundingClientRect().bottom > "
-            "document.querySelector('.views').getBoundingClientRect().top).map(one => one.id)",
-            whole,
-        )
-        assert hidden == [], view
+    for _ in page.sizes((844, 390), (667, 375)):
+        assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
+        assert page.page.get_by_role("heading", level=1).count() == 1
+        for view, whole in (
+            ("sky", "#chart, #search, #go, #sync"),
+            ("control", "#pad, #rate, #orders"),
+            ("talk", "#explain"),
+        ):
+            page.show(view)
+            assert page.overlapping() == [], view
+            scrolls = page.page.evaluate(
+                "(main => main.scrollHeight - main.clientHeight)(document.querySelector('main'))"
+            )
+            assert scrolls <= 0, view
+            hidden = page.page.evaluate(
+                "one => [...document.querySelectorAll(one)].filter(one => one.getBoundingClientRect().bottom > "
+                "document.querySelector('.views').getBoundingClientRect().top).map(one => one.id)",
+                whole,
+            )
+            assert hidden == [], view
 
 
-@pytest.mark.parametrize("size", [(320, 568), (844, 390), (1024, 768)])
-def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
-    visit: Callable[..., Visit], size: tuple[int, int]
-) -> None:
-    page = visit(size)
+def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(visit: Callable[..., Visit]) -> None:
+    page = visit()
     needed = "#does, #stop, #go, #sync, #search, .views a, [data-go], #rate, #orders button, #chart-up"
     covered = (
         "([one, needed]) => { const at = document.querySelector(one).getBoundingClientRect(); return "
@@ -71,22 +73,23 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(
         "other.checkVisibility() && at.left < box.right && box.left < at.right && at.top < low && box.top < at.bottom"
         "}).map(other => other.id || other.textContent) }"
     )
-    page.find("Aldebaran")
-    assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
-    assert page.overlapping() == []
-    page.page.fill("#object", "Xyzzyx")
-    page.page.press("#object", "Enter")
-    page.until("it is refused", lambda: page.page.locator(".notice.refused").is_visible())
-    assert page.page.evaluate(covered, [".notice.refused", needed]) == []
-    page.page.click("#stop")
-    page.until("a success is told", lambda: page.page.locator(".notice.done").is_visible())
-    assert page.page.evaluate(covered, [".notice.done", needed]) == []
-    if size == (1024, 768):
-        chart, pad, orders, stop = (
-            page.page.locator(one).bounding_box() for one in ("#chart", "#pad", "#orders", "#stop")
-        )
-        assert chart and pad and orders and stop
-        assert chart["x"] + chart["width"] <= pad["x"] and orders["y"] + orders["height"] <= stop["y"]
+    for size in page.sizes((320, 568), (844, 390), (1024, 768)):
+        page.find("Aldebaran")
+        assert page.page.locator(".banner").count() == 1, "the mount's clock is of another night"
+        assert page.overlapping() == []
+        page.page.fill("#object", "Xyzzyx")
+        page.page.press("#object", "Enter")
+        page.until("it is refused", lambda: page.page.locator(".notice.refused").is_visible())
+        assert page.page.evaluate(covered, [".notice.refused", needed]) == []
+        page.page.click("#stop")
+        page.until("a success is told", lambda: page.page.locator(".notice.done").is_visible())
+        assert page.page.evaluate(covered, [".notice.done", needed]) == []
+        if size == (1024, 768):
+            chart, pad, orders, stop = (
+                page.page.locator(one).bounding_box() for one in ("#chart", "#pad", "#orders", "#stop")
+            )
+            assert chart and pad and orders and stop
+            assert chart["x"] + chart["width"] <= pad["x"] and orders["y"] + orders["height"] <= stop["y"]
 
 
 @pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
@@ -119,53 +122,54 @@ def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], 
         assert page.page.evaluate("document.querySelector('#place .primary').id") == blue
 
 
-@pytest.mark.parametrize("size", [PHONE, (844, 390)])
-def test_a_parked_mount_is_unparked_at_one_place(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
-    page = visit(size, told={'"parked":false': '"parked":true', '"clock_doubt":"': '"clock_doubt":"","told":"'})
-    unparks = page.page.get_by_role("button", name="Unpark")
-    assert unparks.count() == 1 and page.page.locator(".banner.parked").is_visible(), "beside the sky"
-    page.show("control")
-    assert unparks.count() == 1
-    box, stop = unparks.bounding_box(), page.page.locator(".stop-bar").bounding_box()
-    assert box and stop and (box["y"] + box["height"] <= stop["y"] or box["x"] + box["width"] <= stop["x"])
-    assert page.overlapping() == []
+def test_a_parked_mount_is_unparked_at_one_place(visit: Callable[..., Visit]) -> None:
+    page = visit(told={'"parked":false': '"parked":true', '"clock_doubt":"': '"clock_doubt":"","told":"'})
+    for _ in page.sizes(PHONE, (844, 390)):
+        page.show("sky")
+        unparks = page.page.get_by_role("button", name="Unpark")
+        assert unparks.count() == 1 and page.page.locator(".banner.parked").is_visible(), "beside the sky"
+        page.show("control")
+        assert unparks.count() == 1
+        box, stop = unparks.bounding_box(), page.page.locator(".stop-bar").bounding_box()
+        assert box and stop and (box["y"] + box["height"] <= stop["y"] or box["x"] + box["width"] <= stop["x"])
+        assert page.overlapping() == []
 
 
-@pytest.mark.parametrize("size", [(320, 568), (667, 375), (844, 390), (900, 560)])
-def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit]) -> None:
     """The longest one: nothing of it is beyond the screen for good, and STOP covers none of its buttons."""
-    page = visit(size, told={'"equatorial":false': '"equatorial":true'})
-    page.show("more")
-    page.page.get_by_role("button", name="Narrow the limits…").click()
-    seen = (
-        "one => { const box = document.querySelector(one).getBoundingClientRect(); "
-        "return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)?.id }"
-    )
-    assert [page.page.evaluate(seen, f"#ask-{one}") for one in ("yes", "no")] == ["ask-yes", "ask-no"]
-    for one in ("title", "lowest", "highest", "sun", "hour_angle"):
-        page.page.evaluate("one => document.querySelector(one).scrollIntoView({block: 'nearest'})", f"#ask-{one}")
-        assert page.page.evaluate(seen, f"#ask-{one}") == f"ask-{one}"
-    page.page.click("#ask-no")
-
-
-@pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
-def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
-    page = visit(size)
-    page.find("Aldebaran")
-    for view in VIEWS:
-        page.show(view)
-        wanted = page.page.evaluate(
-            "[...document.querySelectorAll('button, input, a[href], canvas[tabindex]')].filter(one => "
-            "one.checkVisibility() && !one.disabled && one.tabIndex >= 0)"
-            ".map((one, index) => one.dataset.reach = String(index)).length"
+    page = visit(told={'"equatorial":false': '"equatorial":true'})
+    for _ in page.sizes((320, 568), (667, 375), (844, 390), (900, 560)):
+        page.show("more")
+        page.page.get_by_role("button", name="Narrow the limits…").click()
+        seen = (
+            "one => { const box = document.querySelector(one).getBoundingClientRect(); "
+            "return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)?.id }"
         )
-        reached = set()
-        page.page.evaluate("document.activeElement.blur()")
-        for _ in range(wanted + 12):
-            page.page.keyboard.press("Tab")
-            reached.add(page.page.evaluate("document.activeElement.dataset.reach"))
-        assert {str(index) for index in range(wanted)} <= reached, view
-        page.page.evaluate("document.querySelectorAll('[data-reach]').forEach(one => delete one.dataset.reach)")
+        assert [page.page.evaluate(seen, f"#ask-{one}") for one in ("yes", "no")] == ["ask-yes", "ask-no"]
+        for one in ("title", "lowest", "highest", "sun", "hour_angle"):
+            page.page.evaluate("one => document.querySelector(one).scrollIntoView({block: 'nearest'})", f"#ask-{one}")
+            assert page.page.evaluate(seen, f"#ask-{one}") == f"ask-{one}"
+        page.page.click("#ask-no")
+
+
+def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.find("Aldebaran")
+    for _ in page.sizes(PHONE, TABLET, DESK):
+        for view in VIEWS:
+            page.show(view)
+            wanted = page.page.evaluate(
+                "[...document.querySelectorAll('button, input, a[href], canvas[tabindex]')].filter(one => "
+                "one.checkVisibility() && !one.disabled && one.tabIndex >= 0)"
+                ".map((one, index) => one.dataset.reach = String(index)).length"
+            )
+            reached = set()
+            page.page.evaluate("document.activeElement.blur()")
+            for _ in range(wanted + 12):
+                page.page.keyboard.press("Tab")
+                reached.add(page.page.evaluate("document.activeElement.dataset.reach"))
+            assert {str(index) for index in range(wanted)} <= reached, view
+            page.page.evaluate("document.querySelectorAll('[data-reach]').forEach(one => delete one.dataset.reach)")
 
 
 def test_every_control_has_a_name(visit: Callable[..., Visit]) -> None:
