@@ -63,7 +63,7 @@ class Identification:
         self._status: op.Status | None = None
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)
-        self._link.unheard.connect(self._stop_owed)
+        self._link.stopping.connect(self._stop_owed)
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
@@ -81,8 +81,8 @@ class Identification:
         """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""
         self._left = left
 
-    def _stop_first(self, words: list[bytes]) -> None:
-        """Stop what moved before the port was lost. ``words`` gets the stop commands if the mount is known."""
+    def _stop_first(self, _: None) -> None:
+        """Stop what moved before the port was lost."""
         old = self._left is not None and self._context.now() - self._lost_at >= RECENT
         if self._cut_short and old and not self._reconciler.wanted.owed:
             self._cut_short = False
@@ -92,10 +92,9 @@ class Identification:
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
-        self._stop_owed(words)
 
     def _stop_owed(self, words: list[bytes]) -> None:
-        """Add the stop commands if a stop is owed. A mount that is not heard may hear all the same."""
+        """Add the stop commands if a stop is owed and the mount is known."""
         if self._reconciler.wanted.owed and self._context.known.is_set():
             words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 

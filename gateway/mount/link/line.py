@@ -1,8 +1,14 @@
 """The line to the mount: one exchange at a time, in order of priority.
 
 A stop goes first, then motions, then settings, then reads. While the mount works on a long operation only a stop is
-sent. After a timeout or a garbled reply, nothing is sent until the line has been checked to be in step. If the port is
-lost, the line reopens it with growing pauses, for ever; a port on which the mount stays mute is closed and reopened.
+sent. After a timeout or a garbled reply, nothing but a stop is sent until the line has been checked to be in step. If
+the port is lost, the line reopens it with growing pauses, for ever; a port on which the mount stays mute is closed and
+reopened.
+
+A stop waits for one exchange at most. If that lasts longer than usual, it is cut off: it may have begun, is not
+repeated, and its reply is dropped with everything else that comes until the line is in step. Meanwhile the stop is
+written without waiting for replies, and again because the mount may not have listened. Once the line is in step, it is
+sent as usual.
 """
 
 from __future__ import annotations
@@ -21,12 +27,14 @@ from gateway.transport.wires import Transport
 
 #: Seconds of silence after half a command: a hand control would take what is sent earlier for the other half.
 HALF_COMMAND = 3.5
-#: Seconds between two commands that are sent without waiting for replies.
+#: Seconds between two commands of a stop that is written without waiting for replies, unless one comes sooner.
 BLIND = 0.2
 #: Seconds without a reply after which the port is closed and reopened.
 MUTE = 20.0
 #: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
 OVERDUE = 2.0
+#: Seconds without a reply after which the mount may have been switched off, even if stops have cut off all requests.
+GONE = 4.5
 #: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: The beginning of the line's reason if its port cannot be opened.
@@ -50,10 +58,10 @@ class MountLink:
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[Values | Fault] = Signal()
-        #: Emitted when the port is open again, and each time when replies are missing: listeners add requests that go
-        #: out before all others, as an owed stop.
-        self.reopened: Signal[list[bytes]] = Signal()
-        self.unheard: Signal[list[bytes]] = Signal()
+        #: Emitted when the port is open again.
+        self.reopened: Signal[None] = Signal()
+        #: Emitted when a stop is written without waiting for replies: a listener adds the commands of one that is owed.
+        self.stopping: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._used_by_others = False
@@ -106,9 +114,11 @@ class MountLink:
     @property
     def overdue(self) -> bool:
         """Whether a reply is missing for so long that the mount may not be listening."""
-        if self._silent_since is None or self.occupied:
-            return False
-        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical_rtt)
+        return self._silent_for(max(OVERDUE, 2.5 * self.typical_rtt)) and not self.occupied
+
+    def _silent_for(self, seconds: float) -> bool:
+        """Whether there was a request so long ago, and no reply since."""
+        return self._silent_since is not None and self._now() - self._silent_since > seconds
 
     def worked_after(self, when: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
@@ -139,15 +149,27 @@ class MountLink:
     async def timed(self, command: Send, priority: int) -> tuple[Values, float]:
         """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
         if self.state == "down":
+            self._hurry(priority)
             unheard = NoAnswer()
             unheard.sent = False
             raise unheard
         if self.state == "busy" and priority != STOP:
             raise Busy
         outcome = self.queue.add(command, priority)
-        if priority == STOP or self.transaction.long:
-            self.transaction.wake(priority == STOP)
+        self._hurry(priority)
         return await outcome
+
+    def _hurry(self, priority: int) -> None:
+        """Have a stop written soon that was not written yet; during a long operation, look at all requests."""
+        stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
+        if stop or self.transaction.long:
+            self.transaction.wake(stop)
+
+    def _stop(self) -> list[bytes]:
+        """Return the commands of the stop that is owed, or of those that wait."""
+        commands: list[bytes] = []
+        self.stopping.emit(commands)
+        return commands or self.queue.stops(self.reply_rules.encode)
 
     # --- the worker -----------------------------------------------------------------------------------------------
 
@@ -179,23 +201,24 @@ class MountLink:
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """Send an owed stop, then resynchronise. Half a command sent before is closed, or the mount forgets it."""
-        words: list[bytes] = []
-        self.reopened.emit(words)
+        """Bring the line into step after it was lost. Half a command sent before is forgotten by then, or ended."""
+        self.reopened.emit(None)
         half, self.transaction.half = self.transaction.half, False
-        if half and not (words and (self.reply_rules.closing or len(self.transaction.request) == 1)):
-            await asyncio.sleep(max(0.0, self.transaction.wrote + HALF_COMMAND - self._now()))
-        if await self._send_blind(words, self.reply_rules.closing if half else b""):
-            await self._recover()
+        stopped = await self._write_stop()
+        if half and not stopped:
+            await self.transaction.idle(self.transaction.wrote + HALF_COMMAND - self._now())
+        await self._recover()
 
-    async def _send_blind(self, words: list[bytes], before: bytes = b"") -> bool:
-        """Send these without waiting for replies; return False if the wire is lost."""
-        for word in words:
-            if not self.transaction.send(before + word):
-                return False
+    async def _write_stop(self) -> bool:
+        """Write the stop that is owed, or those that wait, without waiting for replies; return whether there is any."""
+        commands, before = self._stop(), self.reply_rules.closing
+        self.transaction.stop_written(commands)
+        for command in commands:
+            if not self.transaction.send(before + command):
+                break
             before = b""
-            await asyncio.sleep(BLIND)
-        return True
+            await self.transaction.any_reply(BLIND)
+        return bool(commands)
 
     async def _serve(self) -> None:
         answered = False
@@ -241,21 +264,25 @@ class MountLink:
             if self._now() - began > MUTE:
                 self.transaction.connection_lost("mute")
             else:
-                await asyncio.sleep(1.0)
+                await self.transaction.idle(1.0)
 
     async def _resync(self) -> bool:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
-        for attempt in range(CHECKS):
+        attempt = 0
+        while attempt < CHECKS and not self.transaction.lost:
+            if self.transaction.stop_due:
+                await self._write_stop()
             await self.transaction.drain(QUIET * QUIETER**attempt)
-            if not self.transaction.lost and await self.in_step():
+            if self.transaction.stop_due:
+                continue
+            if await self.in_step():
                 return True
-            if self.transaction.lost:
-                return False
+            if self.transaction.lost or (self.transaction.stop_due and not self._silent_for(GONE)):
+                continue  # a stop has cut off the check
+            attempt += 1
             if self.state == "up":
                 self._down("the mount does not answer")
-            words: list[bytes] = []
-            self.unheard.emit(words)
-            await self._send_blind(words)
+            await self._write_stop()  # a mount that is not heard may hear all the same
         return False
 
     async def in_step(self) -> bool:
@@ -270,7 +297,7 @@ class MountLink:
                 continue  # this is a reply as well
             if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(command, outcome):
                 return False
-        return not await self.transaction.drain(QUIET)
+        return not await self.transaction.drain(QUIET) and not self.transaction.stop_due
 
     def _up(self) -> None:
         """Note that the line is in step, and emit ``came_up`` if it was not up before."""

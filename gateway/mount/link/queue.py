@@ -170,6 +170,10 @@ class RequestQueue:
                 self._waiting.append(request)
         return sent
 
+    def stops(self, encode: Callable[[Send], bytes]) -> list[bytes]:
+        """Return the stops that wait, as bytes; they continue to wait for their acknowledgement."""
+        return [encode(each.command) for each in self._waiting if each.priority == STOP and not each.future.done()]
+
     def fail_all(self) -> None:
         """Fail all waiting requests with NoAnswer: the line is lost."""
         for request in sorted(self._waiting, key=lambda request: (request.priority, request.number)):

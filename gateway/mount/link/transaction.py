@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Values
@@ -36,6 +36,11 @@ GAP, UNRULY = 0.05, 300.0
 BABBLE = 3.0
 #: A reply that is an acknowledgement only counts when nothing has followed it for this many seconds.
 SETTLE = 0.02
+#: A stop waits for the exchange on the wire until that is so many seconds older than a usual one.
+STOP_WAITS = 0.3
+#: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
+#: it for the end of another command, or not have listened.
+STOP_AGAIN = (0.5, 3.5)
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_AFTER = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
@@ -117,14 +122,14 @@ class LateReplies:
 
 
 class GaveWay(NoAnswer):
-    """The reply was given up for a stop that waited; the line is in step."""
+    """The reply was given up for a stop that waits, on a wire that will not deliver it any more."""
 
 
 class Transaction:
     """Carries out exchanges over a wire until it is ``lost``.
 
-    A stop that waits in the ``queue`` may be sent during a long operation of the mount, and shortens the pause that
-    some mounts need after a command.
+    A stop that waits in the ``queue`` may be sent during a long operation of the mount, shortens the pause that some
+    mounts need after a command, and cuts off any other exchange that lasts too long.
     """
 
     def __init__(self, wire: Transport, queue: RequestQueue, reply_rules: ReplyRules, wire_log: WireLog) -> None:
@@ -154,8 +159,14 @@ class Transaction:
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._settling = self._hurried = self._cut_short = False
-        #: Loop time from which a stop that waits is sent in place of the exchange under way.
+        #: Loop time from which the exchange under way is cut off for a stop that is due.
         self._gives_way = math.inf
+        #: Loop time at which a stop is to be written, whatever else happens on the line.
+        self._stop_due = math.inf
+        #: The commands of stops that were written without waiting for replies since the last exchange that was no
+        #: check, and the loop time at which the last new one was written first.
+        self.written: set[bytes] = set()
+        self._first_written = -1e9
         self._opened = 0
 
     def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
@@ -192,12 +203,29 @@ class Transaction:
     def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
-        if self.long or (stop and (self._settling or self._gives_way < math.inf)):
+        if stop:
+            self._stop_due = min(self._stop_due, self._now())
+        if self.long or stop:
             self._arrived.set()
 
     @property
+    def stop_due(self) -> bool:
+        """Whether a stop is to be written now, without waiting for what the mount has to say."""
+        return self._now() >= self._stop_due and not self.lost
+
+    def stop_written(self, commands: Collection[bytes]) -> None:
+        """Note that these commands of the stop that was due were written, and when it is due again."""
+        now, self._stop_due = self._now(), math.inf
+        if not self.written.issuperset(commands):
+            self._first_written = now
+        self.written.update(commands)
+        if commands:
+            again = (self._first_written + after for after in STOP_AGAIN)
+            self._stop_due = next((at for at in again if at > now), math.inf)
+
+    @property
     def _stop_first(self) -> bool:
-        return self._now() >= self._gives_way and not self.lost and self._queue.stop_waits
+        return self.stop_due and self._now() >= self._gives_way
 
     def send(self, request: bytes) -> bool:
         """Write to the wire; return False if it was lost."""
@@ -228,8 +256,14 @@ class Transaction:
     async def carry_out(self, command: Send, stop: bool) -> Answer:
         """Carry out one exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
         hurried, self._cut_short = self._cut_short, False
+        if not stop:
+            self.written.clear()
+        # A stop is cut off, too, so that all of it is written; but not when it is sent again after that.
+        self._stop_due = self._now() if stop and not self.written else math.inf
         try:
             outcome = await self.exchange(command, firm=hurried, stop=stop)
+            if not isinstance(outcome, NoAnswer):
+                self.written.clear()
             if hurried and stop and self.reply_rules.expected(command).delay_after:
                 outcome = await self.exchange(
                     command, stop=True
@@ -255,12 +289,13 @@ class Transaction:
         self._last = command
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = command.long, 0, False
-        overtakes = getattr(self.wire, "newest_only", False) and not stop
-        self._gives_way = began + expected.gives_way if overtakes else math.inf
+        overtakes = getattr(self.wire, "newest_only", False)
+        waits = expected.gives_way if overtakes else self.times.typical_rtt + STOP_WAITS
+        self._gives_way = math.inf if command.long or (overtakes and stop) else began + waits
         taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
         self.long, self.long_until = False, self._now() if command.long else self.long_until
         if taken is None:
-            return GaveWay() if self._stop_first else self._unanswered(command, expected, began)
+            return GaveWay() if overtakes and self._stop_first else self._unanswered(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with one byte
             outcome = Garbled()
@@ -326,14 +361,15 @@ class Transaction:
             elif now >= deadline or self._stop_first:
                 return None
             nearer = [busy_at] if command.long else []
-            await self._arrived.within(min(at for at in (deadline, self._gives_way, *nearer) if at > now) - now)
+            cut = max(self._gives_way, self._stop_due)
+            await self._arrived.within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
         return None
 
     def _unanswered(self, command: Send, expected: Expected, began: float) -> Fault:
         self.times.last_rtt = self._now() - began
         if self.lost:
             self.half = True
-        elif command.patience is not None and not command.long and not self._unexplained:
+        elif command.patience is not None and not command.long and not self._unexplained and not self._stop_first:
             return Silence()
         self._distrust(command, expected, began)
         half = bool(self._unexplained)
@@ -376,14 +412,32 @@ class Transaction:
         """What has come and belongs to no reply; what some mounts send around each reply does not count."""
         return self._buffer.strip(self.reply_rules.padding)
 
+    async def idle(self, seconds: float) -> None:
+        """Wait so many seconds, but not longer than until a stop is due."""
+        until = self._now() + seconds
+        while not self.lost and not self.stop_due and (left := until - self._now()) > 1e-6:
+            self._arrived.clear()
+            await self._arrived.within(min(left, self._stop_due - self._now()))
+
+    async def any_reply(self, seconds: float) -> None:
+        """Wait until any byte arrives, but no longer than this."""
+        heard, until = self.heard, self._now() + seconds
+        while not self.lost and self.heard == heard and (left := until - self._now()) > 1e-6:
+            self._arrived.clear()
+            await self._arrived.within(left)
+
     async def drain(self, quiet: float) -> bool:
-        """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came."""
+        """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came.
+
+        A stop that is due ends it.
+        """
         give_up = self._now() + DRAIN
-        while not self.lost and self._now() < give_up:
+        while not self.lost and not self.stop_due and self._now() < give_up:
             left = max(self.heard, self.wrote) + quiet - self._now()
             self._arrived.clear()
-            if left <= 1e-6 or not await self._arrived.within(left):
+            if left <= 1e-6:
                 break
+            await self._arrived.within(min(left, self._stop_due - self._now()))
         anything = bool(self._unexplained)
         if anything and self._unanswered_since is not None:
             self.times.came_late(self.heard - self._unanswered_since)

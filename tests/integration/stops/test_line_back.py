@@ -91,20 +91,25 @@ def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
     run(program())
 
 
-def test_half_a_command_of_a_hand_control_is_waited_for_first() -> None:
-    """Its other half must not be made of the stop; a single letter has no half."""
+def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_repeated() -> None:
+    """The stop may be taken for the other half, so it is written again when the hand control has given that up."""
 
     async def program() -> None:
-        for last, waits in ((b"P\x02\x10\x24\x05\x00\x00\x00", True), (b"e", False)):
-            async with bridge_to("cge") as bridge:
-                client = bridge.client()
-                client.tell(b":RM#:Me#")
-                await asyncio.sleep(2.0)
-                transaction = bridge.controller.line.transaction
-                transaction.half, transaction.request, transaction.wrote = True, last, bridge.controller.now()
-                began = bridge.controller.now()
-                await cut(bridge, 0.1)
-                assert (bridge.controller.now() - began > 3.5) == waits
+        async with bridge_to("cge") as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(2.0)
+            transaction = bridge.controller.line.transaction
+            transaction.half, transaction.request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
+            began = bridge.controller.now()
+            wire: Any = bridge.controller.line.wire
+            feed, wire._feed = wire._feed, lambda data: b""
+            assert (await cut(bridge, 0.1))[0] in STOPS
+            assert bridge.controller.now() - began < 1.2
+            await asyncio.sleep(began + 3.5 - bridge.controller.now())
+            wire._feed = feed
+            await asyncio.sleep(2.5)
+            assert not truth_of(bridge.sim).moving
 
     run(program())
 

@@ -129,7 +129,7 @@ def _replayed(path: Path) -> Outcome:
 
 @pytest.mark.parametrize("pair", as_a_rule([*PAIRS][:3], whole=[*PAIRS]))
 def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
-    path = tmp_path / "crowd.rec"  # by its name the computer is busy: with some there is hardly time for a crowd
+    path = tmp_path / "many.rec"  # by its name the computer is busy: with some there is hardly time for a crowd
     _live(path, pair, seconds=as_a_rule(3.5, whole=7.0), many=as_a_rule(15, whole=30))
     outcome = _replayed(path)
     assert outcome.clients > as_a_rule(20, whole=40)

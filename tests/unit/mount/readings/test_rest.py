@@ -164,7 +164,7 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
             bridge.controller.line.wire._feed = hear  # type: ignore[attr-defined]
             await asyncio.sleep(10)
             orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
-            assert list(dict.fromkeys(orders))[:3] == [b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"]
+            assert set(orders[:6]) >= {b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"}
             assert (await stopped(bridge.controller)).done
 
     run(program())
