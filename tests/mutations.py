@@ -315,7 +315,7 @@ MUTATIONS = [
         "tests/unit/app/control/test_requests.py",
     ),
     Mutation(
-        "a name is recorded instead of the position that was found for it",
+        "the position that was found for a name is not used",
         r"request = replace\(request, where=await",
         "replace(request, where=await",
         "tests/unit/app/control/test_requests.py",

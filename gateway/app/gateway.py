@@ -27,10 +27,9 @@ from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import halt
 from gateway.app.control.server import Control
 from gateway.app.mount_state import MountState, mount_state
-from gateway.app.recording.entrance import Entrance
-from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
+from gateway.app.state.file import MarkerContent
 from gateway.app.state.mount_claim import claim, taken
-from gateway.app.state.store import PreviousRun, StateStore, restore
+from gateway.app.state.store import StateStore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.profiles import SurfaceBinding
@@ -87,27 +86,22 @@ class Gateway:
         self.web = WebPort()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
-        #: What the previous run saved, and the store of this run; a replay has no store.
-        self.previous_run = PreviousRun(SavedState(FORMAT))
         self.store: StateStore | None = None
         self.control: Control | None = None
         self.claim: Claim | None = None
-        #: Everything from outside enters through this, so that it can be recorded.
-        self.entrance = Entrance()
 
     def open_store(self) -> None:
         """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
         self.claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
-        self.previous_run = self.store.previous_run
 
     async def open(self) -> None:
         """Open the ports of the surfaces and the line to the mount. Raises UserError."""
         if self.store is None:
             self.open_store()
         self._connect_watchdog()
-        wire = self.entrance.wire(make_transport(self.mount, self.config, self.watched))
+        wire = make_transport(self.mount, self.config, self.watched)
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
@@ -117,9 +111,7 @@ class Gateway:
                 raise
         for port, acceptor in zip(self.ports, self.acceptors, strict=True):
             acceptor.set_address(port.where)  # with the number of the port that was really opened
-        if self.controller.hold.on:
-            self.entrance.apply_event("h", lambda: None)
-        await self.entrance.begin(self.begin)
+        self.begin()
         await self._open_control()
 
     def _connect_watchdog(self) -> None:
@@ -134,27 +126,21 @@ class Gateway:
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
             "the gateway continues from where the mount is now"
         )
-        self.entrance.apply_event("d", self.was_stopped)
-
-    def was_stopped(self) -> None:
-        """Resynchronise the line and repeat the stop, because another process has sent one on the same port."""
-        self.controller.line.check_again()
+        self.controller.line.check_again()  # another process has sent something on the same port
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.warn)
-        shared = Shared(to_shared(self.previous_run.kept)) if self.store is None else self.store.shared
+        shared = Shared() if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else None
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         announcers = [part.before_motion for part in (self.watched, self.store) if part is not None]
-        self._controller = MountController(context, follow_ups, self.entrance.announcers(announcers))
-        if self.store is None:
-            restore(self.controller, self.previous_run)
-        else:
+        self._controller = MountController(context, follow_ups, announcers)
+        if self.store is not None:
             self.store.attach(self.controller)
         if self.watched is not None:
             self.controller.changed.connect(self.watched.renew)
@@ -171,9 +157,9 @@ class Gateway:
         for binding in bindings:
             configure_binding(self.controller, binding)
 
-    def begin(self, refresh: bool = True) -> None:
-        """Open the line and identify the mount; ``refresh``: keep polling the readings that clients ask for."""
-        self.controller.start(refresh)
+    def begin(self) -> None:
+        """Open the line and identify the mount."""
+        self.controller.start()
         self.controller.spawn(self.fit())
 
     async def _open_control(self) -> None:
@@ -193,7 +179,7 @@ class Gateway:
         """Carry out a request of the control endpoint. A stop loads nothing from a disk that may be broken."""
         if isinstance(request, Halt):
             assert self.store is not None
-            return await halt(request, self.controller, self.store, self.entrance)
+            return await halt(request, self.controller, self.store)
         return await self.request_handler.take(request)
 
     async def fit(self) -> None:
@@ -215,7 +201,7 @@ class Gateway:
         """Carries out requests of people; made at the first request, so that the start is faster."""
         from gateway.app.control.requests import RequestHandler
 
-        return RequestHandler(self.controller, self, self.entrance)
+        return RequestHandler(self.controller, self)
 
     def state(self) -> MountState:
         """Return what the mount does and what is known of it, without asking it."""
@@ -245,7 +231,7 @@ class Gateway:
         return {endpoint.protocol: self._device(acceptor) for endpoint, acceptor in pairs if endpoint.where == SERVED}
 
     def _device(self, acceptor: Acceptor) -> WebDevice:
-        return WebDevice(self.entrance.accept(acceptor), self.title, self.wire_log)
+        return WebDevice(acceptor.accept, self.title, self.wire_log)
 
     @property
     def prepared(self) -> bool:
@@ -287,7 +273,7 @@ class Gateway:
                 await self.ports.pop().close()
         finally:  # the mount is stopped even if closing a port failed
             if self.prepared:
-                await self.entrance.carry_out("q", self.controller.close)
+                await self.controller.close()
             if self.store is not None:
                 await self.store.close()
             if self.control is not None:

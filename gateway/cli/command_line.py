@@ -186,7 +186,6 @@ GROUPS = {
         "sim": ("serve.sim", "simulate a mount for other programs"),
         "explain": ("inspect.explain", "show what the gateway does with one command, in words and bytes"),
         "almanac": ("inspect.almanac", "calculate the sky for a computer without astropy"),
-        "replay": ("inspect.recordings", "play a recording of run --record again and compare"),
         "decode": ("inspect.recordings", "show a recording, or a capture of a serial line, in words"),
         "report": ("inspect.recordings", "make a page with plots of a recording"),
         "completion": ("completion", "print a script that completes commands and flags in your shell"),

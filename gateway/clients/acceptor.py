@@ -79,12 +79,8 @@ class ConnectionAcceptor:
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
     def accept(self, connected: Connected) -> ConnectionHandler:
-        """Admit a new connection. Raises ConnectionRefused."""
-        self.admit(connected)
-        return self.create(connected)
-
-    def create(self, connected: Connected) -> ConnectionHandler:
-        """Log and create a connection that was admitted."""
+        """Admit, log and create a new connection; a refusal is logged once per host. Raises ConnectionRefused."""
+        self._admission.check(connected, self.clients())
         name, wire_log = connected.name, self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {connected.host}")
         return self.create_silently(connected, lambda: wire_log.put(name, "-"))
@@ -121,10 +117,6 @@ class ConnectionAcceptor:
         self._clients.add(client)
         self._connections.add(connection)
         return connection
-
-    def admit(self, connected: Connected) -> None:
-        """Check whether a connection is allowed; log a refusal once per host. Raises ConnectionRefused."""
-        self._admission.check(connected, self.clients())
 
     def clients(self) -> list[str]:
         """The hosts of all clients, including disconnected ones whose operations are still under way."""

@@ -1,8 +1,6 @@
 """What all pages share: the mounts of this gateway, the publisher of their state, recordings, explanations.
 
-A recording started by a page is a file in the state folder that the browser can download. It begins while the gateway
-is running, so it can be read, decoded and reported on, but not replayed; only a recording by ``run --record``, which
-begins with the gateway itself, can be replayed.
+A recording started by a page is a file in the state folder that the browser can download.
 """
 
 from __future__ import annotations
@@ -16,8 +14,7 @@ from typing import Any
 
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import unescape
-from gateway.app.recording.recorded_gateway import record
-from gateway.app.recording.recorder import Recorder
+from gateway.app.recording.recorder import Recorder, record
 from gateway.clients.any_protocol.deciding import decide
 from gateway.clients.strangers import IDLE
 from gateway.console.arrows import Arrows
@@ -143,14 +140,14 @@ class Recording:
         self._since = gateway.clock()
         return f"recording to {self._path}"
 
-    def end(self) -> Path:
+    async def end(self) -> Path:
         """End the recording and return its path. Raises UserError if none is running."""
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
             raise UserError("no recording is running")
         self._gateway.wire_log.remove(recorder.put)
-        recorder.close()
         self._recorder = None
+        await recorder.close()
         return path
 
     def file(self, name: str) -> Path | None:

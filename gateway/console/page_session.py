@@ -218,7 +218,7 @@ class PageSession:
         if on:
             await self._answer(message.id, True, recording.begin())
             return
-        path = recording.end()
+        path = await recording.end()
         download = f"/recording/{message.mount}/{path.name}"
         more = {"download": download, "report": download.removesuffix(".rec") + ".html"}
         await self._answer(message.id, True, f"the recording is in {path}", more)

@@ -101,7 +101,7 @@ class Console:
         self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
-                recording.end()
+                await recording.end()
 
     # --- access -----------------------------------------------------------------------------------------------------
 

@@ -19,9 +19,9 @@ class Entry(NamedTuple):
     """One event on one side.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
-    a note, ``+`` and ``-`` for a connection opened and closed, ``~`` for the protocol that was recognised on it (with
-    the reason after a comma), ``^`` and ``v`` for the mount's port opened and lost, ``r`` for the controller's decision
-    to read something again, ``x`` for bytes of a client that are dropped, with the reason.
+    a note, ``*`` for a person's request that was carried out, ``+`` and ``-`` for a connection opened and closed, ``~``
+    for the protocol that was recognised on it (with the reason after a comma), ``^`` and ``v`` for the mount's port
+    opened and lost, ``x`` for bytes of a client that are dropped, with the reason.
     """
 
     time: float

@@ -13,7 +13,7 @@ from itertools import chain, groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.app.recording.format import BOOKKEEPING, LONGEST_LINE, Recording, is_recording, read
+from gateway.app.recording.format import LONGEST_LINE, Recording, is_recording, read
 from gateway.core.errors import UserError
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.layout import Row, plain
@@ -134,8 +134,6 @@ def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | Non
     """
     talks: dict[str, Side] = {}
     for chunk in found:
-        if chunk.arrow == "r" or chunk.arrow in BOOKKEEPING:
-            continue
         if chunk.side not in talks or chunk.arrow in "+~":
             talks[chunk.side] = of(chunk.side)
         side = talks[chunk.side]

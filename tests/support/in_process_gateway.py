@@ -56,7 +56,7 @@ class Bridge(Stage):
             marked, folder = MarkerContent(f"{self._driven}@bridge", 9600), str(self._state)
             in_thread = self._in_thread or here
             self.store = StateStore(self._driven, "bridge", marked, folder, self.warned.append, in_thread)
-            self.gateway.store, self.gateway.previous_run = self.store, self.store.previous_run
+            self.gateway.store = self.store
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
         await super().__aexit__()

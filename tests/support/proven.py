@@ -1,4 +1,4 @@
-"""A simulated mount that ``prove`` checks: a whole gateway with both surfaces, recorded on virtual time, and a person.
+"""A simulated mount that ``prove`` checks: a whole gateway with both surfaces, on virtual time, and a person.
 
 The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
 line or a progress holds its words. ``python -m tests.support.proven`` writes the files of simulated mounts anew that
@@ -16,15 +16,12 @@ from unittest.mock import patch
 
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway
-from gateway.app.recording.recorded_gateway import HostClock, record_whole
-from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
-from gateway.app.state.file import MarkerContent, SavedState
-from gateway.app.state.store import PreviousRun
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import Finding, Findings, write
 from gateway.diagnostics.prove.guide import Guide
+from gateway.diagnostics.virtual_time import VirtualLoop, run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.truth import Truth, sample
 from gateway.protocols.registry import mounts, streams
@@ -56,20 +53,14 @@ KINDS = (
 )
 
 
-class CalmLoop(TurnLoop):
-    """A recorded event loop on virtual time that wakes ``late`` by so many seconds."""
+class CalmLoop(VirtualLoop):
+    """An event loop on virtual time that wakes ``late`` by so many seconds."""
 
-    def __init__(self) -> None:
-        self.passed, self.late = 0.0, 1e-5
-        super().__init__(lambda: self.passed)
+    late = 1e-5
 
-    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
-        def jump(seconds: float | None) -> list[Any]:
-            assert seconds is not None, "nothing will ever happen again"
-            self.passed += seconds + self.late
-            return []
-
-        return super().begin_turn(timeout, jump)
+    def _wait(self) -> None:
+        super()._wait()
+        self.elapsed += self.late
 
 
 class Onlooker:
@@ -106,28 +97,28 @@ class Proven:
     def __init__(
         self,
         mount: str = "nexstar:6-8se",
-        record: Path | None = None,
         latency: float = 0.03,
         site: tuple[float, float] = DEFAULT_SITE,
         start: float = EVENING,
         config: dict[str, Any] | None = None,
         every: float = 0.5,
         change: Callable[[Proven], None] = lambda proven: None,
-        left: MarkerContent | None = None,
-        kept: SavedState = SavedState(1),
         **simulated: Any,
     ) -> None:
         self.loop = asyncio.get_running_loop()
         assert isinstance(self.loop, CalmLoop)
         loop = self.loop
-        clock = self.clock = HostClock(loop, lambda: start + loop.passed, lambda: loop.passed)
+        began = loop.time()
+
+        def clock() -> float:
+            return start + loop.time() - began
+
+        self.clock = clock
         surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts() if protocol in streams()]
         settings = MountConfig(**({"at": f"{mount.partition(':')[0]}@sim", "sun": 40.0} | (config or {})))
         self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
-        self.gateway.previous_run = PreviousRun(kept, left)
         self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)
         self.wire = SimulatedTransport("sim", self.sim.connection, latency)
-        self.recorder = None if record is None else record_whole(record, self.gateway)
         self.truths: list[Truth] = []
         self._every, self._change = every, change
         self._sent: list[bytes] = []
@@ -135,14 +126,13 @@ class Proven:
         self.session: asyncio.Future[Findings]
 
     async def __aenter__(self) -> Proven:
-        entrance = self.gateway.entrance
-        self.gateway.prepare(lambda reply_rules, to: MountLink(entrance.wire(self.wire), reply_rules, to))
+        self.gateway.prepare(lambda reply_rules, to: MountLink(self.wire, reply_rules, to))
         self.controller = self.gateway.controller
         self.gateway.wire_log.sinks.append(
             lambda entry: self._sent.append(entry.data) if (entry.side, entry.arrow) == ("mount", ">") else None
         )
         self._change(self)
-        await entrance.begin(self.gateway.begin)
+        self.gateway.begin()
         await self.gateway.fitted.wait()
         await self.controller.settled.wait()
         self.owner = Owner(self, self.gateway.mount.protocol)
@@ -154,8 +144,6 @@ class Proven:
         with suppress(asyncio.CancelledError):
             await self._sampling
         await self.gateway.close()
-        if self.recorder is not None:
-            self.recorder.close()
 
     def sent(self) -> list[bytes]:
         """Return every request sent to the mount so far."""
@@ -171,9 +159,8 @@ class Proven:
 
 
 def run_calm(program: Coroutine[Any, Any, Any]) -> Any:
-    """Run a coroutine on a calm, recorded loop."""
-    with asyncio.Runner(loop_factory=CalmLoop) as runner:
-        return runner.run(program)
+    """Run a coroutine on a calm loop."""
+    return run(program, CalmLoop)
 
 
 def checked(mount: str, keys: tuple[int, ...] = (9, 6, 1), **simulated: Any) -> Findings:

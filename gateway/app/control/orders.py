@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.app.recording.entrance import Entrance
 from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault, told
@@ -15,6 +14,8 @@ from gateway.core.requests import DONE, FAILED, Answer, Halt, Hold, Release
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
+#: Who asks, in the log and as whoever has stopped the mount.
+WHO = "mount-gateway stop"
 STOPPED = Answer(DONE, "stopped")
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 ACKNOWLEDGED = 5.0
@@ -22,33 +23,32 @@ ACKNOWLEDGED = 5.0
 LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
 
 
-async def halt(
-    request: Halt, controller: MountController, store: StateStore, entrance: Entrance = Entrance()
-) -> Answer:
+async def halt(request: Halt, controller: MountController, store: StateStore) -> Answer:
     """Stop, hold or release the mount."""
+    answer = await _answer(request, controller, store)
+    controller.wire_log.put(WHO, "*", note=f"{type(request).__name__}: {answer.words}")
+    return answer
+
+
+async def _answer(request: Halt, controller: MountController, store: StateStore) -> Answer:
     if isinstance(request, Release):
         trouble = await _on_disk(store, held=False)
-        entrance.apply_event("u", lambda: _hold(controller, False))
+        controller.hold.on = False
         return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
-    stopping = entrance.carry_out("o", lambda: stopped(controller))
     if not isinstance(request, Hold):
-        return await stopping
-    entrance.apply_event("h", lambda: _hold(controller, True))
-    answer, trouble = await asyncio.gather(stopping, _on_disk(store, held=True))
+        return await stopped(controller)
+    controller.hold.on = True
+    answer, trouble = await asyncio.gather(stopped(controller), _on_disk(store, held=True))
     if not answer.done:
         return Answer(FAILED, f"not stopped: {answer.words}; it is held from now on{trouble}")
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
-
-
-def _hold(controller: MountController, on: bool) -> None:
-    controller.hold.on = on
 
 
 async def stopped(controller: MountController) -> Answer:
     """Stop the mount and watch it until it is at rest."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
-            await controller.stop("mount-gateway stop")
+            await controller.stop(WHO)
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED  # a hibernating mount is at rest, and does not answer

@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from gateway.app.control.orders import halt
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
-from gateway.app.recording.entrance import Entrance
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core import requests
@@ -79,8 +78,8 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
 class RequestHandler:
     """Carries out requests for a gateway."""
 
-    def __init__(self, controller: MountController, gateway: Serving, entrance: Entrance = Entrance()) -> None:
-        self._controller, self._gateway, self._entrance = controller, gateway, entrance
+    def __init__(self, controller: MountController, gateway: Serving) -> None:
+        self._controller, self._gateway = controller, gateway
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
@@ -92,10 +91,10 @@ class RequestHandler:
         return replace(state, served=ports, folder=folder)
 
     async def take(self, request: requests.Request) -> Answer:
-        """Let a request enter and carry it out. A name becomes a position before: what is recorded is decided."""
+        """Carry out a request. A name becomes a position before."""
         if isinstance(request, requests.Halt):
             assert self._gateway.store is not None
-            return await halt(request, self._controller, self._gateway.store, self._entrance)
+            return await halt(request, self._controller, self._gateway.store)
         if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
@@ -106,10 +105,6 @@ class RequestHandler:
                 return Answer(FAILED, str(error))
             if self._controller.stops != stops:
                 return Answer(FAILED, explain(Stopped(), self._controller.policy.limits), Stopped.__name__)
-        return await self._entrance.carry_out("c", lambda: self.carry_out(request), request)
-
-    async def carry_out(self, request: requests.Request) -> Answer:
-        """Carry out a request that has entered, and is recorded if anything is."""
         match request:
             case requests.See():
                 if request.fresh:
@@ -122,15 +117,18 @@ class RequestHandler:
             case requests.End():
                 return await self._cancel(request.number)
         assert isinstance(request, requests.Base)
-        active = self._remember(request.number, request.who or f"mount-gateway {title(request).lower()}")
+        what, wire_log = title(request), self._controller.wire_log
+        active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
+        kept_alive = isinstance(request, requests.Press) and active.pressed is not None
         try:
-            return Answer(DONE, await self._do(request, active))
+            words = await self._do(request, active)
         except Fault as fault:
-            controller = self._controller
-            what = title(request)
             words = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
-            controller.wire_log.refused(active.activity.who, words)
-            return Answer(FAILED, explain(fault, controller.policy.limits), type(fault).__name__)
+            wire_log.refused(active.activity.who, words)
+            return Answer(FAILED, explain(fault, self._controller.policy.limits), type(fault).__name__)
+        if not kept_alive:
+            wire_log.put(active.activity.who, "*", note=f"{what}: {words}")
+        return Answer(DONE, words)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
@@ -311,6 +309,7 @@ class RequestHandler:
             return Answer(
                 FAILED, f"the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
             )
+        controller.wire_log.put(active.activity.who, "*", note="Cancel: the mount was stopped")
         return Answer(DONE, "the mount was stopped")
 
     async def _look(self) -> dict[str, Any]:

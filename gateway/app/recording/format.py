@@ -1,9 +1,8 @@
-"""The file format of recordings: everything that passed on both sides, as text for people and for ``replay``.
+"""The file format of recordings: a log of all that passed on both sides, as text.
 
-The header holds the settings; then every line is one event: seconds, side, an arrow, bytes. ``>`` is towards the mount,
-``<`` from it; received bytes are recorded in the chunks in which they arrived, sent ones as they were written.
-``ARROWS`` names the other events. In format 2 a ``t`` line gives the number and the time of the event loop iteration (a
-*turn*) in which the events after it took effect; recordings of format 1 have no such lines.
+The header holds the settings; then every line is one event: seconds, side, an arrow, bytes or words. ``>`` is towards
+the mount, ``<`` from it; received bytes are recorded in the chunks in which they arrived, sent ones as they were
+written. ``ARROWS`` names the other events.
 """
 
 from __future__ import annotations
@@ -19,21 +18,14 @@ from gateway.core.wire_log import show
 from gateway.system.files import open_plain
 
 MARK = "# mount-gateway recording "
-#: The format with turns, which a ``TurnLoop`` writes, and the one without.
-FORMAT, WITHOUT_TURNS = 2, 1
+FORMAT = 1
 #: The side of the last line of a complete recording.
 RECORDER = "recording"
 #: The beginning of that line if the recording ended early because it could not be written.
 STOPPED = "stopped here"
-#: Events that ``decode`` does not show: ``t`` a turn and its number, ``g`` something outside that the gateway waited
-#: for has ended (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` the host's
-#: clock at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends, ``d`` the watchdog has stopped the
-#: mount, ``o`` an order to stop the mount and watch until it is at rest, ``h u`` the mount is held and released, ``e``
-#: the other side of a connection has closed its end, ``c`` a request from the command line.
-BOOKKEEPING = "tglwkbsqdohuec"
-#: ``+ -`` are connections opened and closed, ``~`` the protocol that one turned out to speak, ``!`` a note, ``^ v`` the
-#: mount's port opened and lost, ``r`` the controller's decision to read something again.
-ARROWS = "<>+-~!^vr" + BOOKKEEPING
+#: ``+ -`` are connections opened and closed, ``~`` the protocol that one turned out to speak, ``!`` a note or a
+#: refusal, ``*`` a person's request that was carried out, ``^ v`` the mount's port opened and lost.
+ARROWS = "<>+-~!*^v"
 #: The maximum length of a line; a file that has a longer one is no recording.
 LONGEST_LINE = 1_000_000
 _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
@@ -60,12 +52,11 @@ def unescape(text: str) -> bytes:
 
 
 class Recording:
-    """A recording in one or more files, oldest first. ``settings`` and ``format`` are those of the first file."""
+    """A recording in one or more files, oldest first. ``settings`` are those of the first file."""
 
     def __init__(self, parts: list[Path]) -> None:
         self.parts = parts
         self.settings = _head(parts[0])
-        self.format = _format(parts[0]) or WITHOUT_TURNS
         #: After iterating: a sentence that says why the recording is incomplete; empty if it is complete.
         self.cut = ""
         #: The file in which the recording continues, if it does.
@@ -90,7 +81,7 @@ class Recording:
             return f"{file}: the recording continues{_when(last)} in {self.continues_in}"
         if ended and last is not None and last.data.startswith(STOPPED.encode()):
             return f"{file}: the recording {last.data.decode('latin-1')}"
-        if ended or self.format == WITHOUT_TURNS:
+        if ended:
             return ""
         return (
             f"{file}: the recording breaks off{_when(last)}, because the gateway was killed or still runs: what "
@@ -172,10 +163,10 @@ def _format(path: Path) -> int | None:
     number = line.removeprefix(MARK).rstrip("\n")
     if not line.startswith(MARK) or not number.isdecimal():
         return None
-    if int(number) not in (FORMAT, WITHOUT_TURNS):
+    if int(number) != FORMAT:
         raise UserError(
-            f"{path}: this recording has format {number}, which is newer than this version of "
-            f"mount-gateway: it reads up to format {FORMAT}"
+            f"{path}: this recording has format {number}, and this version of mount-gateway reads format {FORMAT}: "
+            "use the version that wrote it"
         )
     return int(number)
 

@@ -1,8 +1,9 @@
-"""Writes a recording: a sink of the wire log with log rotation, into files that only their owner can read.
+"""Writes a recording: a sink of the wire log, into files that only their owner can read.
 
-A long file is renamed to FILE.1, older ones to FILE.2 and so on, and the oldest is deleted. The recording of an earlier
-run is renamed in the same way, never overwritten. If the disk is full, the recording ends with a line that says so, the
-user is warned, and the gateway continues.
+What happens is written a moment later, on a thread, so that no disk delays a program or a stop; a process that is
+killed loses that moment. A long file is renamed to FILE.1, older ones to FILE.2 and so on, and the oldest is deleted.
+The recording of another run is renamed in the same way, never overwritten. If the disk is full or hangs, the recording
+ends, the user is warned, and the gateway continues.
 """
 
 from __future__ import annotations
@@ -13,172 +14,197 @@ import json
 import os
 import stat
 import sys
-from collections import deque
+import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gateway.app.recording.format import FORMAT, MARK, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_path
-from gateway.app.recording.turns import TurnLoop
+import msgspec
+
+from gateway.app.recording.format import FORMAT, LONGEST_LINE, MARK, RECORDER, STOPPED, escape, is_recording, part_path
+from gateway.core.about import commit, version
 from gateway.core.errors import UserError, about_file, told
+from gateway.core.waiting import TimedEvent, in_thread
 from gateway.core.wire_log import MOUNT, Entry
-from gateway.system.files import plain_file
+from gateway.system.files import open_plain, plain_file
+
+if TYPE_CHECKING:
+    from gateway.app.gateway import Gateway
 
 #: Bytes after which a new file is begun, and how many files are kept, including the one being written.
 LONGEST, KEPT = 10_000_000, 20
+#: Seconds from an event until it is written, and how many lines may wait for a disk that hangs.
+PAUSE, WAITING = 0.1, 100_000
 #: Only the owner may read a recording: the site's coordinates are in it.
 PRIVATE = 0o600
 #: Bytes that are cut off on a full disk, to make room for the line that says so.
 ROOM = 300
-#: The ends of so many writes are remembered, so that a recording can be cut between two of them.
-REMEMBERED = 64
 
 
 class Recorder:
-    """Writes a recording. ``now`` is the event loop's clock; ``warn`` gets messages for the user.
+    """Writes a recording whose header holds ``settings``. ``now`` returns seconds, ``warn`` gets messages for the user.
 
-    On a ``TurnLoop`` the turns are recorded as well. Raises UserError for a file that cannot be written.
+    Raises UserError for a file that cannot be written.
     """
 
     def __init__(
         self,
         path: Path,
-        now: Callable[[], float],
         settings: dict[str, Any],
         longest: int = LONGEST,
         keep: int = KEPT,
         warn: Callable[[str], object] = lambda text: None,
-        loop: asyncio.AbstractEventLoop | None = None,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._path, self._now, self._longest, self._keep, self._warn = path, now, longest, keep, warn
-        self._turns = loop if isinstance(loop, TurnLoop) else None
+        self._path, self._longest, self._keep, self._warn, self._now = path, longest, keep, warn, now
         self._began = now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        if self._turns is not None:
-            self._settings |= {"began": settings["began"] - self._turns.elapsed, "elapsed": self._turns.elapsed}
-            self._turns.on_time.append(self._turn)
-        self._file = -1
+        #: The lines that are not written yet, and the task that has them written; whether the recording has ended.
         self._lines: list[str] = []
-        self._size = 0
-        self._ends: deque[int] = deque(maxlen=REMEMBERED)
+        self._writing: asyncio.Task[None] | None = None
+        self._ended = False
+        self._hurry = TimedEvent()
+        # What follows belongs to the thread that writes; there is one at a time.
+        self._file, self._size = -1, 0
         self._warned = False
         try:
             _rotate(path, keep)
-            self._open(first=True)
+            self._open(0.0)
         except OSError as error:
             self._close_file()
             raise UserError(f"cannot record to {path}: {about_file(path, error)}") from None
 
-    @property
-    def _at(self) -> float:
-        """Seconds since the beginning of the recording."""
-        return self._turns.elapsed if self._turns is not None else self._now() - self._began
+    # --- on the event loop --------------------------------------------------------------------------------------------
 
-    def _open(self, first: bool) -> None:
-        """Begin a file. Raises OSError."""
+    def put(self, entry: Entry) -> None:
+        """Take an entry of the wire log, if a recording holds entries of its kind."""
+        side, arrow = entry.side, entry.arrow
+        if arrow == "raw":
+            self._line(side, "<" if side == MOUNT else ">", escape(entry.data))
+        elif arrow in ("<", ">"):
+            if arrow == (">" if side == MOUNT else "<"):  # the others are parts of raw chunks
+                self._line(side, arrow, escape(entry.data))
+        elif arrow != "x":  # dropped bytes are parts of raw chunks, too
+            self._line(side, arrow, entry.note.replace("\n", " "))
+
+    def _line(self, side: str, arrow: str, text: str) -> None:
+        if self._ended:
+            return
+        self._lines.append(
+            f"{self._now() - self._began:.6f} {side.replace(' ', '_')} {arrow} {text}".rstrip(" ") + "\n"
+        )
+        if self._writing is None:
+            self._writing = asyncio.get_running_loop().create_task(self._write())
+        elif len(self._lines) > WAITING:
+            self._end("the disk does not answer")
+
+    async def _write(self) -> None:
+        while self._lines:
+            await self._hurry.within(PAUSE)
+            await self._write_now()
+        self._writing = None
+
+    async def _write_now(self) -> None:
+        text, at = "".join(self._lines), self._now() - self._began
+        self._lines.clear()
+        try:
+            if await in_thread(self._write_out, text, at):
+                self._warn(
+                    f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
+                    "whenever a new one begins; record-keep says how many files are kept"
+                )
+        except OSError as error:  # a full disk must not end the night
+            self._end(told(error))
+
+    def _end(self, reason: str) -> None:
+        """End a recording that cannot be written any more."""
+        self._ended = True
+        self._lines.clear()
+        self._warn(
+            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
+            "continues without it; make room on the disk and restart the gateway to record again"
+        )
+
+    async def flush(self) -> None:
+        """Write what was put so far now, and wait until that is done."""
+        self._hurry.set()
+        if self._writing is not None:
+            await asyncio.wait((self._writing,))
+        self._hurry.clear()
+
+    async def close(self) -> None:
+        """Write what is left and the last line, and close the file."""
+        if not self._ended:
+            self._line(RECORDER, "!", "ends here")
+        self._ended = True
+        await self.flush()
+        await in_thread(self._close_file)
+
+    # --- on a thread --------------------------------------------------------------------------------------------------
+
+    def _write_out(self, text: str, at: float) -> bool:
+        """Write lines, the last of which is of second ``at``; return whether the oldest file was deleted for the first
+        time. Raises OSError after the end of a file that cannot be written any more.
+        """
+        if self._file < 0:
+            return False
+        try:
+            self._append(text)
+            return self._size >= self._longest and self._next_file(at)
+        except OSError as error:
+            self._end_early(f"{at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n")
+            raise
+
+    def _open(self, at: float) -> None:
+        """Begin a file at a second of the recording. Raises OSError."""
         self._file, self._size = _open_private(self._path), 0
-        self._ends.clear()
-        number = WITHOUT_TURNS if self._turns is None else FORMAT
-        settings = {**self._settings, "from": 0.0 if first else round(self._at, 6)}
-        self._write(f"{MARK}{number}\n# {json.dumps(settings)}\n")
+        self._append(f"{MARK}{FORMAT}\n# {json.dumps({**self._settings, 'from': round(at, 6)})}\n")
 
-    def _write(self, text: str) -> None:
+    def _append(self, text: str) -> None:
         """Write the whole text to the file. Raises OSError."""
         data = text.encode("latin-1", "replace")
         while data:
             written = os.write(self._file, data)
             data = data[written:]
             self._size += written
-        self._ends.append(self._size)
 
-    # --- what is written --------------------------------------------------------------------------------------------
-
-    def put(self, entry: Entry) -> None:
-        """Write an entry of the wire log, if a recording holds entries of its kind."""
-        side, arrow, data, note = entry.side, entry.arrow, entry.data, entry.note
-        if arrow == "raw":
-            if side == MOUNT or self._turns is None:  # else the entrance has recorded it
-                self.line(side, "<" if side == MOUNT else ">", escape(data))
-        elif arrow in ("<", ">"):
-            if arrow == (">" if side == MOUNT else "<"):  # the others are parts of raw chunks
-                self.line(side, arrow, escape(data))
-        elif arrow != "x":  # dropped bytes are parts of raw chunks, too
-            self.line(side, arrow, note.replace("\n", " "))
-
-    def line(self, side: str, arrow: str, text: str = "") -> None:
-        if self._file < 0:
-            return
-        if self._turns is not None and not self._lines:
-            self._turns.call_soon(self.flush)
-        self._lines.append(f"{self._at:.6f} {side.replace(' ', '_')} {arrow} {text}".rstrip(" ") + "\n")
-        if self._turns is None and (arrow != ">" or side == MOUNT):
-            self.flush()
-
-    def _turn(self) -> None:
-        assert self._turns is not None
-        self.line(RECORDER, "t", str(self._turns.turn))
-
-    def flush(self) -> None:
-        text = "".join(self._lines)
-        self._lines.clear()
-        if self._file < 0 or not text:
-            return
-        try:
-            self._write(text)
-            if self._size >= self._longest:
-                self._next_file()
-        except OSError as error:  # a full disk must not end the night
-            self._end_early(told(error))
-
-    # --- the end of a file ------------------------------------------------------------------------------------------
-
-    def _next_file(self) -> None:
-        """Begin the next file. Raises OSError."""
-        os.close(self._file)
-        self._file = -1
-        full = _rotate(self._path, self._keep)
-        self._open(first=False)
-        if full and not self._warned:
-            self._warned = True
-            self._warn(
-                f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
-                "whenever a new one begins, and it can no longer be replayed from its beginning; "
-                "record-keep says how many files are kept"
-            )
-
-    def _end_early(self, reason: str) -> None:
-        """End a file that cannot be written any more at a point where it can still be replayed; warn the user."""
-        cut = next((end for end in reversed(self._ends) if end <= self._size - ROOM), None)
-        with contextlib.suppress(OSError):
-            if cut is not None and stat.S_ISREG(os.fstat(self._file).st_mode):
-                os.ftruncate(self._file, cut)
-                os.lseek(self._file, cut, os.SEEK_SET)
-                self._write(self._last(f"{STOPPED}, it could not be written any more: {reason}"))
+    def _next_file(self, at: float) -> bool:
+        """Begin the next file; return whether the oldest was deleted for the first time. Raises OSError."""
         self._close_file()
-        self._warn(
-            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
-            "continues without it; make room on the disk and restart the gateway to record again"
-        )
+        first = _rotate(self._path, self._keep) and not self._warned
+        self._warned |= first
+        self._open(at)
+        return first
 
-    def _last(self, words: str) -> str:
-        return f"{self._at:.6f} {RECORDER} ! {words}\n"
+    def _end_early(self, line: str) -> None:
+        """End a file that cannot be written any more with this line, behind the last whole one that leaves room."""
+        with contextlib.suppress(OSError):
+            with open_plain(self._path) as file:
+                file.seek(max(0, self._size - ROOM - LONGEST_LINE))
+                cut = file.tell() + file.read(self._size - ROOM - file.tell()).rfind(b"\n") + 1
+            os.ftruncate(self._file, cut)
+            os.lseek(self._file, cut, os.SEEK_SET)
+            self._append(line)
+        self._close_file()
 
     def _close_file(self) -> None:
-        """Close the file; later events are dropped."""
         file, self._file = self._file, -1
-        self._lines.clear()
-        if self._turns is not None and self._turn in self._turns.on_time:
-            self._turns.on_time.remove(self._turn)
         if file >= 0:
             with contextlib.suppress(OSError):
                 os.close(file)
 
-    def close(self) -> None:
-        """Write the last line and close the file."""
-        if self._turns is not None and self._file >= 0:
-            self._lines.append(self._last("ends here: the gateway has ended"))
-        self.flush()
-        self._close_file()
+
+def record(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:
+    """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
+    settings = {
+        "began": gateway.clock(),
+        "config": {"mount": gateway.config, "surface": gateway.surfaces},
+        "version": version(),
+        "commit": commit(),
+    }
+    recorder = Recorder(path, msgspec.to_builtins(settings), longest, gateway.config.record_keep, gateway.warn)
+    gateway.wire_log.sinks.append(recorder.put)
+    return recorder
 
 
 def _rotate(path: Path, keep: int) -> bool:

@@ -1,5 +1,5 @@
 """Days of the almanac, and sites in decimals, calculated by astropy. The import takes half a second and 45 MB: no
-process that serves does it, only one of its own (``mount-gateway almanac``), replays and tests.
+process that serves does it, only one of its own (``mount-gateway almanac``) and tests.
 
 `Time` counts the leap seconds, ERFA's IAU 2006 precession and 2000A nutation lead from J2000 to the equinox of date,
 `get_sun` and `get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC is

@@ -125,8 +125,7 @@ async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
 class AlmanacKeeper:
     """Keeps the almanac of a process that serves mounts: ``open`` it first, then run ``keep`` until the end.
 
-    ``quiet``: whether nothing moves; ``exact`` is called once today's tables are in use; ``enter`` calls a function as
-    input from outside.
+    ``quiet``: whether nothing moves; ``exact`` is called once today's tables are in use.
     """
 
     def __init__(
@@ -135,11 +134,9 @@ class AlmanacKeeper:
         warn: Callable[[str], object],
         exact: Callable[[], object] = lambda: None,
         quiet: Callable[[], bool] = lambda: True,
-        enter: Callable[[Callable[[], object]], object] | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self._sky, self._warn, self._exact, self._quiet = sky, warn, exact, quiet
-        self._enter = enter or (lambda act: act())
         self._clock = clock
         #: The almanac of the start, that of this run, and both.
         self._opened = self._own = self._almanac = Almanac()
@@ -173,7 +170,7 @@ class AlmanacKeeper:
             return False
         if trouble:
             self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
-        self._enter(lambda: self._use(newer))
+        self._use(newer)
         return True
 
     def _use(self, newer: Almanac) -> None:

@@ -3,7 +3,7 @@
 Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
 refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
 Commands interpolate in the tables of an almanac, which a process of its own has calculated with astropy
-(``keeper.py``), or after `load` (tests, a replay) in those of astropy in this process. Where there is no table, and
+(``keeper.py``), or after `load` (tests) in those of astropy in this process. Where there is no table, and
 before 1973 and after 2099, the closed formulas are used, and the day is noted as missing. No call waits, no method
 raises for finite arguments.
 
@@ -38,7 +38,7 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-_FRAMES_KEPT = 16  # enough for the minutes of the host's clock, the mount's, a replayed transcript's
+_FRAMES_KEPT = 16  # enough for the minutes of the host's clock, and the mount's
 _EARTH_RADIUS = 6378.137  # km, at the equator (WGS 84)
 _EARTH_FLATTENING = 1.0 / 298.257223563
 

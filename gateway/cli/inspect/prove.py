@@ -80,7 +80,7 @@ def _prove(arguments: argparse.Namespace) -> int:
     [mount] = here.mount
     serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
     try:
-        code = with_loop(False, serve, bool(mount.record))
+        code = with_loop(False, serve)
     except MountTaken as taken:
         raise UserError(
             f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "

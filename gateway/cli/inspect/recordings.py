@@ -1,6 +1,6 @@
-"""``decode``, ``replay`` and ``report``: show a recording in words, replay it, or make a web page of it.
+"""``decode`` and ``report``: show a recording in words, or make a web page of it.
 
-``decode`` understands captures of a serial line as well. ``replay`` checks whether every client gets the same bytes.
+``decode`` understands captures of a serial line as well.
 """
 
 from __future__ import annotations
@@ -69,40 +69,6 @@ def _guessed(capture: Capture, path: Path) -> str:
     if protocol is None:
         raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
     return protocol
-
-
-def add_replay(commands: Commands) -> None:
-    replay = commands.add_parser(
-        "replay",
-        description="Plays a recording again. The recorded times are the clock, the recorded mount is the mount: every "
-        "client must receive the bytes that it received then. Exit code 1 when not.",
-        epilog="Examples:\n  mount-gateway run --config gateway.toml --record night.rec\n"
-        "  mount-gateway replay night.rec",
-    )
-    replay.add_argument("file", type=Path, metavar="FILE", help="a recording of run --record")
-    replay.add_argument("--sim", action="store_true", help="ask a simulated mount instead, and show the conversation")
-    replay.set_defaults(run=_replay)
-
-
-def _replay(arguments: argparse.Namespace) -> int:
-    from gateway.app.recording.format import read
-    from gateway.diagnostics.replay.replaying import replay, replay_on_simulator
-    from gateway.diagnostics.replay.replies import in_words
-
-    recording = read(arguments.file)
-    if arguments.sim:
-        replay_on_simulator(recording, print)
-        if recording.cut:
-            print(recording.cut)
-        return 0
-    outcome = replay(recording)
-    for words in [*outcome.strayed[:10], *in_words(outcome.differences)]:
-        print(words)
-    if recording.cut:
-        print(recording.cut)
-    verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} received different bytes"
-    print(f"{outcome.clients} connections, {outcome.replies} replies, {outcome.requests} requests: {verdict}")
-    return 1 if outcome.differences else 0
 
 
 def add_report(commands: Commands) -> None:

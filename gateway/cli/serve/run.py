@@ -45,11 +45,7 @@ def add_run(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     config, _ = settings(arguments)
-    return with_loop(
-        arguments.loop == "fast",
-        lambda: serve_mounts(config, watchdog=make_watchdog(config)),
-        any(mount.record for mount in config.mount),
-    )
+    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=make_watchdog(config)))
 
 
 def add_config(commands: Commands) -> None:

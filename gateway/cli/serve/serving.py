@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
-from gateway.app.recording.turns import TurnLoop
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.serve.console_and_broker import (
@@ -58,16 +57,14 @@ LOOK_EVERY = 3.0
 SUSPEND = 4.0
 
 
-def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], recorded: bool = False) -> int:
-    """Run on uvloop if ``fast`` and it is installed, else on asyncio's loop; ``recorded``: on a ``TurnLoop``."""
-    factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
-    if fast and not recorded:
-        try:
+def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]]) -> int:
+    """Run on uvloop if ``fast`` and it is installed, else on asyncio's loop."""
+    factory: Callable[[], asyncio.AbstractEventLoop] | None = None
+    if fast:
+        with suppress(ImportError):
             import uvloop
 
             factory = uvloop.new_event_loop
-        except ImportError:
-            factory = None
     with asyncio.Runner(loop_factory=factory) as runner:
         return runner.run(serve())
 
@@ -131,26 +128,21 @@ async def serve_mounts(
         wire_log = WireLog(time.time)
         if config.log:
             wire_log.sinks.append(_log(config, mount))
-        clock: Callable[[], float] = time.time
-        if mount.record:
-            from gateway.app.recording.recorded_gateway import host_clock, record_whole
-
-            clock = host_clock()
-        gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
+        gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
         only = WebPort(partial(load_console, None, gateways[-1:], opened))
         gateways[-1].web = web if config.page is not None else only
         gateways[-1].open_store()
         if mount.record:
-            recorders.append(record_whole(Path(mount.record), gateways[-1]))
+            from gateway.app.recording.recorder import record
+
+            recorders.append(record(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stop_before_suspension(gateways, screen))
-    loop = asyncio.get_running_loop()
-    enter = loop.enter if isinstance(loop, TurnLoop) else None
 
     def exact() -> None:
         for gateway in gateways:
             gateway.wire_log.note("mount", SKY_READY)
 
-    almanac = AlmanacKeeper(sky, screen.warn, exact, lambda: not any(gateway.busy for gateway in gateways), enter)
+    almanac = AlmanacKeeper(sky, screen.warn, exact, lambda: not any(gateway.busy for gateway in gateways))
     try:
         almanac.open(config.almanac)
         for gateway in gateways:
@@ -218,7 +210,7 @@ async def serve_mounts(
         if watchdog is not None:
             watchdog.close()
         for recorder in recorders:
-            recorder.close()
+            await recorder.close()
     return 0
 
 
@@ -273,7 +265,7 @@ async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
         async with asyncio.timeout(SUSPEND):
-            await asyncio.gather(*(gateway.entrance.carry_out("s", gateway.controller.stop) for gateway in moving))
+            await asyncio.gather(*(gateway.controller.stop() for gateway in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"

@@ -131,7 +131,7 @@ class AnyConnection:
         self._controller.wire_log.note_once(self._connected.name, words, of=self.host)
         if self._connected.hand_over is not None:
             self._connected.hand_over(lambda transport: self._web.take(transport, sent))
-        elif self._connected.hang_up is not None:  # in a replay, which has no connection to give
+        elif self._connected.hang_up is not None:
             self._connected.hang_up(answer_of(*NONE))
 
 
@@ -149,18 +149,11 @@ class AnyAcceptor:
         self._connections: set[AnyConnection] = set()
 
     def accept(self, connected: Connected) -> ConnectionHandler:
-        """A new connection. Raises ConnectionRefused."""
-        self.admit(connected)
-        return self.create(connected)
-
-    def admit(self, connected: Connected) -> None:
-        """Check whether a connection is allowed. Raises ConnectionRefused."""
+        """Admit, log and create a new connection. Raises ConnectionRefused."""
         hosts = [one.host for one in self._connections if not one.decided]
         for acceptor in self.acceptors.values():
             hosts += acceptor.clients()
         self._admission.check(connected, hosts)
-
-    def create(self, connected: Connected) -> ConnectionHandler:
         wire_log = self.controller.wire_log
         wire_log.put(connected.name, "+", note=f"surface {self.number}, host {connected.host}")
 

@@ -1,7 +1,7 @@
 """The operations: everything that a client can ask of a mount, as values.
 
 A surface yields them and a driver carries them out; neither knows the other. They are frozen, so that they can be
-logged, compared, replayed and named in a table. Angles are degrees, right ascension included. Right ascension and
+logged, compared and named in a table. Angles are degrees, right ascension included. Right ascension and
 declination are of the equinox of date unless a surface is set to J2000. Longitudes are positive to the EAST; a UTC
 offset is local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
 """

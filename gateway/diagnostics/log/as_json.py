@@ -25,6 +25,7 @@ KINDS = {
     "<": "reply",
     "=": "repeated",
     "!": "note",
+    "*": "request",
     "x": "dropped",
     "+": "connected",
     "-": "disconnected",

@@ -213,9 +213,8 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
-#: Entries that are not shown: raw bytes (shown as commands), the controller's decisions, and a lost port (a note
-#: follows).
-SILENT = ("raw", "r", "v")
+#: Entries that are not shown: raw bytes (shown as commands), and a lost port (a note follows).
+SILENT = ("raw", "v")
 #: The meaning of the arrows that carry no bytes.
 EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 

@@ -167,7 +167,7 @@ class Telescope:
 
     async def stop(self) -> str:
         """Stop everything, ahead of all orders; return an empty text, or why the mount may still move."""
-        answer = await self.gateway.entrance.carry_out("o", lambda: stopped(self.controller))
+        answer = await stopped(self.controller)
         return "" if answer.done else answer.words
 
     async def rest(self) -> Place:

@@ -31,7 +31,7 @@ class Program:
         found = [acceptor for endpoint, acceptor in endpoints if endpoint.protocol == protocol]
         if not found:
             raise Ended(f"this gateway has no surface for {protocol} programs")
-        self._handler = gateway.entrance.accept(found[-1])(Connected("prove:program", WHO, self._hear))
+        self._handler = found[-1].accept(Connected("prove:program", WHO, self._hear))
         self.close = self._handler.close
 
     def _hear(self, data: bytes) -> None:

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.app.recording.format import BOOKKEEPING, RECORDER, Event, Recording
+from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
@@ -71,7 +71,7 @@ class _Gathering:
         """Process one line of the recording."""
         time = self._began + event.at
         self.night.ended = max(self.night.ended, time)
-        if event.arrow in BOOKKEEPING or event.arrow == "r" or event.side == RECORDER:
+        if event.side == RECORDER:
             return
         self.taken += 1
         if event.side == MOUNT:

@@ -77,5 +77,5 @@ class Night:
     refusals: list[Remark] = field(default_factory=list)
     programs: dict[tuple[str, str], Program] = field(default_factory=dict)
     cut: str = ""
-    #: The version that recorded it, with its commit; empty in recordings that do not tell it.
+    #: The version that recorded it, with its commit.
     recorded_by: str = ""

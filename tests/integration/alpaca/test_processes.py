@@ -6,7 +6,6 @@ import http.client
 import json
 import signal
 import sys
-import time
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -50,22 +49,13 @@ def start(state: Path, *more: str) -> Running:
     return Running("run", "--mount", "nexstar@sim", "--sun", "0", "--no-discovery", "--state", str(state), *more)
 
 
-def played(path: Path) -> str:
-    done = run_to_end("replay", str(path))
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
 def test_at_a_port_of_its_own(tmp_path: Path, loop: str) -> None:
-    """A recording is made on asyncio's own loop; without one it runs on uvloop where that is installed."""
-    recorded = ["--record", str(tmp_path / "a.rec")] if loop == "asyncio" else []
-    own = start(tmp_path, "--surface", "alpaca@tcp://127.0.0.1:0", *recorded)
+    own = start(
+        tmp_path, "--surface", "alpaca@tcp://127.0.0.1:0", *(["--loop", "asyncio"] if loop == "asyncio" else [])
+    )
     used(own.ready())
-    time.sleep(0.5)
     assert own.end() == 0
-    if recorded:
-        assert "1 connection" in played(tmp_path / "a.rec")
 
 
 def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> None:
@@ -77,9 +67,7 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
     page = next(line.split()[-1] for line in own.process.stdout if line.startswith("ready console"))
     used(page)
     used(every)
-    time.sleep(0.5)
     assert own.end() == 0
-    assert "the same bytes" in played(path)
     said = run_to_end("decode", str(path)).stdout
     assert "go to a position: RA 05:30:00" in said and "rightascension: RA" in said
 

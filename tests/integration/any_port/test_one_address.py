@@ -1,4 +1,4 @@
-"""Five kinds of programs on one port of a real process, on both event loops; and the same recorded and replayed."""
+"""Five kinds of programs on one port of a real process, on both event loops; and the same recorded."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def test_status_names_the_console_that_nobody_has_opened_yet(running: list[Runni
     assert "console http://127.0.0.1:" in run_to_end("status", "--state", str(tmp_path)).stdout
 
 
-def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
+def test_a_recording_shows_all_of_them(running: list[Running], tmp_path: Path) -> None:
     path = tmp_path / "evening.rec"
     where = start(running, tmp_path, "--record", str(path))
     silent, lx200, nexstar, page, mobile, late = (Program(where) for _ in range(6))
@@ -209,36 +209,11 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
     lx200.link.sendall(b":Q#")
     for one in (silent, lx200, nexstar, page, mobile, late):
         one.close()
-    time.sleep(0.5)
     running.pop().end()
-    played = run_to_end("replay", str(path))
-    assert played.returncode == 0, played.stdout + played.stderr
-    assert "6 connections" in played.stdout, played.stdout
     said = run_to_end("decode", str(path)).stdout
     assert said.count("speaks nexstar") == 2 and said.count("speaks lx200") == 3, said
     assert "speaks stellarium, because the program has sent nothing for 3 s" in said
     assert "e: RA" in said and "GR: RA" in said and "go to a position" in said
-
-
-def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
-    path = tmp_path / "stellarium.rec"
-    one = Running(
-        "run", "--mount", "nexstar@sim", "--surface", "stellarium@tcp://127.0.0.1:0", "--state",
-        str(tmp_path / "state"), "--record", str(path),
-    )  # fmt: skip
-    running.append(one)
-    program = Program(one.ready())
-    assert len(program.hear(48)) == 48
-    program.link.sendall(GOTO[:7])
-    time.sleep(0.1)
-    program.link.sendall(GOTO[7:])
-    assert len(program.hear(96)) == 96
-    program.close()
-    time.sleep(0.5)
-    running.pop().end()
-    played = run_to_end("replay", str(path))
-    assert played.returncode == 0, played.stdout + played.stderr
-    assert "1 connection" in played.stdout, played.stdout
 
 
 def alpaca(where: str, request: str, form: str = "") -> bytes:

@@ -47,7 +47,6 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         (["run", "--no-night=1"], "--night/--no-night takes no value: leave '1' out"),
         (["run", "."], ".: this is a folder: write the name of a file in it"),
         (["decode", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),
-        (["replay", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),
         (
             ["detect", "/dev/null", "--write", "none/g.toml"],
             "none/g.toml: there is no folder none; make it first, or name another one",

@@ -13,10 +13,11 @@ import pytest
 from gateway.app.gateway import Gateway
 from gateway.console.shown import view
 from gateway.console.shown.publisher import Publisher
+from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.controller import MountController
-from tests.support.busy_computer import Recorded, run_busy
+from tests.support.busy_computer import Busy, run_busy
 
-Work = Callable[[Recorded, Publisher], Coroutine[Any, Any, None]]
+Work = Callable[[Busy, Publisher], Coroutine[Any, Any, None]]
 
 
 @pytest.fixture(autouse=True)
@@ -29,9 +30,11 @@ def published(path: Path, work: Work) -> None:
     """A gateway over a simulated mount that has told where it points, and its publisher."""
 
     async def evening() -> None:
-        async with Recorded(path / "evening.rec", "nexstar:cpc/4.21", "lx200") as recorded:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualLoop)
+        async with Busy(loop, "nexstar:cpc/4.21", "lx200") as busy:
             await asyncio.sleep(5.0)
-            await work(recorded, Publisher([recorded.gateway], lambda: [None]))
+            await work(busy, Publisher([busy.gateway], lambda: [None]))
 
     run_busy(evening(), path.name)
 
@@ -43,7 +46,7 @@ def bodies(text: str) -> list[str]:
 
 
 def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         for _ in range(20):
             publisher.subscribe()
         first = await asyncio.gather(*(publisher.next(0) for _ in range(20)))
@@ -57,7 +60,7 @@ def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
 
 
 def test_what_a_mount_can_is_not_asked_for_every_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         asked = 0
         abilities = view.abilities
 
@@ -79,13 +82,13 @@ def test_what_a_mount_can_is_not_asked_for_every_frame(tmp_path: Path, monkeypat
 
 
 def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         turns, told = 0, []
 
         async def count() -> None:
             nonlocal turns
             while True:
-                await asyncio.sleep(0)
+                await asyncio.sleep(1e-5)
                 turns += 1
 
         async def page() -> None:
@@ -102,11 +105,11 @@ def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
 
 
 def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         publisher.subscribe()
         frame = await publisher.next(0)
         assert bodies(frame.whole) == ["Sun", "Moon"]
-        recorded.gateway.sky.load()
+        busy.gateway.sky.load()
         number = frame.number
         while (frame := await publisher.next(frame.number)).number < number + 2:
             pass
@@ -116,8 +119,8 @@ def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> 
 
 
 def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
-        sinks = recorded.gateway.wire_log.sinks
+    async def work(busy: Busy, publisher: Publisher) -> None:
+        sinks = busy.gateway.wire_log.sinks
         before = len(sinks)
         publisher.subscribe()
         publisher.subscribe()
@@ -141,13 +144,13 @@ def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None
 
 
 def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         publisher.subscribe()
         publisher.listen(1)
         frame = await publisher.next(0)
         start = publisher.count
         for number in range(5):
-            recorded.gateway.wire_log.note("10.0.0.1:1", f"note {number}")
+            busy.gateway.wire_log.note("10.0.0.1:1", f"note {number}")
             frame = await publisher.next(frame.number)
         await publisher.next(frame.number)
         notes = [row["words"] for row in publisher.since(start) if row["words"].startswith("note")]
@@ -162,12 +165,12 @@ def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> No
 def test_a_defect_is_told_to_every_page_and_the_next_one_begins_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def work(recorded: Recorded, publisher: Publisher) -> None:
+    async def work(busy: Busy, publisher: Publisher) -> None:
         publisher.subscribe()
         frame = await publisher.next(0)
         with monkeypatch.context() as patch:
             patch.setattr(view, "bodies", lambda controller: 1 / 0)
-            recorded.gateway.sky.load()  # so they are asked for anew
+            busy.gateway.sky.load()  # so they are asked for anew
             with pytest.raises(ZeroDivisionError):
                 await publisher.next(frame.number)
             with pytest.raises(ConnectionError):

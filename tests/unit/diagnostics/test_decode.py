@@ -99,15 +99,16 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     path = tmp_path / "night.rec"
     config = '{"mount": {"at": "lx200@sim"}, "surface": [{"at": "lx200@tcp://:0"}]}'
     head = (
-        f'# mount-gateway recording 1\n# {{"began": 0, "from": 0, "past": {{}}, "config": {config}}}\n'
+        f'# mount-gateway recording 1\n# {{"began": 0, "from": 0, "config": {config}}}\n'
         "0.1 10.0.0.1:1 + surface 1, host 10.0.0.1\n"
     )
     path.write_text(head + "0.2 10.0.0.1:1 > :noise#\n" * 3000 + "0.3 10.0.0.1:1 > :GR#\n0.4 10.0.0.1:1 -\n")
     code, lines, _ = _decode(capsys, str(path))
     assert code == 0
-    assert len(lines) == 1 + 1000 + 1 + 1 + 1
-    assert "2000 more unknown commands" in lines[-2]
-    assert ":GR#" in lines[-3]
+    assert len(lines) == 1 + 1000 + 1 + 1 + 1 + 1
+    assert "2000 more unknown commands" in lines[-3]
+    assert ":GR#" in lines[-4]
+    assert "the gateway was killed or still runs" in lines[-1]
 
 
 def test_a_terminal_without_a_degree_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

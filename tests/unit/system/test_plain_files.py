@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where th
 
 
 def record(path: Path) -> object:
-    return Recorder(path, lambda: 0.0, {"began": 0.0})
+    return Recorder(path, {"began": 0.0})
 
 
 def truth(path: Path) -> object:

@@ -11,7 +11,6 @@ import pytest
 
 from gateway.app.control.requests import RequestHandler
 from gateway.app.mount_state import mount_state
-from gateway.app.recording.entrance import Entrance, Work
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
@@ -30,7 +29,7 @@ CRAB = requests.Spot(83.633, 22.014)
 class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
-    def __init__(self, bridge: Any, name: str = "", entrance: Entrance = Entrance()) -> None:
+    def __init__(self, bridge: Any, name: str = "") -> None:
         surfaces = ["lx200:autostar@tcp://127.0.0.1:4030", "nexstar:6-8se@pty:/tmp/nexstar pier"]
         serving: Any = SimpleNamespace(
             state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
@@ -38,7 +37,7 @@ class Owner:
             web=WebPort(),
             store=None,
         )
-        self.request_handler = RequestHandler(bridge.controller, serving, entrance)
+        self.request_handler = RequestHandler(bridge.controller, serving)
         self._controller = bridge.controller
 
     async def wish(self, wish: requests.Request) -> str:
@@ -105,31 +104,46 @@ def test_a_catalogue_s_place_is_brought_to_date() -> None:
     run(program())
 
 
-def test_a_name_is_a_position_before_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    entered: list[requests.Request] = []
-
+def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
     async def at_once(function: Any, *arguments: Any) -> Any:
         return function(*arguments)  # virtual time waits for no thread
 
     monkeypatch.setattr(asyncio, "to_thread", at_once)
 
-    class Recorded(Entrance):
-        async def carry_out(self, arrow: str, work: Work[Any], request: requests.Request | None = None) -> Any:
-            assert arrow == "c" and request is not None
-            entered.append(request)
-            return await work()
-
     async def program() -> None:
         async with Bridge() as bridge:
-            take = Owner(bridge, entrance=Recorded()).request_handler.take
+            take = Owner(bridge).request_handler.take
             answer = await take(requests.Goto(requests.Named("Aldebaran"), number="g"))
             assert answer.done and answer.words.startswith("it goes to 04:37:")
             unknown = await take(requests.Goto(requests.Named("Aldebarran"), number="h"))
             assert not unknown.done and "did you mean Aldebaran" in unknown.words
 
     run(program())
-    [goto] = entered
-    assert isinstance(goto, requests.Goto) and isinstance(goto.where, requests.Spot) and goto.where.j2000
+
+
+def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            owner = Owner(bridge)
+            await owner.wish(requests.Goto(CRAB, number="g", who="a page"))
+            await owner.wish(requests.Goto(requests.Spot(10.0, -80.0), who="a page"))
+            await owner.wish(requests.End("g"))
+            for _ in range(3):  # the first presses, the others keep it alive
+                await owner.wish(requests.Press(Direction.NORTH, 7, number="p", who="a page"))
+            await owner.wish(requests.LetGo(number="p", who="a page"))
+            for silent in (requests.See(), requests.Look(), requests.Follow("g")):
+                await owner.wish(silent)
+            said = [(entry.side, entry.arrow, entry.note) for entry in bridge.entries if entry.arrow in "*!"]
+            asked = [entry for entry in said if entry[0] == "a page"]
+            assert [(arrow, note.partition(":")[0]) for _, arrow, note in asked] == [
+                ("*", "Goto"),
+                ("!", "Goto"),
+                ("*", "Cancel"),
+                ("*", "Arrow"),
+                ("*", "Release of an arrow"),
+            ], asked
+
+    run(program())
 
 
 def test_the_limits_hold_and_the_refusal_is_in_words() -> None:

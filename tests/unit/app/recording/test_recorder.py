@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
+import signal
 import stat
+import subprocess
+import sys
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gateway.app.recording import recorder as recorder_module
 from gateway.app.recording.format import read
 from gateway.app.recording.recorder import Recorder
 from gateway.cli import main
@@ -18,7 +24,6 @@ from gateway.core.wire_log import Entry
 SETTINGS: dict[str, Any] = {
     "began": 1768514400.0,
     "config": {"mount": {"at": "lx200@sim"}, "surface": [{"at": "lx200@tcp://:0"}]},
-    "past": {},
 }
 
 
@@ -26,22 +31,29 @@ def _mode(path: Path) -> int:
     return stat.S_IMODE(path.stat().st_mode)
 
 
-def _recorder(path: Path, **more: Any) -> Recorder:
-    return Recorder(path, iter(range(1_000_000)).__next__, SETTINGS, **more)
+def _recorded(path: Path, times: int = 0, settings: dict[str, Any] = SETTINGS, **more: Any) -> None:
+    """A recording of so many replies, from its beginning to its end."""
+
+    async def work() -> None:
+        recorder = Recorder(path, settings, now=iter(range(1_000_000)).__next__, **more)
+        await _say(recorder, times)
+        await recorder.close()
+
+    asyncio.run(work())
 
 
-def _say(recorder: Recorder, times: int) -> None:
+async def _say(recorder: Recorder, times: int) -> None:
+    """As many replies, each of which is written before the next."""
     for number in range(times):
         recorder.put(Entry(0.0, "10.0.0.1:1", "<", b"reply %d#" % number))
+        await recorder.flush()
 
 
 def test_only_the_owner_reads_it_and_its_parts_whatever_the_umask(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     before = os.umask(0)
     try:
-        recorder = _recorder(path, longest=1000)
-        _say(recorder, 100)
-        recorder.close()
+        _recorded(path, 100, longest=1000)
     finally:
         os.umask(before)
     files = sorted(tmp_path.iterdir())
@@ -51,13 +63,11 @@ def test_only_the_owner_reads_it_and_its_parts_whatever_the_umask(tmp_path: Path
 
 def test_an_earlier_run_s_recording_is_put_aside_and_made_private(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
-    _recorder(path).close()
+    _recorded(path)
     path.chmod(0o644)
     watching = path.open("rb")  # somebody who could read it then does not see what comes
     seen = watching.read()
-    recorder = _recorder(path)
-    _say(recorder, 10)
-    recorder.close()
+    _recorded(path, 10)
     assert watching.read() == b""
     watching.close()
     assert (tmp_path / "night.rec.1").read_bytes() == seen
@@ -68,15 +78,13 @@ def test_a_file_of_another_kind_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text("[mount]\n")
     with pytest.raises(UserError, match="left alone"):
-        _recorder(path)
+        _recorded(path)
     assert path.read_text() == "[mount]\n"
 
 
 def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
-    path, said = tmp_path / "night.rec", []
-    recorder = _recorder(path, longest=1000, keep=3, warn=said.append)
-    _say(recorder, 1000)
-    recorder.close()
+    path, said = tmp_path / "night.rec", list[str]()
+    _recorded(path, 1000, longest=1000, keep=3, warn=said.append)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
     assert all(file.stat().st_size < 1200 for file in tmp_path.iterdir())
     assert len(said) == 1
@@ -85,24 +93,20 @@ def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
 
 
 def test_one_file_may_be_all_that_is_kept(tmp_path: Path) -> None:
-    recorder = _recorder(tmp_path / "night.rec", longest=1000, keep=1)
-    _say(recorder, 100)
-    recorder.close()
+    _recorded(tmp_path / "night.rec", 100, longest=1000, keep=1)
     assert [file.name for file in tmp_path.iterdir()] == ["night.rec"]
 
 
 def test_fewer_files_than_there_are_from_another_run(tmp_path: Path) -> None:
     for keep in (6, 2):
-        recorder = _recorder(tmp_path / "night.rec", longest=1000, keep=keep)
-        _say(recorder, 200)
-        recorder.close()
+        _recorded(tmp_path / "night.rec", 200, longest=1000, keep=keep)
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_parts_of_another_run_are_not_taken_for_its_beginning(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
-    _recorder(path).close()
-    Recorder(path, iter(range(10)).__next__, {**SETTINGS, "began": 1768600800.0}).close()
+    _recorded(path)
+    _recorded(path, settings={**SETTINGS, "began": 1768600800.0})
     assert read(path).parts == [path]
     assert read(tmp_path / "night.rec.1").continues_in is None
 
@@ -111,15 +115,19 @@ def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     resource = pytest.importorskip("resource")
-    path, said = tmp_path / "night.rec", []
+    path, said = tmp_path / "night.rec", list[str]()
+
+    async def work() -> None:
+        recorder = Recorder(path, SETTINGS, warn=said.append)
+        for number in range(200):
+            assert said or number < 160
+            await _say(recorder, 1)
+        await recorder.close()
+
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))  # no file gets longer than this
     try:
-        recorder = _recorder(path, warn=said.append)
-        for number in range(200):
-            assert said or number < 140
-            _say(recorder, 1)
-        recorder.close()
+        asyncio.run(work())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert len(said) == 1
@@ -141,5 +149,57 @@ def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[s
         pytest.skip("no such device here")
     mode = _mode(full)
     with pytest.raises(UserError, match="cannot record to /dev/full: this is a pipe or a device"):
-        _recorder(full)
+        _recorded(full)
     assert _mode(full) == mode
+
+
+def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, said, hangs, write = tmp_path / "night.rec", list[str](), threading.Event(), os.write
+    monkeypatch.setattr(recorder_module, "WAITING", 1000)
+
+    async def work() -> None:
+        recorder = Recorder(path, SETTINGS, warn=said.append)
+        monkeypatch.setattr(os, "write", lambda file, data: hangs.wait(60.0) and write(file, data))
+        try:
+            async with asyncio.timeout(30.0):
+                while not said:
+                    recorder.put(Entry(0.0, "10.0.0.1:1", "<", b"reply#"))
+                    await asyncio.sleep(0)
+        finally:
+            hangs.set()
+        await recorder.close()
+
+    asyncio.run(work())
+    assert len(said) == 1 and "the disk does not answer" in said[0]
+
+
+_KILLED = """
+import asyncio, pathlib, sys
+from gateway.app.recording.recorder import Recorder
+from gateway.core.wire_log import Entry
+
+async def work():
+    recorder = Recorder(pathlib.Path(sys.argv[1]), {"began": 0.0, "config": {}})
+    number = 0
+    while True:
+        recorder.put(Entry(0.0, "mount", ">", b":GR#"))
+        await asyncio.sleep(0.001)
+        number += 1
+        if number == 1000:
+            print("half a second", flush=True)
+
+asyncio.run(work())
+"""
+
+
+def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "night.rec"
+    with subprocess.Popen([sys.executable, "-c", _KILLED, str(path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.readline()
+        process.send_signal(signal.SIGKILL)
+        process.wait(30.0)
+    recording = read(path)
+    assert len(list(recording)) > 500
+    assert "breaks off" in recording.cut or "cut off" in recording.cut

@@ -77,7 +77,7 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
 
 def test_when_it_is_decided_nothing_is_left_in_between() -> None:
     async def program(bridge: AnyBridge) -> None:
-        connection = bridge.any.create(Connected("10.0.0.1:5", "10.0.0.1", lambda data: None))
+        connection = bridge.any.accept(Connected("10.0.0.1:5", "10.0.0.1", lambda data: None))
         connection.feed(b":GR#")
         assert connection.feed == bridge.any.connections()[0].feed
 

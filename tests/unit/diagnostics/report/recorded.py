@@ -10,7 +10,7 @@ import random
 from pathlib import Path
 from typing import Any
 
-from gateway.app.recording.format import MARK, WITHOUT_TURNS, escape
+from gateway.app.recording.format import FORMAT, MARK, RECORDER, escape
 from gateway.astro.ephemeris.sky import Sky
 
 #: 20 November 2026, 17:30 UTC; a site near Munich; what is looked at, and from which minute on.
@@ -23,11 +23,11 @@ def settings(**more: Any) -> dict[str, Any]:
     """The head of a recording."""
     mount = {"at": "nexstar:cpc/4.21@/dev/ttyUSB0", "site": SITE, "equinox": "jnow", "lowest": 12.0, "highest": 85.0}
     surfaces = [{"at": "lx200@tcp://127.0.0.1:4030"}, {"at": "nexstar@tcp://0.0.0.0:4031"}]
-    return {"began": BEGAN, "from": 0.0, "past": {}, "config": {"mount": {**mount, **more}, "surface": surfaces}}
+    return {"began": BEGAN, "from": 0.0, "config": {"mount": {**mount, **more}, "surface": surfaces}}
 
 
-def head(number: int = WITHOUT_TURNS, **more: Any) -> str:
-    return f"{MARK}{number}\n# {json.dumps(settings(**more))}\n"
+def head(**more: Any) -> str:
+    return f"{MARK}{FORMAT}\n# {json.dumps(settings(**more))}\n"
 
 
 def turn(degrees: float) -> str:
@@ -51,7 +51,9 @@ class Tape:
         self.put(at + took, "mount", "<", answer)
 
     def text(self, **more: Any) -> str:
-        return head(**more) + "\n".join(line for _, line in sorted(self.lines, key=lambda one: one[0])) + "\n"
+        lines = sorted(self.lines, key=lambda one: one[0])
+        end = lines[-1][0] if lines else 0.0
+        return "".join([head(**more), *(f"{line}\n" for _, line in lines), f"{end:.6f} {RECORDER} ! ends here\n"])
 
 
 def night(path: Path, minutes: int = 420, every: float = 10.0) -> Path:

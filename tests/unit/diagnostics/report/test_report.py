@@ -255,7 +255,7 @@ def test_a_recording_that_breaks_off_is_reported_and_said_so(
         (None, "there is no such file"),
         ("hello\n", "is no recording of mount-gateway"),
         ("# mount-gateway recording 1\n", "the settings of the recording cannot be read"),
-        ("# mount-gateway recording 99\n{}\n", "newer than this version"),
+        ("# mount-gateway recording 99\n{}\n", "has format 99, and this version of mount-gateway reads format 1"),
         (head(), "nothing happened in this recording"),
         (head() + "what is this\n", "is no line of a recording"),
     ],

@@ -4,7 +4,7 @@ import { el } from "../core/dom.js";
 import { toSecond } from "../core/format.js";
 
 /** The label before the bytes: who speaks to whom, in words for screen readers. */
-const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"], x: ["✕", "dropped"] };
+const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "*": ["●", "asked by a person"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"], x: ["✕", "dropped"] };
 
 function line(row) {
   const [mark, means] = ARROWS[row.arrow] ?? ["·", ""];
