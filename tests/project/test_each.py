@@ -9,16 +9,6 @@ import pytest
 from tests.support.each import each
 
 
-def test_a_row_that_fails_is_named() -> None:
-    @each("first, second", [(1, 1), (2, 3), (4, 4)])
-    def test(first: int, second: int) -> None:
-        assert first == second
-
-    with pytest.raises(AssertionError) as failed:
-        test()
-    assert failed.value.__notes__ == ["with {'first': 2, 'second': 3}"]
-
-
 def test_every_row_that_fails_is_named() -> None:
     @each("first", [1, 2])
     @each(("second", "third"), [(1, 1), (2, 2), (3, 3)])

@@ -38,18 +38,6 @@ def test_no_line_stands_twice(page: Path) -> None:
     assert doubled(prose(page)) == []
 
 
-def test_an_old_and_a_new_wording_are_noticed() -> None:
-    old = "`pytest tests/unit` takes less than a minute and tells whether the set-up works."
-    new = "`pytest tests/unit` takes less than a minute and shows whether the set-up works."
-    assert doubled(f"{old}\nThe page on testing says more.\n{new}\n") == [old]
-
-
-def test_an_item_that_stands_twice_is_noticed_and_one_that_resembles_another_is_not() -> None:
-    old = "- Recordings, state files, `gateway.toml` and flags of earlier versions continue to work."
-    assert doubled(f"{old}\n- Warnings are errors.\n{old.replace('continue to', 'go on')}\n") == []
-    assert doubled(f"{old}\n- Warnings are errors.\n{old.replace('continue', 'continues')}\n") == [old]
-
-
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
 STATUS = re.compile(r"\n\n\*(?:Accepted|Replaced by [\w./()\[\] -]+,) on 20\d\d-\d\d-\d\d\. What would change it: \S")
 

@@ -14,8 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.tables import mappings_folder
-from gateway.protocols.wireformat.command_set import CommandSet
 from tests.support.process import EAGER, PATIENCE, Running, ask
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,14 +54,6 @@ def test_help_loads_neither_an_event_loop_nor_the_protocols() -> None:
     assert "nexstar" in done.stdout and "run  " in done.stdout
     assert not {"asyncio", "msgspec", "gateway.protocols.registry"} & set(loaded)
     assert sum(name.startswith("gateway") for name in loaded) < 15
-
-
-def test_dialects_are_loaded_with_the_first_mount_that_speaks_them() -> None:
-    tables = CommandSet("lx200", mappings_folder() / "lx200")
-    assert "onstep" not in tables.presented and "autostar" in tables.presented
-    assert tables.of("autostar") is tables and not tables._spoken
-    assert tables.of("onstep").dialect == "onstep" and tables.of("onstep") is tables.of("onstep")
-    assert list(tables._spoken) == ["onstep"]
 
 
 #: A gateway that writes the names of all packages it has imported to a file, when it is sent SIGUSR1.

@@ -23,7 +23,8 @@ WHOLE = False
 #: Grids of up to this many combinations are not sampled.
 FEW = 3
 #: Folders of tests with whole gateways, and how often every value occurs at least; the mark ``sampled`` overrides it.
-FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
+FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1,
+           "tests/programs/": 1}  # fmt: skip
 #: In folders where each value occurs once, a plain list is run only at every second value: for some tests the first,
 #: for others the second, so that every mount is tested all the same.
 HALF = 2

@@ -1,18 +1,10 @@
-"""Measures the structure of the package: import circles, and classes that reach each other at run time.
-
-Every import counts, also inside a function or under TYPE_CHECKING. At run time an object reaches what its attributes
-hold, also through containers, bound methods, closures and partial functions. The subscribers of a signal do not count
-as reached by its sender, which does not know them.
-"""
+"""Finds import circles of the package. Every import counts, also inside a function or under TYPE_CHECKING."""
 
 from __future__ import annotations
 
 import ast
-import asyncio
 import functools
-import types
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -83,91 +75,3 @@ def circles(graph: Mapping[Any, Iterable[Any]]) -> list[list[Any]]:
         if node not in number:
             visit(node)
     return sorted(found, key=lambda circle: (-len(circle), str(circle)))
-
-
-# --- classes at run time ----------------------------------------------------------------------------------------------
-
-_OPAQUE = (
-    str,
-    bytes,
-    bytearray,
-    int,
-    float,
-    complex,
-    type,
-    types.ModuleType,
-    asyncio.Future,
-    asyncio.Handle,
-    asyncio.AbstractEventLoop,
-)
-
-
-def attributes(thing: Any) -> Iterator[Any]:
-    """Yield the values of an object's own attributes."""
-    yield from vars(thing).values() if hasattr(thing, "__dict__") else ()
-    for kind in type(thing).__mro__:
-        slots = kind.__dict__.get("__slots__", ())
-        for name in (slots,) if isinstance(slots, str) else slots:
-            if name not in ("__dict__", "__weakref__") and hasattr(thing, name):
-                yield getattr(thing, name)
-
-
-def _through(thing: Any) -> Iterable[Any]:
-    """Return what can be reached through an object that does not count itself."""
-    if isinstance(thing, _OPAQUE) or thing is None:
-        return ()
-    if isinstance(thing, Mapping):
-        return [*thing.keys(), *thing.values()]
-    if isinstance(thing, list | tuple | set | frozenset | deque):
-        return list(thing)
-    if isinstance(thing, types.MethodType):
-        return [thing.__self__]
-    if isinstance(thing, functools.partial):
-        return [thing.func, *thing.args, *thing.keywords.values()]
-    if isinstance(thing, types.FunctionType):
-        cells = []
-        for cell in thing.__closure__ or ():
-            try:
-                cells.append(cell.cell_contents)
-            except ValueError:  # not bound yet
-                continue
-        return cells
-    return list(attributes(thing)) if type(thing).__module__.startswith("gateway.") else ()
-
-
-def reached(thing: Any, counts: Callable[[type], bool], stops: Callable[[Any], bool]) -> list[Any]:
-    """Return the objects whose classes count, if ``thing`` reaches them without passing through another such object."""
-    seen, found = {id(thing)}, []
-    work = deque(attributes(thing))
-    keep = [thing]
-    while work:
-        one = work.popleft()
-        if id(one) in seen or stops(one):
-            continue
-        seen.add(id(one))
-        keep.append(one)
-        if counts(type(one)):
-            found.append(one)
-        else:
-            work.extend(_through(one))
-    return found
-
-
-def class_graph(root: Any, package: str, stops: Callable[[Any], bool] = lambda thing: False) -> dict[str, set[str]]:
-    """Return class -> the classes of the package that its instances reach, starting at one object."""
-
-    def counts(kind: type) -> bool:
-        return f"{kind.__module__}.".startswith(f"{package}.")
-
-    graph: dict[str, set[str]] = {}
-    work, seen = deque([root]), {id(root)}
-    while work:
-        thing = work.popleft()
-        name = f"{type(thing).__module__}.{type(thing).__qualname__}"
-        others = reached(thing, counts, stops)
-        graph.setdefault(name, set()).update(f"{type(one).__module__}.{type(one).__qualname__}" for one in others)
-        for one in others:
-            if id(one) not in seen:
-                seen.add(id(one))
-                work.append(one)
-    return graph
