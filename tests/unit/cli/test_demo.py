@@ -61,9 +61,7 @@ def test_a_folder_that_may_not_be_written_to_is_told_so(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(os, "symlink", refuse)
     link = DeviceLink(str(tmp_path / "lx200"))
-    with pytest.raises(
-        UserError, match="lx200: Permission denied; choose a folder that you may write to, such as /tmp"
-    ):
+    with pytest.raises(UserError, match="choose a folder"):
         link.point("/dev/pts/0")
     link.close()
 

@@ -232,7 +232,7 @@ def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) 
 
         monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
         bridge.controller.start()
-        with pytest.raises(UserError, match="no such port; mount-gateway detect shows which ports there are"):
+        with pytest.raises(UserError, match="mount-gateway detect shows which ports"):
             await finding._find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
         assert asyncio.get_running_loop().time() < 1001.0
         await bridge.controller.close()

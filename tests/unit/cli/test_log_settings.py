@@ -105,7 +105,7 @@ def test_any_other_word_stays_the_file(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     for word in ("evening.toml", "./evening"):
         assert _protected(["run", "--log", word]) == ["run", "--log=all", word]
-    with pytest.raises(UserError, match=r"--log has no 'evening'; write one of all, .*refusals, json"):
+    with pytest.raises(UserError, match="write one of all"):
         _protected(["run", "--log", "evening"])
     Path("evening").touch()
     assert _protected(["run", "--log", "evening"]) == ["run", "--log=all", "evening"]

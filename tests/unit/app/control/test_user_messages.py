@@ -44,7 +44,7 @@ def test_a_meade_is_told_by_the_name_that_people_know(model: str, told: str) -> 
 def test_where_no_site_is_known_the_flag_that_sets_it_is_named() -> None:
     told, warned = at_the_start(mount="6-8se", version="2.2")
     assert told[1].startswith("site not known (--site LAT,LON sets it); clock ")
-    assert any("a program that asks for it or for the sidereal time gets no answer" in words for words in warned)
+    assert any("a program that asks for it or for the" in words for words in warned)
 
 
 def test_the_mount_its_site_and_its_clock_are_told() -> None:
@@ -127,10 +127,10 @@ def test_another_version_than_was_named_is_told_of() -> None:
 @pytest.mark.parametrize(
     ("site", "hint"),
     [
-        ((45.0, -10.0), "the sign of a longitude looks wrong, east is positive"),
-        ((-45.0, 10.0), "the sign of a latitude looks wrong, north is positive"),
-        ((-45.0, -10.0), "both signs look wrong, north and east are positive"),
-        ((10.0, 45.0), "latitude and longitude look swapped, latitude comes first"),
+        ((45.0, -10.0), "the sign of a longitude looks wrong"),
+        ((-45.0, 10.0), "the sign of a latitude looks wrong"),
+        ((-45.0, -10.0), "both signs look wrong"),
+        ((10.0, 45.0), "latitude and longitude look swapped"),
         ((30.0, 20.0), ""),
     ],
 )

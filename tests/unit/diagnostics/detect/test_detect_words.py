@@ -44,7 +44,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     path.write_text(toml(mount(), network))
     [surface] = make_config(*read_tables(path)).surface
     assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
-    assert "anybody in your network can move the mount: these" in path.read_text()
+    assert "anybody in your network can move the" in path.read_text()
     assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
     for program in ("pty:/tmp/lx200", "rfc2217://0.0.0.0:4032"):
         path.write_text(
@@ -116,7 +116,7 @@ def test_a_port_that_may_not_be_opened_says_what_to_type(
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     assert main(["detect", "/dev/x"]) == 1
     told = capsys.readouterr()
-    assert "permission denied; sudo usermod -aG dialout $USER puts you into the group" in told.out
+    assert "permission denied" in told.out
     assert "try next" not in told.err
     assert main(["run", "--mount", "nexstar@/dev/x", "--surface", "lx200@tcp://:0"]) == 2
     assert "sudo usermod -aG dialout $USER" in capsys.readouterr().err
