@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Coroutine
 from datetime import UTC, datetime
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,12 @@ from PIL import Image
 from playwright.async_api import Browser, async_playwright
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
-from gateway.console.server import Console
+from gateway.cli.serve.console_and_broker import load_console
 from gateway.core.wire_log import WireLog
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 from gateway.transport.wires import SimulatedTransport
 
 PICTURES = Path(__file__).resolve().parent.parent / "pictures"
@@ -71,10 +73,8 @@ async def main() -> None:
         await asyncio.to_thread(gateway.sky.load)
         with patch("gateway.app.simulated.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
-        console, port = Console([gateway]), WebPort()
-        port.server = console
-        await console.open()
-        await port.open("tcp://127.0.0.1:0")
+        server = WebServer(partial(load_console, ConsoleConfig(), [gateway]))
+        port = await server.listen("tcp://127.0.0.1:0")
         await gateway.wait_identified(10.0)
         try:
             await _program(gateway)
@@ -86,7 +86,7 @@ async def main() -> None:
                     await _shoot(browser, port.where.replace("tcp", "http"), name, size, view, night, busy)
                 await browser.close()
         finally:
-            await port.close()
+            await server.close()
             await gateway.close()
 
 

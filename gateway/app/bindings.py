@@ -26,11 +26,11 @@ from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
-from gateway.transport import Listener, open_port
+from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, written
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
-from gateway.transport.web_port import SharedWebPort, WebDevice, WebPort
+from gateway.transport.web_server import WebPort, WebServer
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
 
 if TYPE_CHECKING:
@@ -109,14 +109,14 @@ def make_surface(
     )
 
 
-async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, device: WebDevice) -> Listener:
-    """Open the port of a surface, which offers this ``device``. Raises UserError."""
+async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accept, web: WebServer) -> Listener:
+    """Open the port of a surface; ``web`` serves the protocols that use HTTP. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
-        return SharedWebPort()
+        return WebPort()
     if spec is None or spec.web is None:
-        return await open_port(endpoint.where, device.accept, surface.baud)
-    return await spec.web().open_port(endpoint.where, device, surface.names)
+        return await open_port(endpoint.where, accept, surface.baud)
+    return await web.listen(endpoint.where)
 
 
 #: Accepts the connections of one surface.
@@ -138,7 +138,7 @@ class AcceptorFactory:
         clock: Callable[[], float],
         sky: Sky,
         warn: Callable[[str], None],
-        web: WebPort,
+        web: WebServer,
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared, self._clock, self._warn, self._web = shared, clock, warn, web

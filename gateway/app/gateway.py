@@ -47,8 +47,8 @@ from gateway.system.computer_clock import Kernel
 from gateway.system.locks import Claim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
-from gateway.transport.listening import SERVED
-from gateway.transport.web_port import WebDevice, WebPort
+from gateway.transport.listening import SERVED, split_address
+from gateway.transport.web_server import WebDevice, WebServer
 
 if TYPE_CHECKING:
     from gateway.app.control.requests import RequestHandler
@@ -82,8 +82,8 @@ class Gateway:
         self.acceptors: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
-        #: Serves the HTTP protocols on a surface for every protocol.
-        self.web = WebPort()
+        #: Serves what speaks HTTP; a process may have one for several gateways. It waits until the ports are open.
+        self.web, self.listening = WebServer(self._load_site), asyncio.Event()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
         self.store: StateStore | None = None
@@ -105,12 +105,13 @@ class Gateway:
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
-                self.ports.append(await open_surface(endpoint, surface, self._device(acceptor)))
+                self.ports.append(await open_surface(endpoint, surface, acceptor.accept, self.web))
             except UserError:
                 await self.close()
                 raise
         for port, acceptor in zip(self.ports, self.acceptors, strict=True):
             acceptor.set_address(port.where)  # with the number of the port that was really opened
+        self.listening.set()
         self.begin()
         await self._open_control()
 
@@ -225,13 +226,16 @@ class Gateway:
             if port.where != SERVED
         ]
 
-    def served(self) -> dict[str, WebDevice]:
-        """Return the devices that another web server (the console's) is to serve, by protocol."""
-        pairs = zip(self.endpoints, self.acceptors, strict=True)
-        return {endpoint.protocol: self._device(acceptor) for endpoint, acceptor in pairs if endpoint.where == SERVED}
+    async def _load_site(self) -> object:
+        from gateway.app.site import load_site
 
-    def _device(self, acceptor: Acceptor) -> WebDevice:
-        return WebDevice(acceptor.accept, self.title, self.wire_log)
+        return await load_site([self])
+
+    def served(self) -> Iterator[tuple[str, WebDevice]]:
+        """Yield the protocol and the device of each surface at a port."""
+        for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=True):
+            number = split_address(port.where)[1] if "://" in port.where else 0
+            yield endpoint.protocol, WebDevice(acceptor.accept, self.title, self.wire_log, number)
 
     @property
     def prepared(self) -> bool:
@@ -271,6 +275,7 @@ class Gateway:
         try:
             while self.ports:
                 await self.ports.pop().close()
+            await self.web.close()
         finally:  # the mount is stopped even if closing a port failed
             if self.prepared:
                 await self.controller.close()

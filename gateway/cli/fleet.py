@@ -73,10 +73,7 @@ async def _serve(access: Access, prefix: str, port: int) -> int:
         was_there = there
 
     page = Overview(access, prefix, PAGE, time.time, on_connection)
-    try:
-        await page.open(port)
-    except OSError as error:
-        raise UserError(f"port {port}: {error.strerror or error}; --port N takes another one") from None
+    await page.open(port)
     streams.say(f"ready fleet {page.where}")
     try:
         await done.wait()

@@ -1,6 +1,6 @@
-"""The console's web server: the page, its WebSocket, downloads of recordings and of their reports, metrics.
+"""The console's part of the web server: the page, its WebSocket, downloads of recordings and their reports, metrics.
 
-Every request passes the access checks first (``app/pages``). aiohttp is imported at the first byte for it.
+Every request passes the access checks first (``app/pages``).
 """
 
 from __future__ import annotations
@@ -9,27 +9,23 @@ import asyncio
 import contextlib
 import secrets
 import socket
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from gateway.app.gateway import Gateway
-from gateway.app.pages import Pages, from_own_page, guarded, same_token
+from gateway.app.pages import Pages, for_own_page, rules_of, same_token
 from gateway.astro.catalog import supplied
 from gateway.clients.access import Access
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core.errors import UserError
-from gateway.core.waiting import BackgroundTasks
 from gateway.diagnostics.metrics import Metrics, missing
-from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.http_server import OTHER_NAME, HttpServer, addressed_here, local_address, turned_away
-from gateway.transport.room import Guest, Room, Use
-from gateway.transport.web_port import NONE
+from gateway.transport.http_requests import turned_away
+from gateway.transport.room import Room
 
 PAGE = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
@@ -44,60 +40,31 @@ def page_files() -> Pages:
 
 
 class Console:
-    """The console's web server, from ``open`` to ``close``. Called for each connection, it returns its protocol."""
+    """The console of these gateways, with access rules besides those of the port of a request."""
 
-    def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
-                 names: Sequence[str] = (), ports: Mapping[int, Access] = MappingProxyType({}),
-                 page: bool = True) -> None:  # fmt: skip
-        """``ports``: access rules of surfaces whose ports pass HTTP connections on to the console, by port.
-
-        Without the ``page`` only programs are served.
-        """
-        self._mounts = Mounts(gateways, pin)
-        self._access, self._names, self._port_rules = access, tuple(names), ports
-        self._with_page = page
+    def __init__(self, gateways: Sequence[Gateway], access: Access, pin: str) -> None:
+        self._mounts, self._access = Mounts(gateways, pin), access
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
-        self._room, self._ending = Room(MOST_PAGES), BackgroundTasks()
-        self._server: HttpServer | None = None
-        self._served: list[Callable[[], None]] = []
+        self._room = Room(MOST_PAGES)
 
-    async def open(self) -> None:
-        """Make the server that is to serve the connections."""
-        app = web.Application(middlewares=[guarded(self._refusal)], client_max_size=1024)
-        self._served = self._serve_programs(app)
-        await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
-        app.add_routes([web.get("/{path:.*}", _no_page)] if not self._with_page else [
-            web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._metrics_text),
-            web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", page_files().file),
+    def add_to(self, app: web.Application) -> None:
+        """Add the routes."""
+        app.add_routes([
+            web.get(path, for_own_page(handler, self._refusal)) for path, handler in (
+                ("/", self._index), ("/socket", self._socket), ("/metrics", self._metrics_text),
+                ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", page_files().file),
+            )
         ])  # fmt: skip
-        self._server = await HttpServer.start(app)
+        app.on_shutdown.append(self._close)
 
-    def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
-        """Serve clients of HTTP protocols at the same port. Return the functions that end this."""
-        served = [gateway.served() for gateway in self._mounts.gateways]
-        return [
-            spec.web().add_routes(app, [one[name] for one in served], self._names, self._may_act)
-            for name, spec in PROTOCOLS.items()
-            if spec.web is not None and all(name in one for one in served)
-        ]
-
-    def __call__(self) -> asyncio.Protocol:
-        assert self._server is not None
-        return self._server()
-
-    async def close(self) -> None:
-        """Close all pages, which releases their direction keys, stop serving, and end running recordings."""
+    async def _close(self, app: web.Application) -> None:
+        """Close all pages, which releases their direction keys, and end running recordings."""
         for task in list(self._pages):
             task.cancel()
         if self._pages:
             await asyncio.wait(self._pages, timeout=1.0)
-        for end in self._served:
-            end()
-        if self._server is not None:
-            await self._server.close()
-            self._server = None
         self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
@@ -107,24 +74,15 @@ class Console:
 
     def _refusal(self, request: web.Request) -> str:
         """Return why a request is refused; an empty string if it is served."""
-        headers, logs = request.headers, [gateway.wire_log for gateway in self._mounts.gateways]
-        if not self._access.admits(request.remote or ""):
-            turned_away(request, "it is not in the console's allow", logs)
-            return "This address is not in the console's allow list."
-        if not addressed_here(request, self._names):
-            turned_away(request, OTHER_NAME, logs)
-            return "This gateway does not know that name; if it leads here, add it to names of [console] or a surface."
-        if not from_own_page(headers, request.path):
-            return "Only the console's own page may request this."
-        return ""
-
-    def _view_only(self, request: web.Request) -> bool:
-        """Whether the client is view-only, by the console's rules or those of the port of the connection."""
-        rules = [self._access, self._port_rules.get(local_address(request)[1], self._access)]
-        return any(rule.is_read_only(request.remote or "") for rule in rules)
+        if all(rules.admits(request.remote or "") for rules in (self._access, rules_of(request))):
+            return ""
+        logs = [gateway.wire_log for gateway in self._mounts.gateways]
+        turned_away(request, "it is not in the console's allow", logs)
+        return "This address is not in the console's allow list."
 
     def _may_act(self, request: web.Request) -> bool:
-        return not self._mounts.pin and not self._view_only(request)
+        looks = any(rules.is_read_only(request.remote or "") for rules in (self._access, rules_of(request)))
+        return not self._mounts.pin and not looks
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
@@ -159,25 +117,24 @@ class Console:
         host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
         await ws.prepare(request)
-        place = self._room.enter(host, lambda: self._ending.spawn(_full(ws)), Use.IDLE)
-        if place is None:
-            await _full(ws)
+        if not self._room.enter(host):  # the page tries again much later
+            await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
             return ws
         try:
-            await self._converse(ws, request, host, place)
+            await self._converse(ws, request, host)
         finally:
-            self._room.leave(place)
+            self._room.leave(host)
         return ws
 
-    async def _converse(self, ws: web.WebSocketResponse, request: web.Request, host: str, place: Guest) -> None:
+    async def _converse(self, ws: web.WebSocketResponse, request: web.Request, host: str) -> None:
         """Serve a page until it disconnects."""
         session = PageSession(self._mounts, _Socket(ws, request), host, self._may_act(request))
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:
             async for message in ws:
-                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and session.take(message.data):
-                    self._room.mark(place, Use.IDLE)
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                    session.take(message.data)
                 if shown.done():
                     break
         finally:
@@ -185,17 +142,6 @@ class Console:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await shown
             self._pages.discard(shown)
-
-
-async def _full(ws: web.WebSocketResponse) -> None:
-    """Close a page for which there is no place; it tries again much later."""
-    await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
-
-
-async def _no_page(request: web.Request) -> web.StreamResponse:
-    response = web.Response(status=404, text=NONE[1])
-    response.force_close()
-    return response
 
 
 class _Socket:

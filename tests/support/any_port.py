@@ -7,7 +7,7 @@ from typing import Any
 from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.protocols.registry import ANY
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
 
@@ -17,7 +17,9 @@ PLACE = "tcp://127.0.0.1:0"
 class AnyBridge(Bridge):
     """``call`` opens a new connection; ``keys`` are the configuration keys of the surface."""
 
-    def __init__(self, *arguments: Any, web: WebPort | None = None, keys: dict[str, Any] | None = None, **others: Any):
+    def __init__(
+        self, *arguments: Any, web: WebServer | None = None, keys: dict[str, Any] | None = None, **others: Any
+    ):
         super().__init__(*arguments, **others)
         made = AcceptorFactory(
             self.controller,
@@ -27,7 +29,7 @@ class AnyBridge(Bridge):
             self.clock,
             self.controller.astrometry.sky,
             self.warned.append,
-            web or WebPort(),
+            web or WebServer(),
         )
         surface = SurfaceConfig(at=f"{ANY}@{PLACE}", **(keys or {}))
         self.any: Any = made.make(1, Endpoint(ANY, PLACE), surface)

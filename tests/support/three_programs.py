@@ -15,7 +15,7 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.alpaca.http.programs import Program as Lines
 from gateway.transport.handler import Connected
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 from tests.support.in_process_gateway import Bridge
 
 PROTOCOLS = ("alpaca", "lx200", "nexstar")
@@ -54,7 +54,7 @@ class ThreePrograms(Bridge):
         super().__init__(mount, *arguments, state=state, surface=None, **others)
         made = AcceptorFactory(
             self.controller, Endpoint(self._driven, "sim"), self.gateway.config, self.shared, self.clock,
-            self.controller.astrometry.sky, self.warned.append, WebPort(),
+            self.controller.astrometry.sky, self.warned.append, WebServer(),
         )  # fmt: skip
         self.faces: dict[str, Any] = {
             name: made.make(number, Endpoint(name, "tcp://127.0.0.1:0"), SurfaceConfig(at=f"{name}@tcp://127.0.0.1:0"))

@@ -14,7 +14,7 @@ from gateway.app.mount_state import MountState
 from gateway.app.state.store import StateStore
 from gateway.app.status import Served
 from gateway.transport.listening import split_address
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 
 #: The name of the console among the surfaces.
 CONSOLE = "console"
@@ -23,7 +23,7 @@ CONSOLE = "console"
 class Serving(Protocol):
     """What is asked of a gateway."""
 
-    web: WebPort
+    web: WebServer
     store: StateStore | None
 
     def names(self) -> Sequence[str]: ...

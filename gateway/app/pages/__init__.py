@@ -20,20 +20,31 @@ import hashlib
 import hmac
 import html
 import re
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 from aiohttp import web
 
 from gateway.app.pages.bundle import scripts
+from gateway.clients.access import Access
+from gateway.core.wire_log import WireLog
 from gateway.system.own_names import host_of
+from gateway.transport.http_requests import READ_ONLY, addressed_here, local_address, turned_away
 
 #: Content types of the files that are served, by their suffix.
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
          ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png", ".mp4": "video/mp4",
          ".txt": "text/plain"}  # fmt: skip
 
+#: The longest body of a request, bytes.
+LONGEST = 8192
+#: The answer to a request that is addressed to another computer. Its name is left out: many would hide all else.
+OTHER_NAME = (
+    "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
+    'router, add it: names = ["pier.example.org"] on the surface or under [console], or --names pier.example.org.'
+)
+_PORTS: web.AppKey[Mapping[int, Access]] = web.AppKey("rules of ports")
 _TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
 #: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
@@ -118,14 +129,20 @@ class Pages:
         return web.Response(body=body, content_type=kind, charset="utf-8" if kind in _TEXTS else None, headers=headers)
 
 
-def guarded(refused: Callable[[web.Request], str]) -> Any:
-    """Return a middleware that refuses a request if ``refused`` returns a reason, and sets the headers."""
+def application(
+    names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, Access] = MappingProxyType({})
+) -> web.Application:
+    """Return an application that answers requests which mean this computer; ``logs`` are told of the others.
+
+    ``names`` are further host names by which clients may call it, ``ports`` the access rules of ports that have some.
+    """
 
     @web.middleware
     async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
         try:
-            if words := refused(request):
-                raise web.HTTPForbidden(reason=words)
+            if not addressed_here(request, names):
+                turned_away(request, "it calls this computer by a name that is not in names", logs)
+                raise web.HTTPForbidden(reason=OTHER_NAME)
             response = await handler(request)
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=f"{error.reason}\n")
@@ -134,7 +151,27 @@ def guarded(refused: Callable[[web.Request], str]) -> Any:
                 response.headers.setdefault(name, value)
         return response
 
-    return admit
+    app = web.Application(middlewares=[admit], client_max_size=LONGEST)
+    app[_PORTS] = ports
+    app[READ_ONLY] = lambda request: rules_of(request).is_read_only(request.remote or "")
+    return app
+
+
+def rules_of(request: web.Request) -> Access:
+    """Return the access rules of the port at which a request has come."""
+    return request.app[_PORTS].get(local_address(request)[1], Access())
+
+
+def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
+    """Let only the server's own page use a handler, unless there is a ``refusal`` of the request."""
+
+    async def guarded(request: web.Request) -> web.StreamResponse:
+        own = from_own_page(request.headers, request.path)
+        if words := refusal(request) if own else "Only the own page of this server may request this.":
+            raise web.HTTPForbidden(reason=words)
+        return await handler(request)
+
+    return guarded
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:

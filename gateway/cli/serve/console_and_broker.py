@@ -6,9 +6,8 @@ browser or another program sends something, and the broker is connected in the b
 
 from __future__ import annotations
 
-import asyncio
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
@@ -17,15 +16,15 @@ from gateway.cli.serve.live import Screen
 from gateway.clients.access import Access
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS
-from gateway.system import garbage
 from gateway.transport.listening import SERVED, split_address
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 
 if TYPE_CHECKING:
+    from aiohttp import web
+
     from gateway.app.discovery.offer import Offer
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
-    from gateway.console.server import Console
     from gateway.fleet import client as brokers
     from gateway.fleet.station import Station
 
@@ -34,12 +33,12 @@ if TYPE_CHECKING:
 OTHERS = 50
 
 
-async def open_console(page: ConsoleConfig, web: WebPort, screen: Screen, phone: PhoneLines) -> None:
+async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phone: PhoneLines) -> None:
     """Open the console's port, or the next free one, and print its address."""
     from gateway.app.discovery.offer import web_address
 
     try:
-        await web.open(page.at, OTHERS)
+        web.where = (await web.listen(page.at, OTHERS)).where
     except UserError as error:
         screen.warn(
             f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
@@ -53,21 +52,19 @@ async def open_console(page: ConsoleConfig, web: WebPort, screen: Screen, phone:
             screen.say(row)
 
 
-async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway], opened: asyncio.Event) -> Console:
-    """Load the web server once the gateways are open; without a page only for programs that speak HTTP."""
-    await opened.wait()
-    # loading takes a quarter of a second, and clients must not wait
-    console = await asyncio.to_thread(_load_console, page is not None, gateways)
-    names, ports = _names(gateways), _shared_ports(gateways)
-    server = (
-        console(gateways, names=names, ports=ports, page=False)
-        if page is None
-        else console(gateways, _access(page), page.pin or "", [*page.names, *names], ports)
-    )
-    await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
-    await server.open()
-    garbage.started()  # again, for the objects of the web server
-    return server
+async def load_console(page: ConsoleConfig, gateways: Sequence[Gateway]) -> object:
+    """Load what the web server shows: the console, and the mounts to programs that speak HTTP."""
+    from gateway.app.site import load_site
+
+    def load() -> Callable[[web.Application], object]:
+        from gateway.app.bindings import access_networks
+        from gateway.console.server import Console, page_files
+
+        page_files()
+        access = Access(*access_networks(page))
+        return lambda app: Console(gateways, access, page.pin or "").add_to(app)
+
+    return await load_site(gateways, page.names, load)
 
 
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
@@ -86,47 +83,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     ]
 
 
-def _shared_ports(gateways: Sequence[Gateway]) -> dict[int, Access]:
-    """Return the ports of surfaces that browsers can use, too, and the access rules of each."""
-    return {
-        split_address(port.where)[1]: acceptor.access
-        for gateway in gateways
-        for endpoint, port, acceptor in zip(gateway.endpoints, gateway.ports, gateway.acceptors, strict=True)
-        if endpoint.protocol == ANY
-    }
-
-
-def _names(gateways: Sequence[Gateway]) -> list[str]:
-    """Return the further names of this computer that the surfaces have."""
-    return [name for gateway in gateways for surface in gateway.surfaces for name in surface.names]
-
-
-def _load_console(page: bool, gateways: Sequence[Gateway]) -> type[Console]:
-    """Load the web server and its page, on a thread that gives way to the loop five times sooner than threads do."""
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(usual / 5.0)
-    try:
-        from gateway.console.server import Console, page_files
-
-        for spec in PROTOCOLS.values():
-            if spec.web is not None:
-                spec.web().load()
-        for acceptor in [one for gateway in gateways for one in gateway.acceptors]:
-            getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
-        if page:
-            page_files()
-        return Console
-    finally:
-        sys.setswitchinterval(usual)
-
-
-def _access(page: ConsoleConfig) -> Access:
-    from gateway.app.bindings import access_networks
-
-    return Access(*access_networks(page))
-
-
-def http_offers(web: WebPort) -> list[Offer]:
+def http_offers(web: WebServer) -> list[Offer]:
     """Return the console's server as offers of the HTTP protocols, for their own discovery."""
     from gateway.app.discovery.offer import Offer
 
@@ -134,7 +91,7 @@ def http_offers(web: WebPort) -> list[Offer]:
     return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(web) for name in speaking]
 
 
-def console_offers(web: WebPort) -> list[Offer]:
+def console_offers(web: WebServer) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
     from gateway.app.discovery.offer import WEB, Offer
 

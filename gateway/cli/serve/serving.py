@@ -37,7 +37,7 @@ from gateway.system import garbage
 from gateway.system.file_limits import raise_limit
 from gateway.system.short_slices import ask_for_short_slices
 from gateway.system.systemd import notify
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -107,8 +107,7 @@ async def serve_mounts(
     status_tasks: list[asyncio.Task[None]] = []
     broker = None
     phone = PhoneLines()
-    opened = asyncio.Event()
-    web = WebPort(partial(load_console, config.page, gateways, opened))
+    web = None if config.page is None else WebServer(partial(load_console, config.page, gateways))
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def surfaces() -> list[Offer]:
@@ -119,7 +118,7 @@ async def serve_mounts(
 
     def reached() -> list[Offer]:
         every = network_offers(name for gateway in gateways for name in gateway.names())
-        return [offer for offer in [*every, *console_offers(web)] if offer.wide]
+        return [offer for offer in [*every, *console_offers(gateways[0].web)] if offer.wide]
 
     ask_for_short_slices()
     if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
@@ -129,8 +128,7 @@ async def serve_mounts(
         if config.log:
             wire_log.sinks.append(_log(config, mount))
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
-        only = WebPort(partial(load_console, None, gateways[-1:], opened))
-        gateways[-1].web = web if config.page is not None else only
+        gateways[-1].web = web or gateways[-1].web
         gateways[-1].open_store()
         if mount.record:
             from gateway.app.recording.recorder import record
@@ -147,7 +145,6 @@ async def serve_mounts(
         almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
-        opened.set()
         await announcement.answer(offers())
         if banner:
             screen.say(banner)
@@ -176,9 +173,9 @@ async def serve_mounts(
         await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
         garbage.started()
         if config.page is not None and not done.is_set():
-            await open_console(config.page, web, screen, phone)
+            await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
-            await announcement.answer_discovery([*surfaces(), *http_offers(web)])
+            await announcement.answer_discovery([*surfaces(), *http_offers(gateways[0].web)])
 
         def publish() -> None:
             announcement.publish(reached() if config.discovery else [])
@@ -198,8 +195,8 @@ async def serve_mounts(
         for task in status_tasks:
             task.cancel()
         screen.clear()
-        for one in {web, *(gateway.web for gateway in gateways)}:
-            await one.close()
+        for one in gateways:
+            await one.web.close()
         moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if broker is not None:

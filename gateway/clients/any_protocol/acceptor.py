@@ -17,7 +17,7 @@ from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import Connected, ConnectionHandler
-from gateway.transport.web_port import NONE, WebPort, answer_of
+from gateway.transport.web_server import NONE, WebServer, answer_of
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
@@ -141,7 +141,7 @@ class AnyAcceptor:
     #: None, because each protocol presents a model of its own.
     model: str | None = None
 
-    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: WebPort) -> None:
+    def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: WebServer) -> None:
         self.acceptors, self.web = acceptors, web
         first = next(iter(acceptors.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access

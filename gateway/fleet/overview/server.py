@@ -16,12 +16,12 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.app.pages import Pages, from_own_page, guarded, same_token
+from gateway.app.pages import Pages, application, for_own_page, same_token
 from gateway.fleet.client import Access, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Message, Received, Topics
-from gateway.transport.http_server import HttpServer, addressed_here
+from gateway.transport.web_server import WebServer
 
 OWN = Path(__file__).parent / "page"
 #: Files of the console's page that are served here as well.
@@ -66,29 +66,26 @@ class Overview:
         self._files = Pages(own | {name: look / name for name in SHARED})
         self._connected, self._why = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
-        self._server: HttpServer | None = None
+        self._server = WebServer(self._load)
         self.where = ""
 
     async def open(self, port: int) -> None:
-        """Listen on a port of this computer only. Raises OSError."""
-        app = web.Application(middlewares=[guarded(self._refused)], client_max_size=1024)
-        app.add_routes([
-            web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
-            web.get("/{path:.+}", self._files.file),
-        ])  # fmt: skip
-        self._server = await HttpServer.start(app)
-        try:
-            taken = await self._server.listen("127.0.0.1", port)
-        except OSError:
-            await self._server.close()
-            raise
-        self.where = f"http://127.0.0.1:{taken}/"
+        """Listen on a port of this computer only. Raises UserError."""
+        self.where = (await self._server.listen(f"tcp://127.0.0.1:{port}")).where.replace("tcp", "http") + "/"
         self._link.start()
+
+    async def _load(self) -> web.Application:
+        app = application()
+        app.add_routes([
+            web.get("/", for_own_page(self._index)), web.get("/fleet.json", for_own_page(self._mounts, self._refused)),
+            web.post("/stop", for_own_page(self._stop, self._refused)),
+            web.get("/{path:.+}", for_own_page(self._files.file)),
+        ])  # fmt: skip
+        return app
 
     async def close(self) -> None:
         """Stop serving, and disconnect from the broker."""
-        if self._server is not None:
-            await self._server.close()
+        await self._server.close()
         await self._link.close()
 
     # --- the broker -------------------------------------------------------------------------------------------------
@@ -121,18 +118,12 @@ class Overview:
                 del self._waiting_for_echo[topic]
         return ""
 
-    # --- the gate ---------------------------------------------------------------------------------------------------
+    # --- what is served ---------------------------------------------------------------------------------------------
 
     def _refused(self, request: web.Request) -> str:
-        """Return why a request is refused (it is not from the page, or lacks the token), or an empty text."""
-        headers = request.headers
-        ours = addressed_here(request) and from_own_page(headers, request.path)
-        private = request.path in ("/fleet.json", "/stop")
-        if ours and (not private or same_token(headers.get("X-Token"), self._token)):
-            return ""
-        return "Only the page of this overview may ask for this."
-
-    # --- what is served ---------------------------------------------------------------------------------------------
+        """Return why a request is refused; an empty text if it has the token of the page."""
+        known = same_token(request.headers.get("X-Token"), self._token)
+        return "" if known else "Only the page of this overview may ask for this."
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         return await self._files.index(request, token=self._token)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.mechanics.simulated import Simulated
     from gateway.transport.http_wire import Dialect
-    from gateway.transport.web_port import Web
+    from gateway.transport.web_server import Web
 
 
 class SurfaceSettings(Struct, frozen=True):

@@ -15,7 +15,7 @@ from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.protocols.alpaca.http.programs import Device
 from gateway.protocols.alpaca.http.requests import BadRequest, parse_request
 from gateway.protocols.alpaca.tables import empty_value
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_server import WebDevice
 
 NOT_IMPLEMENTED, INVALID, NOT_SET, PARKED, NOT_NOW = 0x400, 0x401, 0x402, 0x408, 0x40B
 #: Seconds until an answer: to a read (ASCOM wishes 0.1, which an exchange with a mount can take), to a write or the

@@ -116,11 +116,6 @@ def test_five_kinds_at_once(running: list[Running], tmp_path: Path, loop: str) -
     assert lx200.ask(b":GR#", 9).endswith(b"#") and nexstar.ask(b"V", 3)[-1:] == b"#"
 
 
-def test_a_foreign_host_is_refused_as_at_the_console(running: list[Running], tmp_path: Path) -> None:
-    where = start(running, tmp_path)
-    assert Program(where).page(GET.replace(b"127.0.0.1", b"evil.example")).startswith(b"HTTP/1.1 403")
-
-
 @pytest.mark.parametrize(("more", "words"), [((), b'content="act"'), (("--read-only",), b'content="look"')])
 def test_a_port_where_programs_may_only_look_shows_a_console_that_only_looks(
     running: list[Running], tmp_path: Path, more: tuple[str, ...], words: bytes
@@ -222,12 +217,6 @@ def alpaca(where: str, request: str, form: str = "") -> bytes:
     program = Program(where)
     program.link.sendall(f"{head}Content-Type: application/x-www-form-urlencoded\r\n\r\n{form}".encode())
     return program.rest()
-
-
-def test_alpaca_is_served_beside_the_console(running: list[Running], tmp_path: Path) -> None:
-    where = start(running, tmp_path)
-    assert b'"Value"' in alpaca(where, "GET /management/apiversions?ClientID=1&ClientTransactionID=2")
-    assert b'"ErrorNumber"' in alpaca(where, "GET /api/v1/telescope/0/interfaceversion?ClientID=1")
 
 
 def test_alpaca_too_may_only_look_where_programs_may_only_look(running: list[Running], tmp_path: Path) -> None:

@@ -9,10 +9,9 @@ import pytest
 
 from gateway.app.discovery.announcing import service
 from gateway.app.discovery.served import PhoneLines
-from gateway.cli.serve.console_and_broker import _load_console, console_offers
-from gateway.console.server import page_files
+from gateway.cli.serve.console_and_broker import console_offers
 from gateway.transport.listening import in_brackets
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 
 
 @pytest.mark.parametrize(
@@ -24,7 +23,7 @@ def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> N
 
 
 def test_without_a_console_there_is_nothing_to_tell() -> None:
-    assert console_offers(WebPort()) == []
+    assert console_offers(WebServer()) == []
 
 
 def test_it_is_announced_as_a_web_page() -> None:
@@ -34,22 +33,3 @@ def test_it_is_announced_as_a_web_page() -> None:
     told = service(found)
     assert told.type == "_http._tcp.local." and told.port == 4080
     assert b"".join(PhoneLines().news(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"
-
-
-def test_the_page_is_read_where_nobody_waits_for_it() -> None:
-    """Milliseconds of work for the first page are done on the thread that loads the web server, as are those for the
-    first program that speaks HTTP.
-    """
-    made: list[str] = []
-
-    class Acceptor:
-        @property
-        def binding(self) -> None:
-            made.append("served")
-
-    gateway: Any = SimpleNamespace(acceptors=[Acceptor()])
-    page_files.cache_clear()
-    _load_console(False, [gateway])
-    assert not page_files.cache_info().currsize and made == ["served"]
-    _load_console(True, [])
-    assert page_files.cache_info().currsize == 1

@@ -5,12 +5,11 @@ from __future__ import annotations
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gateway.console.server import Console
 from gateway.core.about import commit, version
+from gateway.core.errors import NoAnswer
 from gateway.diagnostics import metrics
 from tests.support.fake_broker import until
 from tests.unit.console.test_server import Open, opened, play
@@ -56,8 +55,9 @@ def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
 def test_faults_have_a_kind(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
-            metrics: Any = there.console._metrics
-            metrics._mounts[0][1].faults["NoAnswer"] = 3
+            await figures(there)
+            for _ in range(3):
+                there.gateway.controller.line.exchanged.emit(NoAnswer("no"))
             assert (await figures(there))[1]["mount_gateway_faults_total", "NoAnswer", "mount"] == 3.0
 
     play(work())
@@ -81,18 +81,5 @@ def test_a_page_of_somebody_else_reads_nothing(tmp_path: Path, headers: dict[str
             where = f"{there.where}metrics"
             async with there.http.get(where, headers=headers) as response:
                 assert response.status == 403
-
-    play(work())
-
-
-def test_nothing_is_counted_once_the_console_is_closed(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            console = Console([there.gateway])
-            metrics: Any = console._metrics
-            counts = metrics._mounts[0][1]
-            await console.close()
-            await there.gateway.controller.stop()
-            assert counts.stops == counts.exchanges == 0
 
     play(work())

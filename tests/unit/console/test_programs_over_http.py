@@ -15,8 +15,6 @@ from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.cli.serve.console_and_broker import http_surfaces
-from gateway.clients.access import Access
-from gateway.console.server import Console
 from tests.unit.console.test_server import at_port
 
 PATIENCE = 60.0
@@ -28,7 +26,7 @@ PLACE = {"RightAscension": "5.5", "Declination": "80.0"}
 @contextlib.asynccontextmanager
 async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tuple[list[Gateway], Any]]:
     config = Config(mount=[], surface=[], console=ConsoleConfig(**page))
-    gateways, pin = [], page.get("pin") or ""
+    gateways = []
     for number in range(mounts):
         mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *http_surfaces(config, mount)]
@@ -36,7 +34,7 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
     try:
         for gateway in gateways:
             await gateway.open()
-        async with at_port(Console(gateways, Access(), pin)) as where, aiohttp.ClientSession() as http:
+        async with at_port(gateways, **page) as where, aiohttp.ClientSession() as http:
 
             async def ask(method: str, path: str, **more: Any) -> Any:
                 async with http.request(method, where + path, **more) as response:
@@ -77,30 +75,6 @@ def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[st
             assert (await ask("PUT", f"{API}0/tracking", data={"Tracking": "false"}))["ErrorNumber"] == 0x40B
             assert (await ask("PUT", f"{API}0/abortslew"))["ErrorNumber"] == 0, "a stop is never refused"
             assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-
-    asyncio.run(work())
-
-
-@pytest.mark.parametrize(
-    "headers", [{"Origin": "http://127.0.0.1"}, {"Origin": "http://evil.example"}, {"Host": "evil.example"},
-                {"Sec-Fetch-Site": "same-origin"}],
-)  # fmt: skip
-def test_no_page_asks_for_it_not_even_the_consoles_own(tmp_path: Path, headers: dict[str, str]) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as (gateways, ask):
-            before = len(gateways[0].wire_log.recent)
-            assert await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE, headers=headers) == 403
-            assert await ask("GET", f"{API}0/name", headers=headers) == 403
-            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-            assert len(gateways[0].wire_log.recent) == before + ("Host" in headers)  # of that ``status`` tells
-
-    asyncio.run(work())
-
-
-def test_the_setup_page_leads_to_the_console(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as (_, ask):
-            assert await ask("GET", "setup") == 200 and await ask("GET", "") == 200
 
     asyncio.run(work())
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,12 +16,13 @@ import aiohttp
 import pytest
 
 from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import mount_state
-from gateway.clients.access import Access, networks
-from gateway.console.server import LONGEST, MOST_PAGES, Console
+from gateway.cli.serve.console_and_broker import load_console
+from gateway.console.server import LONGEST, MOST_PAGES
 from gateway.transport.room import KEPT
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 
 PATIENCE = 60.0
 
@@ -62,8 +64,8 @@ class Page:
 class Open:
     """A gateway over a simulated mount, its console, and a browser."""
 
-    def __init__(self, gateway: Gateway, console: Console, http: aiohttp.ClientSession, where: str) -> None:
-        self.gateway, self.console, self.http, self.where = gateway, console, http, where
+    def __init__(self, gateway: Gateway, http: aiohttp.ClientSession, where: str) -> None:
+        self.gateway, self.http, self.where = gateway, http, where
 
     async def token(self) -> str:
         async with self.http.get(self.where) as response:
@@ -79,29 +81,25 @@ class Open:
 
 
 @asynccontextmanager
-async def at_port(console: Console) -> AsyncIterator[str]:
+async def at_port(gateways: Sequence[Gateway], **page: Any) -> AsyncIterator[str]:
     """Open a console at a port; yield the address of its page."""
-
-    port = WebPort()
-    port.server = console
+    server = WebServer(partial(load_console, ConsoleConfig(**page), gateways))
+    port = await server.listen("tcp://127.0.0.1:0")
     try:
-        await console.open()
-        await port.open("tcp://127.0.0.1:0")
         yield port.where.replace("tcp", "http") + "/"
     finally:
-        await port.close()
+        await server.close()
 
 
 @asynccontextmanager
-async def opened(state: Path, access: Access = Access(), pin: str = "", **mount: Any) -> AsyncIterator[Open]:
+async def opened(state: Path, page: dict[str, Any] | None = None, **mount: Any) -> AsyncIterator[Open]:
     config = MountConfig(**({"at": "nexstar@sim", "speed": 6.0, "sun": 0.0, "state": str(state)} | mount))
     gateway = Gateway(config, [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")], warn=lambda text: None)
     await gateway.open()
-    console = Console([gateway], access, pin)
     try:
         assert await gateway.wait_identified(PATIENCE)
-        async with at_port(console) as where, aiohttp.ClientSession() as http:
-            yield Open(gateway, console, http, where)
+        async with at_port([gateway], **page or {}) as where, aiohttp.ClientSession() as http:
+            yield Open(gateway, http, where)
     finally:
         await gateway.close()
 
@@ -165,8 +163,7 @@ def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
 
 def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
     async def work() -> None:
-        access = Access(allow=networks(["192.0.2.0/24"]))
-        async with opened(tmp_path, access) as there:
+        async with opened(tmp_path, {"allow": ["192.0.2.0/24"]}) as there:
             for _ in range(3):
                 async with there.http.get(there.where) as response:
                     assert response.status == 403
@@ -234,7 +231,9 @@ def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
     play(work())
 
 
-def test_a_page_too_many_takes_the_place_of_the_one_that_was_not_used_for_longest(tmp_path: Path) -> None:
+def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
+    """Two places are for another address; a page that goes leaves its place."""
+
     async def work() -> None:
         async with opened(tmp_path) as there, contextlib.AsyncExitStack() as stack:
             where = f"{there.where}socket?token={await there.token()}"
@@ -243,14 +242,12 @@ def test_a_page_too_many_takes_the_place_of_the_one_that_was_not_used_for_longes
                 return Page(await stack.enter_async_context(there.http.ws_connect(where)))
 
             pages = [await connect() for _ in range(MOST_PAGES - KEPT)]
-            used = pages.pop(0)
-            assert (await used.ask("look_up", name="Vega"))["ok"]
-            for number, last in enumerate([await connect(), await connect()]):
-                assert (await last.ask("stop"))["id"]
-                with pytest.raises(AssertionError, match=r"CLOSE.*1013"):  # the page tries again much later
-                    await pages[number].until(lambda: False)
-            assert (await used.ask("look_up", name="Vega"))["ok"]
-            await asyncio.gather(*(page.ws.close() for page in [used, *pages]))
+            with pytest.raises(AssertionError, match=r"CLOSE.*1013"):
+                await (await connect()).until(lambda: False)
+            await pages.pop().ws.close()
+            pages.append(await connect())
+            assert all([(await page.ask("stop"))["id"] for page in pages[-2:]])
+            await asyncio.gather(*(page.ws.close() for page in pages))
 
     play(work())
 
@@ -407,7 +404,7 @@ def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
 
 def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path: Path) -> None:
     async def work() -> None:
-        async with opened(tmp_path, pin="4711") as there, there.page() as page:
+        async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
             refused = await page.ask("park")
             assert not refused["ok"] and "pin" in refused["words"]
             assert (await page.ask("stop"))["ok"]
@@ -420,7 +417,7 @@ def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path:
 
 def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> None:
     async def work() -> None:
-        async with opened(tmp_path, pin="4711") as there, there.page() as page:
+        async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
             notes: list[str] = []
             there.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
             answers = [await page.ask("pin", pin="0000") for _ in range(6)]

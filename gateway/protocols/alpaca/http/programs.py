@@ -18,7 +18,7 @@ from gateway.core.errors import NoAnswer, Refused
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.tables import member, refused
 from gateway.transport.handler import Accept, Connected, ConnectionRefused
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_server import WebDevice
 
 #: Seconds until a request times out, and until a silent program is forgotten.
 TIMEOUT, FORGET = 5.0, 600.0

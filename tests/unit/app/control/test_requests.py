@@ -19,7 +19,7 @@ from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
-from gateway.transport.web_port import WebPort
+from gateway.transport.web_server import WebServer
 from tests.support.in_process_gateway import Bridge
 
 NORTH = requests.Move(Direction.NORTH, 7, 3.0, number="m")
@@ -34,7 +34,7 @@ class Owner:
         serving: Any = SimpleNamespace(
             state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
             names=lambda: surfaces,
-            web=WebPort(),
+            web=WebServer(),
             store=None,
         )
         self.request_handler = RequestHandler(bridge.controller, serving)

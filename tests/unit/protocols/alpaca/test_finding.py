@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from aiohttp import web
 
+from gateway.app.pages import application
 from gateway.app.simulated import serve_simulator
 from gateway.cli import main
 from gateway.core.wire_log import WireLog
@@ -23,8 +24,7 @@ from gateway.protocols.alpaca.http.discovery import answer_discovery
 from gateway.protocols.alpaca.http.server import AlpacaServer
 from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
 from gateway.protocols.base.spec import OfferedMount
-from gateway.transport.http_server import HttpServer
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_server import WebDevice, WebServer
 from tests.support.in_process_gateway import EVENING
 
 
@@ -117,13 +117,16 @@ def test_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_gateway_is_named_as_one() -> None:
     async def program() -> str:
-        app = web.Application()
-        device = WebDevice(lambda connected: None, "nexstar@sim", WireLog(lambda: 0.0))  # type: ignore[arg-type,return-value]
-        AlpacaServer([device]).add_to(app)
-        server = await HttpServer.start(app)
-        port = await server.listen("127.0.0.1", 0)
+        async def load() -> web.Application:
+            app = application()
+            device = WebDevice(lambda connected: None, "nexstar@sim", WireLog(lambda: 0.0))  # type: ignore[arg-type,return-value]
+            AlpacaServer([device]).add_to(app)
+            return app
+
+        server = WebServer(load)
+        port = await server.listen("tcp://127.0.0.1:0")
         try:
-            [found] = await ask_servers([f"http://127.0.0.1:{port}"])
+            [found] = await ask_servers([port.where.replace("tcp", "http")])
         finally:
             await server.close()
         assert found.mount is None

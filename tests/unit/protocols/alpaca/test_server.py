@@ -11,11 +11,12 @@ from typing import Any
 import aiohttp
 import pytest
 
+from gateway.app.pages import application
 from gateway.core.wire_log import WireLog
 from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.face import AlpacaWeb
 from gateway.transport.handler import Connected, ConnectionRefused, Write
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_server import WebDevice, WebServer
 from tests.support.each import each
 
 PATIENCE = 60.0
@@ -74,12 +75,19 @@ class Served:
 async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     mount = Mount()
     device = WebDevice(mount.accept, "a mount", mount.log)
-    port = await AlpacaWeb().open_port("tcp://127.0.0.1:0", device, names)
+
+    async def load() -> Any:
+        alpaca, app = AlpacaWeb(), application(names, [mount.log])
+        alpaca.add_routes(app, [device])
+        return app
+
+    server = WebServer(load)
+    port = await server.listen("tcp://127.0.0.1:0")
     try:
         async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:
             yield Served(mount, port.where.replace("tcp", "http"), http)
     finally:
-        await port.close()
+        await server.close()
     assert all(guest.closed for guest in mount.guests)
 
 
@@ -177,7 +185,7 @@ def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
 
 
 def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.transport.http_server.WHOLE", 0.2)
+    monkeypatch.setattr("gateway.transport.web_server.WHOLE", 0.2)
 
     async def test(own: Served) -> None:
         async def pieces() -> AsyncIterator[bytes]:
@@ -193,12 +201,45 @@ def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch)
     run(test)
 
 
-@each("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
-def test_a_body_that_cannot_be_read(body: bytes) -> None:
+#: What `curl -F` and the pages of Swagger send.
+MULTIPART = (
+    b'--xY7\r\nContent-Disposition: form-data; name="RightAscension"\r\n\r\n5.5\r\n'
+    b'--xY7\r\nContent-Disposition: form-data; name="Declination"\r\nContent-Type: text/plain\r\n\r\n-3\r\n--xY7--\r\n'
+)
+
+
+@each("body", [MULTIPART, b"RightAscension=5.5&Declination=-3", b"RightAscension=5.5&Declination=%2d3"])
+@each(
+    "kind", ["multipart/form-data; boundary=xY7", "application/x-www-form-urlencoded", "application/json", "text/plain"]
+)
+def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> None:
+    async def test(own: Served) -> None:
+        asked = await own.ask("PUT", API + "slewtocoordinatesasync", data=body, headers={"Content-Type": kind})
+        assert asked[0] == 200
+        assert own.mount.said[-1][1] == b"put slewtocoordinatesasync RightAscension=5.5 Declination=-3\n"
+
+    run(test)
+
+
+@each(
+    ("body", "status"),
+    [
+        (b"\xff\xfe", 400),
+        (b"Connected=%ff", 400),
+        (b"&".join([b"a=1"] * 200), 400),
+        (b'{"Connected": true}', 400),
+        (MULTIPART[:-8], 400),
+        (MULTIPART[:-60], 400),
+        (MULTIPART.replace(b"-3", b"\xff"), 400),
+        (b"--", 400),
+        (b"x" * 9000, 413),
+    ],
+)
+def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
     async def test(own: Served) -> None:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
-        assert (await own.ask("PUT", API + "connected", data=body, headers=form))[0] == 400
-        assert (await own.ask("PUT", API + "connected", json={"Connected": True}))[0] == 400
+        for member in ("connected", "slewtocoordinatesasync"):
+            assert (await own.ask("PUT", API + member, data=body, headers=form))[0] == status
         assert own.mount.said == []
 
     run(test)

@@ -1,0 +1,81 @@
+"""What a gateway serves over HTTP, at every port that speaks it: its mounts to programs, and a page if there is one."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from gateway.clients.access import Access
+from gateway.protocols.registry import ANY, PROTOCOLS
+from gateway.system import garbage
+from gateway.transport.listening import split_address
+from gateway.transport.web_server import NONE
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+    from gateway.app.gateway import Gateway
+
+#: Imports what shows a page, on a thread; returns what adds it to an application.
+LoadPage = Callable[[], Callable[["web.Application"], object]]
+
+
+async def load_site(
+    gateways: Sequence[Gateway], names: Iterable[str] = (), page: LoadPage | None = None
+) -> web.Application:
+    """Return the application, once the ports of the gateways are open.
+
+    ``names`` are further host names by which clients may call this computer, besides those of the surfaces.
+    """
+    for gateway in gateways:
+        await gateway.listening.wait()
+    # loading takes a quarter of a second, and clients must not wait
+    add_page = await asyncio.to_thread(_load, gateways, page)
+    from gateway.app.pages import application
+
+    every = [*names, *(name for gateway in gateways for surface in gateway.surfaces for name in surface.names)]
+    app = application(every, [gateway.wire_log for gateway in gateways], _ports(gateways))
+    for name, spec in PROTOCOLS.items():
+        devices = [device for gateway in gateways for protocol, device in gateway.served() if protocol == name]
+        if spec.web is not None and devices:
+            spec.web().add_routes(app, devices)
+    await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
+    add_page(app)
+    garbage.started()  # again, for the objects of the web server
+    return app
+
+
+def _ports(gateways: Sequence[Gateway]) -> dict[int, Access]:
+    """Return the ports of surfaces that speak HTTP, and the access rules of each."""
+    return {
+        split_address(port.where)[1]: acceptor.access
+        for gateway in gateways
+        for endpoint, port, acceptor in zip(gateway.endpoints, gateway.ports, gateway.acceptors, strict=True)
+        if "://" in port.where and (endpoint.protocol == ANY or PROTOCOLS[endpoint.protocol].web is not None)
+    }
+
+
+def _load(gateways: Sequence[Gateway], page: LoadPage | None) -> Callable[[web.Application], object]:
+    """Load the web server and the page, on a thread that gives way to the loop five times sooner than threads do."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(usual / 5.0)
+    try:
+        for spec in PROTOCOLS.values():
+            if spec.web is not None:
+                spec.web().load()
+        for acceptor in [one for gateway in gateways for one in gateway.acceptors]:
+            getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
+        return _add_none if page is None else page()
+    finally:
+        sys.setswitchinterval(usual)
+
+
+def _add_none(app: web.Application) -> None:
+    from aiohttp import web
+
+    async def none(request: web.Request) -> web.StreamResponse:
+        return web.Response(status=404, text=NONE[1], headers={"Connection": "close"})
+
+    app.add_routes([web.get("/{path:.*}", none)])

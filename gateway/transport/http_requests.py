@@ -1,0 +1,49 @@
+"""What is asked of every request over HTTP: that it arrives whole, and that it means this computer.
+
+Importing this module imports aiohttp, which is slow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable
+
+from aiohttp import HttpVersion11, web
+
+from gateway.core.wire_log import WireLog
+from gateway.system.own_names import known_host
+from gateway.transport.web_server import HttpConnection
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+#: Of an application: whether the client of a request may do no more than read and stop.
+READ_ONLY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
+
+
+@web.middleware
+async def whole(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer a request when its body is there: half of one could mean something else."""
+    connection = request.transport.get_protocol() if request.transport is not None else None
+    await request.read()
+    if not isinstance(connection, HttpConnection):
+        raise ConnectionResetError("the client has left")
+    with connection.answering():
+        return await handler(request)
+
+
+def turned_away(request: web.Request, why: str, logs: Iterable[WireLog]) -> None:
+    """Tell ``status`` and the log of each mount that a request is refused, in the log once per host."""
+    host = request.remote or "?"
+    for log in logs:
+        log.turned_away(host, f"request from {host} over HTTP refused: {why}", host)
+
+
+def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:
+    """Whether a request means this computer. Only programs leave out whom they mean, in HTTP/1.0; no browser does."""
+    if "Host" not in request.headers and request.version < HttpVersion11:
+        return True
+    return known_host(request.headers.get("Host"), local_address(request)[0], names)
+
+
+def local_address(request: web.Request) -> tuple[str, int]:
+    """Return the local address and port of a request's connection."""
+    local = request.transport.get_extra_info("sockname") if request.transport is not None else None
+    return (str(local[0]), int(local[1])) if local else ("", 0)

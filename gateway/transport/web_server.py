@@ -1,0 +1,245 @@
+"""The web server of a process, for connections of its own ports and those that other ports hand over.
+
+It is loaded at the first byte for it, because loading takes a quarter of a second, which would delay every start. A
+connection whose request is not whole ``WHOLE`` seconds after its first byte, or that sends none, ends; so does one that
+is idle for ``IDLE`` seconds. The places are shared as ``room.py`` says; who gets none is told so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol, cast
+
+from msgspec import Struct
+
+from gateway.core.wire_log import WireLog
+from gateway.system.file_limits import no_room
+from gateway.transport.handler import Accept
+from gateway.transport.listening import SERVED, listen
+from gateway.transport.room import Room
+
+#: Connections at a time. Seconds: a request must arrive within, a connection may be idle, the last answers may take.
+MOST, WHOLE, IDLE, END = 256, 10.0, 60.0, 0.5
+#: Bytes that a connection may send before the server is loaded: no legitimate request is longer.
+MAX_BYTES = 16384
+
+NONE = (
+    "404 Not Found",
+    "There is no console here: mount-gateway was started without one (--no-console).\n"
+    "Telescope programs can use this port.\n",
+)
+BUSY = (
+    "503 Service Unavailable",
+    "mount-gateway is starting, or has too many connections. Load this page again in a moment.\n",
+)
+
+
+class WebPort:
+    """A port, or without a server one whose requests come by other ports."""
+
+    def __init__(self, where: str = SERVED, server: asyncio.Server | None = None) -> None:
+        self.where, self._server = where, server
+
+    async def close(self) -> None:
+        """Accept no more connections; those that are open belong to the web server."""
+        if self._server is not None:
+            self._server.close()
+
+
+class WebServer:
+    """Serves the aiohttp application that ``load`` returns, to ``close``; without one every request is refused."""
+
+    def __init__(self, load: Callable[[], Awaitable[Any]] | None = None) -> None:
+        self._load = load
+        self._loading: asyncio.Task[None] | None = None
+        self._runner: Any = None
+        self._ports: list[WebPort] = []
+        self.room = Room(MOST)
+        #: The address of the console, if it has a port of its own.
+        self.where = ""
+
+    async def listen(self, where: str, others: int = 0) -> WebPort:
+        """Open a port, or one of so many ``others`` after it that is free. Raises UserError."""
+        server, real = await listen(where, lambda: HttpConnection(self), others)
+        self._ports.append(WebPort(real, server))
+        return self._ports[-1]
+
+    def take(self, transport: asyncio.Transport, sent: bytes) -> None:
+        """Take over a connection that was accepted elsewhere and has sent these bytes."""
+        protocol = HttpConnection(self)
+        transport.set_protocol(protocol)
+        protocol.connection_made(transport)
+        if sent:
+            protocol.data_received(sent)
+
+    def loading(self) -> asyncio.Task[None]:
+        """Return the task that loads the application. It is loaded once."""
+        if self._loading is None:
+            self._loading = asyncio.ensure_future(self._start())
+        return self._loading
+
+    async def _start(self) -> None:
+        if self._load is None:
+            return
+        app = await self._load()
+        from aiohttp import web
+
+        from gateway.system.web_log import web_log
+        from gateway.transport.http_requests import whole
+
+        app.middlewares.insert(0, whole)
+        runner = web.AppRunner(
+            app, access_log=None, handle_signals=False, shutdown_timeout=END, keepalive_timeout=IDLE, logger=web_log()
+        )
+        await runner.setup()
+        self._runner = runner
+
+    def handler(self) -> asyncio.Protocol | None:
+        """Return what answers a connection; None if nothing is served, or no more."""
+        return self._runner.server() if self._runner is not None else None
+
+    async def close(self) -> None:
+        """Close the ports, stop answering, and close all connections."""
+        for port in self._ports:
+            await port.close()
+        self._load = None
+        if self._loading is not None:
+            self._loading.cancel()
+        runner, self._runner = self._runner, None
+        if runner is not None:
+            await runner.cleanup()
+
+
+class HttpConnection(asyncio.Protocol):
+    """Stands between a connection and aiohttp: it has a place in the room, and a deadline while a request arrives."""
+
+    def __init__(self, server: WebServer) -> None:
+        self._server = server
+        self._inner: asyncio.Protocol | None = None
+        self._host: str | None = None
+        self._sent = b""
+        self._deadline: asyncio.TimerHandle | None = None
+        self._answering = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+        host = str((transport.get_extra_info("peername") or ("?", 0))[0])
+        if no_room() or not self._server.room.enter(host):
+            self._refuse(BUSY)
+            return
+        self._host = host
+        self._expect()
+
+    def data_received(self, data: bytes) -> None:
+        if self._inner is not None:
+            if self._deadline is None and not self._answering:
+                self._expect()
+            self._inner.data_received(data)
+        elif self._host is not None:
+            first, self._sent = not self._sent, self._sent + data
+            if first:
+                self._server.loading().add_done_callback(self._loaded)
+            if len(self._sent) > MAX_BYTES:
+                self._refuse(BUSY)
+
+    def _loaded(self, loading: asyncio.Task[None]) -> None:
+        if self._host is None:
+            return
+        if not loading.cancelled():
+            loading.result()  # a fault of ours is told in the log, and this connection ends in a while
+        inner = self._inner = self._server.handler()
+        if inner is None:
+            self._refuse(NONE)
+        else:
+            inner.connection_made(self._transport)
+            inner.data_received(self._sent)
+
+    def _expect(self) -> None:
+        """A request begins."""
+        self._deadline = asyncio.get_running_loop().call_later(WHOLE, self._late)
+
+    def _late(self) -> None:
+        if self._inner is None and self._sent:
+            self._refuse(BUSY)
+        else:
+            self._transport.abort()
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """A request is there, with its body, and is answered."""
+        self._end_deadline()
+        self._answering = True
+        try:
+            yield
+        finally:
+            self._answering = False
+
+    def _refuse(self, answer: tuple[str, str]) -> None:
+        self._leave()
+        self._transport.write(answer_of(*answer))
+        self._transport.close()
+
+    def eof_received(self) -> bool | None:
+        return self._inner.eof_received() if self._inner is not None else None
+
+    def pause_writing(self) -> None:
+        if self._inner is not None:
+            self._inner.pause_writing()
+
+    def resume_writing(self) -> None:
+        if self._inner is not None:
+            self._inner.resume_writing()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._leave()
+        if self._inner is not None:
+            self._inner.connection_lost(exc)
+
+    def _leave(self) -> None:
+        self._end_deadline()
+        if self._host is not None:
+            self._server.room.leave(self._host)
+            self._host = None
+
+    def _end_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+
+def answer_of(status: str, words: str) -> bytes:
+    """Return the bytes of a short answer, after which the connection ends."""
+    body = words.encode()
+    head = (
+        f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nRetry-After: 2\r\nConnection: close\r\n\r\n"
+    )
+    return head.encode() + body
+
+
+# --- for protocols whose clients use HTTP ------------------------------------------------------------------------
+
+
+class WebDevice(Struct, frozen=True):
+    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` is told
+    whose requests are refused. It is offered at its own ``port``; 0: at all that have no device of their own."""
+
+    accept: Accept
+    title: str
+    log: WireLog
+    port: int = 0
+
+
+class Web(Protocol):
+    """What a protocol offers over HTTP: it converts requests to lines for the protocol's framing, and replies back."""
+
+    def load(self) -> None:
+        """Import what serves the requests: slow, so call it on a thread before the first of them."""
+
+    def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> None:
+        """Add the devices to an aiohttp application."""
+
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """Let clients discover these addresses and ports. Return a function that ends this. Raises OSError."""

@@ -1,0 +1,277 @@
+"""The web server under attack: what is half sent or idle ends, who finds no place is told so, a stop gets in."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+
+import pytest
+from aiohttp import web
+
+from gateway.core.errors import UserError
+from gateway.diagnostics.virtual_time import run
+from gateway.transport.listening import split_address
+from gateway.transport.room import KEPT, Room, share
+from gateway.transport.web_server import IDLE, MAX_BYTES, MOST, WHOLE, WebServer
+from tests.support.each import each
+from tests.support.in_process_gateway import Bridge
+
+GET = b"GET / HTTP/1.1\r\nHost: here\r\n\r\n"
+HALF = b"GET / HTTP/1.1\r\nHost: here\r\nX-a:"
+POST = b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 99\r\n\r\n"
+
+
+class Line(asyncio.Transport):
+    """A connection to the server from this host, with nothing behind it but a test, which has ``sent`` this already."""
+
+    def __init__(self, server: WebServer, host: str = "127.0.0.1", sent: bytes = b"") -> None:
+        super().__init__({"peername": (host, 1), "sockname": ("127.0.0.1", 80)})
+        self.heard, self.closed_after = b"", -1.0
+        self._loop = asyncio.get_running_loop()
+        self._began = self._loop.time()
+        server.take(self, sent)
+
+    def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
+        assert isinstance(protocol, asyncio.Protocol)
+        self._protocol = protocol
+
+    def get_protocol(self) -> asyncio.BaseProtocol:
+        return self._protocol
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self.heard += data
+
+    def is_closing(self) -> bool:
+        return self.closed_after >= 0.0
+
+    def close(self) -> None:
+        if not self.is_closing():
+            self.closed_after = self._loop.time() - self._began
+            self._loop.call_soon(self._protocol.connection_lost, None)
+
+    abort = close
+
+    def pause_reading(self) -> None: ...
+    def resume_reading(self) -> None: ...
+
+    def says(self, data: bytes) -> None:
+        if not self.is_closing():
+            self._protocol.data_received(data)
+
+    async def trickles(self, data: bytes) -> None:
+        """Send a byte every two seconds."""
+        for number in range(len(data)):
+            self.says(data[number : number + 1])
+            await asyncio.sleep(2.0)
+
+
+class Site:
+    """What the server serves: it answers after as many seconds as the body says. Loading it waits for ``loaded``."""
+
+    def __init__(self) -> None:
+        self.wanted, self.loaded = False, asyncio.Event()
+
+    async def load(self) -> web.Application:
+        self.wanted = True
+        await self.loaded.wait()
+        app = web.Application()
+        app.add_routes([web.route("*", "/", self.answer)])
+        return app
+
+    async def answer(self, request: web.Request) -> web.Response:
+        await asyncio.sleep(float(await request.text() or 0))
+        return web.Response(text="done")
+
+
+def serve(test: Callable[[WebServer], Awaitable[None]]) -> None:
+    async def program() -> None:
+        site = Site()
+        site.loaded.set()
+        server = WebServer(site.load)
+        try:
+            await test(server)
+        finally:
+            await server.close()
+
+    run(program())
+
+
+@each("sent", [b"", b"G", HALF, GET[:-1], POST, POST + b"1"])
+def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
+    async def test(server: WebServer) -> None:
+        line = Line(server, sent=sent)
+        await asyncio.sleep(WHOLE - 1.0)
+        assert not line.is_closing()
+        await asyncio.sleep(2.0)
+        assert line.closed_after == WHOLE and line.heard == b""
+
+    serve(test)
+
+
+@each("sent", [GET, POST + b"9" * 99])
+def test_it_does_not_help_to_send_it_byte_by_byte(sent: bytes) -> None:
+    async def test(server: WebServer) -> None:
+        line = Line(server)
+        await line.trickles(sent)
+        assert line.closed_after == WHOLE and line.heard == b""
+
+    serve(test)
+
+
+def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
+    async def test(server: WebServer) -> None:
+        line = Line(server)
+        for number in range(1, 4):
+            line.says(POST.replace(b"99", b"3"))
+            await asyncio.sleep(WHOLE - 1.0)
+            line.says(b"120")
+            await asyncio.sleep(125.0)
+            assert line.heard.count(b"done") == number and not line.is_closing()
+            await asyncio.sleep(IDLE - 10.0)
+        line.says(HALF)
+        await asyncio.sleep(WHOLE + 1.0)
+        assert line.is_closing()
+        idle = Line(server, sent=GET)
+        await asyncio.sleep(IDLE - 1.0)
+        assert b"done" in idle.heard and not idle.is_closing()
+        await asyncio.sleep(2.0)
+        assert idle.is_closing()
+
+    serve(test)
+
+
+def test_a_client_that_leaves_in_the_middle_is_no_failure_to_tell(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(server: WebServer) -> None:
+        Line(server, sent=GET)
+        await asyncio.sleep(1.0)
+        line = Line(server, sent=POST + b"1")
+        await asyncio.sleep(1.0)
+        line.close()
+        await asyncio.sleep(1.0)
+
+    serve(test)
+    assert not caplog.records
+
+
+# --- places -----------------------------------------------------------------------------------------------------------
+
+
+@each(
+    ("host", "most", "places"),
+    [
+        ("10.0.0.1", 64, 48),
+        ("10.0.0.1", 400, 300),
+        ("10.0.0.1", 2, 2),
+        ("10.0.0.1", 1, 1),
+        ("::ffff:10.0.0.1", 8, 6),
+        ("fe80::1%eth0", 8, 6),
+        ("127.0.0.1", 8, 8),
+        ("::1", 8, 8),
+        ("::ffff:127.0.0.2", 8, 8),
+        ("/dev/ttyUSB0", 8, 8),
+    ],
+)
+def test_an_address_may_have_three_quarters_and_this_computer_all(host: str, most: int, places: int) -> None:
+    assert share(host, most) == places
+
+
+def test_two_places_are_for_an_address_that_has_none() -> None:
+    room = Room(8)
+    assert [room.enter("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
+    assert room.enter("10.0.0.2") and not room.enter("10.0.0.2")
+    assert room.enter("10.0.0.3") and not room.enter("10.0.0.4"), "all are taken"
+    room.leave("10.0.0.1")
+    assert not room.enter("10.0.0.1"), "the last ones are not for it"
+    assert room.enter("10.0.0.4")
+
+
+@each("sent", [b"", HALF, GET])
+@each("hosts", [1, 2, 7])
+def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(sent: bytes, hosts: int) -> None:
+    """Half-sent, silent and whole ones, again and again; LX200 programs and a page at another address are answered."""
+
+    async def test(server: WebServer) -> None:
+        async with Bridge() as bridge:
+            program, loop = bridge.client(), asyncio.get_running_loop()
+            Line(server, sent=GET).close()
+            await asyncio.sleep(1.0)
+            lines = list[Line]()
+            for _ in range(10):
+                lines += [Line(server, f"10.0.0.{number % hosts}", sent) for number in range(400)]
+                await asyncio.sleep(0.5)
+                there = [line for line in lines if not line.is_closing()]
+                assert len(there) == (share("10.0.0.1", MOST) if hosts == 1 else MOST - KEPT)
+                assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
+                began = loop.time()
+                assert len(await program.ask(b":GR#")) == 9
+                assert loop.time() - began < 0.5
+                stop = Line(server, "10.0.9.9", GET)
+                await asyncio.sleep(0.1)
+                assert b"done" in stop.heard
+                stop.close()
+                await asyncio.sleep(0.4)
+            await asyncio.sleep(IDLE if sent == GET else WHOLE)
+            assert all(line.is_closing() for line in lines)
+            assert b"done" in (await _answered(server, "10.0.0.1"))
+
+    serve(test)
+
+
+async def _answered(server: WebServer, host: str) -> bytes:
+    line = Line(server, host, GET)
+    await asyncio.sleep(1.0)
+    return line.heard
+
+
+# --- before it is loaded ----------------------------------------------------------------------------------------------
+
+
+def test_the_first_byte_wants_the_application_and_nothing_is_lost_until_it_is_there() -> None:
+    async def program() -> None:
+        site = Site()
+        server = WebServer(site.load)
+        line = Line(server)
+        await asyncio.sleep(1.0)
+        assert not site.wanted, "somebody who only connects loads nothing"
+        line.says(GET[:9])
+        await asyncio.sleep(1.0)
+        assert site.wanted
+        line.says(GET[9:])
+        site.loaded.set()
+        await asyncio.sleep(1.0)
+        assert line.heard.endswith(b"done")
+        await server.close()
+        assert line.is_closing()
+
+    run(program())
+
+
+@each(("why", "told"), [("none", b"404"), ("ends", b"404"), ("too much", b"503"), ("too late", b"503")])
+def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
+    async def program() -> None:
+        server = WebServer(None if why == "none" else Site().load)
+        line = Line(server, sent=GET)
+        if why == "too much":
+            line.says(bytes(MAX_BYTES))
+        elif why == "ends":
+            await server.close()
+        await asyncio.sleep(1.0 if why != "too late" else WHOLE)
+        assert line.heard.startswith(b"HTTP/1.1 " + told) and line.is_closing()
+        await server.close()
+
+    run(program())
+
+
+def test_the_next_free_port_is_taken_and_none_is_an_error() -> None:
+    async def program() -> None:
+        server = WebServer()
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"
+            port = await server.listen(where, others=50)
+            assert number < split_address(port.where)[1] <= number + 50
+            with pytest.raises(UserError, match="in use"):
+                await server.listen(where)
+        await server.close()
+
+    asyncio.run(program())
