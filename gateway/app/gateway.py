@@ -83,7 +83,7 @@ class Gateway:
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: Serves what speaks HTTP; a process may have one for several gateways. It waits until the ports are open.
-        self.web, self.listening = WebServer(self._load_site), asyncio.Event()
+        self.web, self.listening = WebServer(), asyncio.Event()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None
         self.store: StateStore | None = None
@@ -225,11 +225,6 @@ class Gateway:
             for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=False)
             if port.where != SERVED
         ]
-
-    async def _load_site(self) -> object:
-        from gateway.app.site import load_site
-
-        return await load_site([self])
 
     def served(self) -> Iterator[tuple[str, WebDevice]]:
         """Yield the protocol and the device of each surface at a port."""

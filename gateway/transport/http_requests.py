@@ -1,4 +1,4 @@
-"""What is asked of every request over HTTP: that it arrives whole, and that it means this computer.
+"""What is asked of every request over HTTP: whether it means this computer, and at which port it has come.
 
 Importing this module imports aiohttp, which is slow.
 """
@@ -11,22 +11,10 @@ from aiohttp import HttpVersion11, web
 
 from gateway.core.wire_log import WireLog
 from gateway.system.own_names import known_host
-from gateway.transport.web_server import HttpConnection
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Of an application: whether the client of a request may do no more than read and stop.
 READ_ONLY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
-
-
-@web.middleware
-async def whole(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer a request when its body is there: half of one could mean something else."""
-    connection = request.transport.get_protocol() if request.transport is not None else None
-    await request.read()
-    if not isinstance(connection, HttpConnection):
-        raise ConnectionResetError("the client has left")
-    with connection.answering():
-        return await handler(request)
 
 
 def turned_away(request: web.Request, why: str, logs: Iterable[WireLog]) -> None:

@@ -87,9 +87,8 @@ class WebServer:
         from aiohttp import web
 
         from gateway.system.web_log import web_log
-        from gateway.transport.http_requests import whole
 
-        app.middlewares.insert(0, whole)
+        app.middlewares.insert(0, web.middleware(_whole))
         runner = web.AppRunner(
             app, access_log=None, handle_signals=False, shutdown_timeout=END, keepalive_timeout=IDLE, logger=web_log()
         )
@@ -207,6 +206,16 @@ class HttpConnection(asyncio.Protocol):
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
+
+
+async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
+    """Answer a request when its body is there: half of one could mean something else."""
+    connection = request.transport.get_protocol() if request.transport is not None else None
+    await request.read()
+    if not isinstance(connection, HttpConnection):
+        raise ConnectionResetError("the client has left")
+    with connection.answering():
+        return await handler(request)
 
 
 def answer_of(status: str, words: str) -> bytes:

@@ -32,6 +32,7 @@ from gateway.core.errors import BelowHorizon, Fault, NoAnswer, Stopped, TooHigh,
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.requests import Body
 from gateway.core.wire_log import Entry, WireLog
+from gateway.transport.web_server import WebServer
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -223,6 +224,7 @@ async def open_gateway(
     }
     config = make_config(tables, Source("open_gateway"), served=False)
     from gateway.app.gateway import Gateway
+    from gateway.app.site import load_site
 
     sky, wire_log = Sky(), WireLog(time.time)
     if watch is not None:
@@ -230,6 +232,7 @@ async def open_gateway(
     real = parse_endpoint(mount).where != "sim"
     guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
+    opened.web = WebServer(lambda: load_site([opened]))
 
     almanac = AlmanacKeeper(sky, opened.warn, quiet=lambda: not opened.busy)
     almanac.open()

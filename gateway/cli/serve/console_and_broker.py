@@ -52,9 +52,12 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
             screen.say(row)
 
 
-async def load_console(page: ConsoleConfig, gateways: Sequence[Gateway]) -> object:
-    """Load what the web server shows: the console, and the mounts to programs that speak HTTP."""
+async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
+    """Load what the web server shows: the console if there is one, and the mounts to programs that speak HTTP."""
     from gateway.app.site import load_site
+
+    if page is None:
+        return await load_site(gateways)
 
     def load() -> Callable[[web.Application], object]:
         from gateway.app.bindings import access_networks

@@ -128,7 +128,7 @@ async def serve_mounts(
         if config.log:
             wire_log.sinks.append(_log(config, mount))
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
-        gateways[-1].web = web or gateways[-1].web
+        gateways[-1].web = web or WebServer(partial(load_console, None, gateways[-1:]))
         gateways[-1].open_store()
         if mount.record:
             from gateway.app.recording.recorder import record
