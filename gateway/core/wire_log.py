@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 #: How many different notes are logged once; more of them mean that a client sends noise, and are dropped.
@@ -51,6 +52,8 @@ def show(data: bytes) -> str:
 
 
 Sink = Callable[[Entry], None]
+#: Makes an entry in half the time of ``Entry(…)``: there are three for each command.
+_new = tuple.__new__
 
 
 class WireLog:
@@ -73,12 +76,15 @@ class WireLog:
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Pass bytes or a note to the sinks."""
         if self.sinks:
-            entry = Entry(self.clock(), side, arrow, data, note)
-            for sink in list(self.sinks):
+            entry: Entry = _new(Entry, (self.clock(), side, arrow, data, note))
+            broken = None
+            for sink in self.sinks:
                 try:
                     sink(entry)
                 except OSError:  # a log that can no longer be written must not disturb the line to the mount
-                    self.remove(sink)
+                    broken = sink
+            if broken is not None:
+                self.remove(broken)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision as text."""
@@ -122,9 +128,8 @@ class ClientLog:
     def __init__(self, name: str, wire_log: WireLog) -> None:
         self.name, self.wire_log, self.sinks = name, wire_log, wire_log.sinks
         self._host = name.rpartition(":")[0]
-
-    def put(self, arrow: str, data: bytes, note: str = "") -> None:
-        self.wire_log.put(self.name, arrow, data, note)
+        #: Like that of the wire log, for this client.
+        self.put = partial(wire_log.put, name)
 
     def note(self, text: str) -> None:
         self.wire_log.note(self.name, text)

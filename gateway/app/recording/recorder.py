@@ -33,8 +33,10 @@ if TYPE_CHECKING:
 
 #: Bytes after which a new file is begun, and how many files are kept, including the one being written.
 LONGEST, KEPT = 10_000_000, 20
-#: Seconds from an event until it is written, and how many lines may wait for a disk that hangs.
+#: Seconds from an event until it is written, and how many may wait for a disk that hangs.
 PAUSE, WAITING = 0.1, 100_000
+#: How many lines are made at a time: meanwhile the event loop waits.
+PORTION = 32
 #: Only the owner may read a recording: the site's coordinates are in it.
 PRIVATE = 0o600
 #: Bytes that are cut off on a full disk, to make room for the line that says so.
@@ -59,10 +61,11 @@ class Recorder:
         self._path, self._longest, self._keep, self._warn, self._now = path, longest, keep, warn, now
         self._began = now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        #: The lines that are not written yet, and the task that has them written; whether the recording has ended.
-        self._lines: list[str] = []
+        #: What is not written yet, each with its time, and the task that has it written; whether no more is taken,
+        #: and whether that is so because it cannot be written.
+        self._waiting: list[tuple[float, Entry]] = []
         self._writing: asyncio.Task[None] | None = None
-        self._ended = False
+        self._ended = self._lost = False
         self._hurry = TimedEvent()
         # What follows belongs to the thread that writes; there is one at a time.
         self._file, self._size = -1, 0
@@ -77,49 +80,37 @@ class Recorder:
     # --- on the event loop --------------------------------------------------------------------------------------------
 
     def put(self, entry: Entry) -> None:
-        """Take an entry of the wire log, if a recording holds entries of its kind."""
-        side, arrow = entry.side, entry.arrow
-        if arrow == "raw":
-            self._line(side, "<" if side == MOUNT else ">", escape(entry.data))
-        elif arrow in ("<", ">"):
-            if arrow == (">" if side == MOUNT else "<"):  # the others are parts of raw chunks
-                self._line(side, arrow, escape(entry.data))
-        elif arrow != "x":  # dropped bytes are parts of raw chunks, too
-            self._line(side, arrow, entry.note.replace("\n", " "))
-
-    def _line(self, side: str, arrow: str, text: str) -> None:
+        """Take an entry of the wire log."""
         if self._ended:
             return
-        self._lines.append(
-            f"{self._now() - self._began:.6f} {side.replace(' ', '_')} {arrow} {text}".rstrip(" ") + "\n"
-        )
+        self._waiting.append((self._now(), entry))
         if self._writing is None:
             self._writing = asyncio.get_running_loop().create_task(self._write())
-        elif len(self._lines) > WAITING:
+        elif len(self._waiting) > WAITING:
             self._end("the disk does not answer")
 
     async def _write(self) -> None:
-        while self._lines:
+        while self._waiting:
             await self._hurry.within(PAUSE)
-            await self._write_now()
-        self._writing = None
-
-    async def _write_now(self) -> None:
-        text, at = "".join(self._lines), self._now() - self._began
-        self._lines.clear()
-        try:
-            if await in_thread(self._write_out, text, at):
+            entries, self._waiting = self._waiting, []
+            try:
+                full = await in_thread(self._write_out, entries)
+            except (OSError, UserError) as error:  # a full disk must not end the night
+                self._end(told(error) if isinstance(error, OSError) else str(error))
+                break
+            if full:
                 self._warn(
                     f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
                     "whenever a new one begins; record-keep says how many files are kept"
                 )
-        except OSError as error:  # a full disk must not end the night
-            self._end(told(error))
+        self._writing = None
 
     def _end(self, reason: str) -> None:
         """End a recording that cannot be written any more."""
-        self._ended = True
-        self._lines.clear()
+        if self._lost:
+            return
+        self._ended = self._lost = True
+        self._waiting = []
         self._warn(
             f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
             "continues without it; make room on the disk and restart the gateway to record again"
@@ -134,26 +125,29 @@ class Recorder:
 
     async def close(self) -> None:
         """Write what is left and the last line, and close the file."""
-        if not self._ended:
-            self._line(RECORDER, "!", "ends here")
+        self.put(Entry(0.0, RECORDER, "!", b"", "ends here"))
         self._ended = True
         await self.flush()
         await in_thread(self._close_file)
 
     # --- on a thread --------------------------------------------------------------------------------------------------
 
-    def _write_out(self, text: str, at: float) -> bool:
-        """Write lines, the last of which is of second ``at``; return whether the oldest file was deleted for the first
-        time. Raises OSError after the end of a file that cannot be written any more.
+    def _write_out(self, entries: list[tuple[float, Entry]]) -> bool:
+        """Write entries; return whether the oldest file was deleted for the first time.
+
+        Raises OSError after the end of a file that cannot be written any more.
         """
-        if self._file < 0:
-            return False
-        try:
-            self._append(text)
-            return self._size >= self._longest and self._next_file(at)
-        except OSError as error:
-            self._end_early(f"{at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n")
-            raise
+        full = False
+        for start in range(0, len(entries) if self._file >= 0 else 0, PORTION):
+            portion = entries[start : start + PORTION]
+            at = portion[-1][0] - self._began
+            try:
+                self._append("".join(_line(moment - self._began, entry) for moment, entry in portion))
+                full |= self._size >= self._longest and self._next_file(at)
+            except OSError as error:
+                self._end_early(f"{at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n")
+                raise
+        return full
 
     def _open(self, at: float) -> None:
         """Begin a file at a second of the recording. Raises OSError."""
@@ -192,6 +186,22 @@ class Recorder:
         if file >= 0:
             with contextlib.suppress(OSError):
                 os.close(file)
+
+
+def _line(at: float, entry: Entry) -> str:
+    """Return an entry of the wire log as a line; empty if a recording holds no entries of its kind."""
+    side, arrow = entry.side, entry.arrow
+    if arrow == "raw":
+        arrow, text = "<" if side == MOUNT else ">", escape(entry.data)
+    elif arrow in ("<", ">"):
+        if arrow == ("<" if side == MOUNT else ">"):
+            return ""  # a part of a raw chunk
+        text = escape(entry.data)
+    elif arrow == "x":
+        return ""  # dropped bytes are parts of raw chunks, too
+    else:
+        text = entry.note.replace("\n", " ")
+    return f"{at:.6f} {'_'.join(side.split()) or '?'} {arrow} {text}".rstrip(" ") + "\n"
 
 
 def record(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:

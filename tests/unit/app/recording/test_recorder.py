@@ -203,3 +203,38 @@ def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path
     recording = read(path)
     assert len(list(recording)) > 500
     assert "breaks off" in recording.cut or "cut off" in recording.cut
+
+
+def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "night.rec"
+
+    async def work() -> None:
+        recorder = Recorder(path, SETTINGS)
+        recorder.put(Entry(0.0, "a page\n9.9 mount\t> ", "*", b"", "Goto:\nit goes\r there\u2028°"))
+        recorder.put(Entry(0.0, "mount", "raw", b"12\n \x00#"))
+        recorder.put(Entry(0.0, "", "!", b"", ""))
+        await recorder.close()
+
+    asyncio.run(work())
+    events = [(event.side, event.arrow, event.data) for event in read(path)]
+    assert events == [
+        ("a_page_9.9_mount_>", "*", "Goto: it goes\r there?°".encode("latin-1")),
+        ("mount", "<", b"12\n \x00#"),
+        ("?", "!", b""),
+        ("recording", "!", b"ends here"),
+    ]
+
+
+def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
+    path, said = tmp_path / "night.rec", list[str]()
+
+    async def work() -> None:
+        recorder = Recorder(path, SETTINGS, longest=1000, warn=said.append)
+        path.unlink()
+        path.write_text("a letter")
+        await _say(recorder, 100)
+        await recorder.close()
+
+    asyncio.run(work())
+    assert path.read_text() == "a letter"
+    assert len(said) == 1 and "there is a file that is no recording" in said[0]
