@@ -49,6 +49,7 @@ class MountState(Struct, frozen=True, dict=True):
     wanted: Wanted
     goal: op.Equatorial | op.Horizontal | None
     sun_ahead: str
+    doubt: str
     policy: Policy
     sites: tuple[Site, ...]
     times: tuple[Time, ...]
@@ -132,7 +133,7 @@ class MountState(Struct, frozen=True, dict=True):
             yield (f"a goto to {self.goal_words}" if self.goal else home) + asked(motion.by, motion.since)
         elif self.look.slewing:
             yield "it slews without an order from this gateway: perhaps by its hand control"
-        yield from filter(None, (wanted.short, self.sun_ahead))
+        yield from filter(None, (wanted.short, self.sun_ahead, self.doubt))
         for axis, moving in motion if isinstance(motion, ByHand) else ():
             yield _arrow(moving.operation, axis) + asked(moving.by, moving.since)
         for order in wanted.pending:
@@ -189,6 +190,7 @@ def mount_state(
         wanted=wanted.value,
         goal=_goal(controller),
         sun_ahead=controller.sun_ahead.words,
+        doubt=controller.synced.doubt,
         policy=controller.policy,
         sites=sites,
         times=times,

@@ -18,6 +18,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Stopped, Unsupported
 from gateway.core.motion_kinds import MOTIONS
 from gateway.core.waiting import Outcome, result_of
+from gateway.mount.as_left import SameMount
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
@@ -99,7 +100,11 @@ class MountController:
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.perform)
         reconciler.unattended.connect(self.supervisor.start_watching)
-        self.identification = Identification(context, runner, gate, reader, sync, reconciler, self.ends)
+        self.same_mount = SameMount(context, runner)
+        reader.position.connect(self.same_mount.seen)
+        self.identification = Identification(
+            context, runner, gate, reader, sync, reconciler, self.ends, self.same_mount.check
+        )
         self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
@@ -229,7 +234,9 @@ class MountController:
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.settings.handlers.get(type(operation))) is not None:
-            return await setting(operation, program)
+            answer = await setting(operation, program)
+            self.changed.emit(None)
+            return answer
         if isinstance(operation, op.GetActivity):
             heard = self.cache.age(op.Position, self.now())
             return self.context.run_on.activity(self.wanted.value, self.driver.parked, heard)
@@ -242,7 +249,10 @@ class MountController:
             if (side := self.driver.tube_side(reported)) is not None:
                 return side
             return reported if self.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
-        return await self._runner.perform(operation, SETTING)
+        answer = await self._runner.perform(operation, SETTING)
+        if not isinstance(operation, op.Read):
+            self.changed.emit(None)
+        return answer
 
     def begin(
         self,

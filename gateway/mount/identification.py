@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.astro.axes import Build, Geometry
@@ -40,7 +41,9 @@ ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``identified`` is emitted whenever the mount was identified."""
+    """Listens to the line. ``identified`` is emitted whenever the mount was identified; before that, ``check`` looks
+    whether it is as it was left.
+    """
 
     def __init__(
         self,
@@ -51,10 +54,12 @@ class Identification:
         sync: SyncSettings,
         reconciler: Reconciler,
         ends: EndWatch,
+        check: Callable[[], Awaitable[None]],
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
         self._reader, self._sync, self._reconciler, self._ends = reader, sync, reconciler, ends
+        self._check = check
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
         #: Whether something moved when the port was lost, when that was, and what moved; None if it cannot be judged.
@@ -133,6 +138,7 @@ class Identification:
             await self.learn(op.GetStatus())
             await self.learn(op.GetSite())
             await self._judge(self._left)
+        await self._check()
         self.identified.emit(None)
         self._context.found.set()
         self._context.known.set()

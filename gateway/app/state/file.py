@@ -17,6 +17,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from gateway.core.operations import Values
+from gateway.mount.as_left import AsLeft
 from gateway.mount.motion.left_moving import LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
@@ -48,6 +49,8 @@ class SavedState(Struct, omit_defaults=True):
     mount: Values = {}
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
+    #: Where the mount was when the gateway last saw it, if the gateway keeps something that ends with the mount.
+    left: AsLeft | None = None
     #: The site that a program has set last, if the mount tells none of its own.
     site_of_program: SiteOfProgram | None = None
 
@@ -155,7 +158,11 @@ def to_shared(kept: SavedState) -> MountSettings:
 
 
 def from_shared(
-    shared: MountSettings, mount: Values, synced: SyncSum = SyncSum(), site: SiteOfProgram | None = None
+    shared: MountSettings,
+    mount: Values,
+    synced: SyncSum = SyncSum(),
+    site: SiteOfProgram | None = None,
+    left: AsLeft | None = None,
 ) -> SavedState:
     """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
@@ -167,5 +174,6 @@ def from_shared(
         motors=dict(shared.motors),
         mount=mount,
         synced=synced,
+        left=left,
         site_of_program=site,
     )

@@ -18,6 +18,7 @@ from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file, told
 from gateway.core.operations import Values
 from gateway.core.waiting import in_thread
+from gateway.mount.as_left import AsLeft
 from gateway.mount.controller import MountController
 from gateway.mount.motion.left_moving import RECENT, LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
@@ -41,6 +42,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. A mount that it left moving is stopped first, or judged if that is old."""
     controller.driver.restore_state(previous_run.kept.mount, moving=False)
     controller.synced.value = previous_run.kept.synced
+    controller.same_mount.left = previous_run.kept.left
     controller.site_clock.stored = previous_run.kept.site_of_program
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
@@ -86,6 +88,7 @@ class StateStore:
         self._written = file.encode(kept)
         self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
+        self._left: Callable[[], AsLeft | None] = lambda: kept.left
         self._site: Callable[[], SiteOfProgram | None] = lambda: kept.site_of_program
         self._motion: Callable[[], LeftMotion | None] = lambda: None
         self._host: Callable[[], float] = lambda: 0.0
@@ -149,7 +152,8 @@ class StateStore:
         restore(controller, self.previous_run)
         self._motion, self._host = controller.identification.left_motion, controller.site_clock.host
         self._site = controller.site_clock.lasting_site
-        for lasting in (controller.changed, controller.site_clock.lasting):
+        self._left = lambda: controller.same_mount.left
+        for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
             lasting.connect(lambda _: self.changed())
         controller.hold.on = file.is_held(self.directory)
         if controller.hold.on:
@@ -209,7 +213,8 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
-        data = file.encode(file.from_shared(self.shared.settings, self._memory(False), self._synced(), self._site()))
+        values = self._memory(False), self._synced(), self._site(), self._left()
+        data = file.encode(file.from_shared(self.shared.settings, *values))
         if data == self._written:
             return False
         self._written = data
@@ -228,6 +233,8 @@ class StateStore:
         self._closing.set()
         if self._writer is not None:
             await asyncio.wait({self._writer})
+        if self.held:
+            await self._write()  # where the mount is now
         if self._marker is not None:
             await self._marker.close()
         self._lock.release()

@@ -83,19 +83,21 @@ def _different(sums: Iterable[Pair]) -> list[Pair]:
 class SyncTotal:
     """Owns ``value``, the sum of all syncs since the alignment of the mount; a previous run may have saved it.
 
-    ``coming`` is the sum with the sync that was admitted and is being sent.
+    ``coming`` is the sum with the sync that was admitted and is being sent; ``doubt`` is why the user should sync
+    again, in words.
     """
 
     def __init__(self) -> None:
         self.value = self.coming = SyncSum()
+        self.doubt = ""
 
     def carried_out(self) -> None:
         """The mount has acknowledged the sync."""
-        self.value = self.coming
+        self.value, self.doubt = self.coming, ""
 
-    def forget(self) -> None:
-        """Reset the sum: the mount was aligned again, or is not aligned."""
-        self.value = SyncSum()
+    def forget(self, doubt: str = "") -> None:
+        """Reset the sum: the mount was aligned again, is not aligned, or is in ``doubt``."""
+        self.value, self.doubt = SyncSum(), doubt
 
 
 def check_sync(

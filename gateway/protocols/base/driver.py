@@ -127,6 +127,8 @@ class Driver:
     offset: tuple[float, float] = (0.0, 0.0)
     #: Whether it does so because the hand control has no sync command.
     emulates_sync = False
+    #: The last position, as the mount counts.
+    last: op.Equatorial | None = None
     #: Whether the last declination that the mount told was beyond the pole: it takes the tube for driven over it.
     told_beyond = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
@@ -249,6 +251,15 @@ class Driver:
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
         """Restore what ``saved_state`` returned in an earlier run; invalid values are ignored."""
+
+    @property
+    def emulated(self) -> str:
+        """What the driver keeps that ends when the mount is switched off, and what it is without that, in words."""
+        return ""
+
+    def forget_emulated(self) -> Steps:
+        """Forget that: the mount may have been switched off. Where the value is known then, it is sent."""
+        yield from ()
 
     def line_was_lost(self) -> None:
         """React to a lost line: the mount may have been switched off and on meanwhile."""

@@ -31,8 +31,9 @@ HIGH = len("HH:MM:SS#")
 
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """ACK, :GR and :GD in high precision -> Equatorial: enough to report the position to clients."""
+    corrects = mount.corrects
     mount.power_on()
-    mount.pushed = False
+    mount.corrects, mount.pushed = corrects, False
     mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
     yield from _probe(mount, "ACK", unverified=True)
     began = mount.now()

@@ -158,7 +158,7 @@ def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
 
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
     """Set the guide rate, a fraction of sidereal, and send :Rg if the model has it and the rate differs."""
-    mount.guide_rate = min(1.0, operation.rate)
+    mount.guide_rate, mount.guide_rate_asked = min(1.0, operation.rate), True
     yield from use_guide_rate(mount, mount.guide_rate)
 
 

@@ -43,7 +43,7 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
     first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
-    place = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
+    place = mount.last = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
     if (state := mount.goto) is not None:
         state.read, old = mount.now(), state.place
         if old is None or max(abs(wrap180(place.ra - old.ra)), abs(place.dec - old.dec)) > STANDS_WITHIN:

@@ -130,6 +130,7 @@ class Lx200Driver(Driver):
         self.ended: dict[str, dict[int, int]] = {}
         #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
         self.guide_rate, self.guide_rate_chosen = settings.guide_rate or 1.0, settings.guide_rate is not None
+        self.guide_rate_asked = False
         #: The last value sent with :Sw, degrees per second; None before the first.
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); and the guide rate sent last (:Rg).
@@ -267,12 +268,29 @@ class Lx200Driver(Driver):
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         driven = {"driven": True} if self.drive_changed else {}
-        return {**stands, **({"parked": True} if self.parked else {}), **driven}
+        guides = {"guides": self.guide_rate} if self.guide_rate_asked else {}
+        corrects = {"corrects": sorted(self.corrects)} if self.corrects else {}
+        return {**stands, **({"parked": True} if self.parked else {}), **driven, **guides, **corrects}
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
         self.parked, self.drive_changed = saved.get("parked") is True, saved.get("driven") is True
         if saved.get("stands") in ("P", "G"):
             self.home_letter = saved["stands"]
+        if isinstance(guides := saved.get("guides"), float) and 0.0 < guides <= 1.0:
+            self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN)
+            self.guide_rate_chosen = self.guide_rate_asked = True
+        if isinstance(corrects := saved.get("corrects"), list):
+            self.corrects = frozenset({1, 2}.intersection(corrects))
+
+    @property
+    def emulated(self) -> str:
+        """The state of a toggle, which ends when it is switched off; a model with two commands needs none."""
+        known = not self.corrects or self.supports("$QZ+")
+        return "" if known else "its periodic error counts as not corrected"
+
+    def forget_emulated(self) -> Steps:
+        yield from ()
+        self.corrects = frozenset()
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]

@@ -13,7 +13,7 @@ from gateway.core.errors import Fault, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.counting import SIDEREAL, key_speed, rate_tables
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, letters_swapped, numbered
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version
 
@@ -44,7 +44,13 @@ class Memory(Struct, omit_defaults=True):
     """What the state file keeps for the next run."""
 
     home: op.Horizontal | None = None
+    home_state: int = 0
     parked: bool = False
+    native: op.Tracking | None = None
+    code: int | None = None
+    offset: tuple[float, float] | None = None
+    rate: op.TrackRate | None = None
+    guide_rates: dict[int, float] = {}
     model: str | None = None
     version: Version | None = None
     tracking: op.Tracking | None = None
@@ -121,7 +127,6 @@ class NexStar(Driver):
         #: By axis, when the last pulse that the motor times itself ends.
         self.pulse_ends: dict[int, float] = {}
         # position
-        self.last: op.Equatorial | None = None
         self.offset = (0.0, 0.0)
         self.home: op.Horizontal | None = None
         self.home_state = 0
@@ -150,22 +155,60 @@ class NexStar(Driver):
         self.drive = "special" if self.drive == "replaced" else self.drive
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return what to save: home and park; in motion also model, version and the tracking mode to resume."""
-        speaks = (self.model, self.version, self.suspended or self.tracking) if moving else ()
-        return cast(SavedValues, to_builtins(Memory(self.home, self.parked, *speaks)))
+        """Return what to save: home, park, what the mount cannot tell, and its mode while it does not track; in motion
+        also model, version and the tracking mode to resume.
+        """
+        rests = self.tracking is op.Tracking.OFF or moving
+        changed = self.guide_rates != dict.fromkeys(AXES, self.settings.guide_rate or GUIDE_RATE)
+        kept = Memory(
+            self.home,
+            int(self.home_state == 1),
+            self.parked,
+            self.native_mode if rests and not moving else None,
+            self.code if rests and not self._code_is_usual else None,
+            self.offset if any(self.offset) else None,
+            None if self.rate.name == "sidereal" else self.rate,
+            self.guide_rates if changed else {},
+            *((self.model, self.version, self.suspended or self.tracking) if moving else ()),
+        )
+        return cast(SavedValues, to_builtins(kept, str_keys=True))
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        """Restore what was saved. The drive rate is not part of it: it ends with the gateway."""
+        """Restore what was saved; ``SameMount`` looks whether it is still true."""
         try:
-            held = convert(saved, Memory)
+            held = convert(saved, Memory, str_keys=True)
         except ValidationError:
             return
-        self.home, self.parked = held.home, held.parked
+        self.home, self.parked, self.home_state = held.home, held.parked, held.home_state
+        self.native_mode, self.code, self.offset = held.native, held.code, held.offset or (0.0, 0.0)
+        self.guide_rates |= held.guide_rates
+        if held.rate is not None:
+            self.rate, self.drive = held.rate, "special"
         if moving:
+            self.drive = "special"  # a motion that replaced tracking may have been cut short
             self.model, self.version = held.model or self.model, held.version or self.version
             if held.tracking is not None and self.supports("T"):
                 self.suspended, self.in_doubt = held.tracking, True
                 self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
+
+    @property
+    def emulated(self) -> str:
+        return "" if self.rate.name == "sidereal" else "its drive rate is the sidereal one again"
+
+    @property
+    def _code_is_usual(self) -> bool:
+        """Whether the byte of its tracking mode follows from the mode."""
+        return self.native_mode is None or self.code == code_of(self.native_mode, self.facts, self.version)
+
+    def switched_off(self) -> None:
+        """Note that an alignment was lost, and with it what the gateway keeps on top of it."""
+        self.offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
+
+    def forget_emulated(self) -> Steps:
+        special = self.rate.name != "sidereal"
+        self.switched_off()
+        if special and self.aligned:
+            yield from self.perform(self.rate)
 
     def line_was_lost(self) -> None:
         """After a reconnect, resume suspended tracking only if the mount is still aligned."""

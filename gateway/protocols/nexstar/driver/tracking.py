@@ -65,6 +65,7 @@ def _forget(mount: NexStar) -> None:
     """Forget motion and tracking: a hand control that lost its alignment has been switched off."""
     mount.at_rest()
     mount.suspended = mount.native_mode = mount.code = None
+    mount.switched_off()
     mount.in_doubt = False
     mount.checks_left = 0
 
@@ -184,6 +185,8 @@ def resume(mount: NexStar) -> Steps:
 def _read_mode(mount: NexStar) -> Steps:
     """Read ``t`` and return the mode."""
     code: int = (yield Send("t"))["mode"]
+    if code and mount.tracking in (None, op.Tracking.OFF) and mount.goto is None:
+        mount.parked = False  # tracking was turned on at the mount itself
     _learn(mount, _mode_of(mount, code))
     mount.code = code or mount.code
     return mount.tracking

@@ -1,0 +1,98 @@
+"""Whether a mount is still as the gateway left it: only then what the gateway keeps for it is still true.
+
+A hand control without a sync command has an offset in the gateway instead, and none reports its drive rate. Both end
+when the mount is switched off, which nobody sees while the gateway or the line is away. So they are kept only if all
+that can be read agrees; in doubt they go together with their bookkeeping, and the user is told to sync again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+from msgspec import Struct
+
+from gateway.astro.spherical import SIDEREAL_RATE, separation
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.queue import READ
+from gateway.mount.safety.sync_sum import NO_SYNC
+
+#: Seconds that it may have been away; seconds by which its clock may have gone otherwise; degrees that it may be off.
+LONGEST, CLOCK, PLACE = 3600.0, 30.0, 0.5
+#: Seconds between two records of where it is.
+EVERY = 60.0
+
+
+class AsLeft(Struct, frozen=True):
+    """Where the mount was ``at`` this computer's time: its own position, degrees, and whether it tracked; and how far
+    its clock was ahead of the computer's, seconds.
+    """
+
+    at: float
+    ra: float
+    dec: float
+    tracked: bool
+    ahead: float
+
+
+class SameMount:
+    """Owns ``left``; ``lasting`` is emitted when that is to be written to disk."""
+
+    def __init__(self, context: Context, runner: DriverRunner) -> None:
+        self._context, self._runner = context, runner
+        self.left: AsLeft | None = None
+        self._written, self._checked = 0.0, False
+        context.link.came_up.connect(self._suspect)
+        self.lasting: Signal[None] = Signal()
+
+    def _suspect(self, _: None) -> None:
+        self._checked = False
+
+    @property
+    def _keeps(self) -> bool:
+        driver, synced = self._context.driver, self._context.synced.value
+        return bool(driver.emulated) or (driver.emulates_sync and (any(driver.offset) or synced != NO_SYNC))
+
+    def seen(self, _: op.Equatorial) -> None:
+        """Record where the mount is, if the gateway keeps something for it."""
+        context = self._context
+        place, status = context.driver.last, context.cache.value(op.GetStatus)
+        clock = context.site_clock.running(context.site_clock.mount_clock)
+        if not (self._keeps and self._checked) or place is None or status is None or clock is None:
+            return
+        host, tracked = context.site_clock.host(), status.tracking is not op.Tracking.OFF
+        self.left = AsLeft(host, place.ra, place.dec, tracked, clock.unix - host)
+        if abs(host - self._written) > EVERY:
+            self._written = host
+            self.lasting.emit(None)
+
+    async def check(self) -> None:
+        """Compare the mount with how it was left; forget what is kept for it if anything differs or is not known."""
+        kept, context = not self._keeps or await self._as_left(), self._context
+        self._checked = True
+        if kept:
+            return
+        words, synced = context.driver.emulated, context.driver.emulates_sync and context.synced.value != NO_SYNC
+        with contextlib.suppress(Fault):
+            await self._runner.drive(context.driver.forget_emulated(), READ)
+        if context.driver.emulates_sync:
+            context.synced.forget("sync again: the mount may have been switched off, and earlier syncs no longer count")
+        also = f"; {words}" if words else ""
+        context.note(f"{context.synced.doubt if synced else 'the mount may have been switched off'}{also}")
+
+    async def _as_left(self) -> bool:
+        left, host = self.left, self._context.site_clock.host()
+        if left is None or not 0.0 <= host - left.at < LONGEST:
+            return False
+        try:
+            if not (await self._runner.perform(op.GetStatus(), READ)).aligned:
+                return False
+            clock = (await self._runner.perform(op.GetClock(), READ)).unix - self._context.site_clock.host()
+            place = await self._runner.perform(op.Position(), READ)
+        except Fault:
+            return False
+        turned = 0.0 if left.tracked else SIDEREAL_RATE * (host - left.at)
+        return abs(clock - left.ahead) < CLOCK and separation(left.ra + turned, left.dec, place.ra, place.dec) < PLACE
