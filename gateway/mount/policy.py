@@ -1,7 +1,9 @@
 """The decisions of the mount's owner: limits, parking, whether the mount is held, how long clients may be silent.
 
 Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
-is allowed (with an arcsecond for rounding), and a motion that leads out of a forbidden region is never forbidden.
+is allowed, and a motion that leads out of a forbidden region is never forbidden. Altitudes that somebody has written
+are kept by every source of site and time and on the way of a goto. Until then 0 and 90 degrees are a courtesy: they
+judge goals by the mount's own site and clock, and end arrows and tracking.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
-AT_LIMIT = 1.0 / 3600.0
+#: Degrees that rounding may explain at a limit.
+AT_LIMIT = 0.1
 #: The motion orders that are allowed while a mount is held; all others are refused.
 STILL = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
@@ -81,6 +84,15 @@ class Limits(Struct, frozen=True):
     def for_keys(self) -> Limits:
         """Return these limits for motion at the mount's own keys."""
         return replace(self, lowest=min(self.lowest, self.at_keys[0]), highest=max(self.highest, self.at_keys[1]))
+
+    def written(self) -> Limits:
+        """Return these limits with the altitudes that somebody has written: the owner, or a page or a program if they
+        are tighter than the horizon and the zenith. The others are off."""
+        return replace(
+            self,
+            lowest=self.lowest if self.lowest > 0.0 or self.at_keys[0] > -90.0 else -90.0,
+            highest=self.highest if self.highest < 90.0 else 90.0,
+        )
 
     def at_any_altitude(self) -> Limits:
         """Return these limits without the altitudes, for a position that the owner has chosen."""

@@ -60,6 +60,21 @@ def test_meade_through_the_gateway(workshop: Workshop, site: Site) -> None:
     turns_and_stops(Rotator(workshop, MEADE, surface.path), truth)
 
 
+@pytest.mark.parametrize("site", [pytest.param(NORTH, id="north"), pytest.param(SOUTH, id="south")])
+@pytest.mark.parametrize("mount", ["nexstar:cge", "nexstar:6-8se"])
+def test_it_parks_at_the_northern_horizon(workshop: Workshop, mount: str, site: Site) -> None:
+    """Hamlib's own park, azimuth 0 and altitude 0, on a German mount and a fork, in both hemispheres."""
+    requires("rotctld")
+    wire, truth = start_simulator(workshop, mount, site, speed=8.0)
+    rotator = Rotator(workshop, MEADE, start_gateway(workshop, wire, "autostar", "pty").path)
+    rotator.go(150.0, 50.0)
+    wait_until("arrival", lambda: not truth.goto_running())
+    rotator.go(0.0, 0.0)
+    wait_until("turning", truth.goto_running)
+    wait_until("arrival", lambda: not truth.goto_running())
+    wait_until("arrival as it is told", lambda: off(rotator.position(), (0.0, 0.0)) < NEAR)
+
+
 @pytest.mark.parametrize("kind", ["altaz", "german"])
 def test_meade_through_the_gateway_on_an_alpaca_mount(workshop: Workshop, kind: str) -> None:
     """Hamlib's LX200 model on the gateway's pseudo terminal, in front of a mount behind an Alpaca server."""

@@ -169,6 +169,7 @@ class RequestHandler:
                 return "the time is set"
             case requests.TellSite():
                 holds = self._controller.settings.holds_for()
+                self._controller.site_clock.confirmed = op.Place(request.latitude, request.longitude)
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return f"the site is set; it holds for {holds}" if holds else "the site is set"
             case requests.Guide():

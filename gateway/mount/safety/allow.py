@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from gateway.astro.axes import Pair
+from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.mount.motion.seen import Seen
 from gateway.mount.motion.wanted import Moving
@@ -34,8 +36,11 @@ APPROACH = 0.2
 FASTER_THAN_TRACKING = 0.1
 #: Degrees by which a goto that brakes before a limit stays behind what its last speed lets expect.
 BRAKED = 0.75
-#: Degrees by which a goto that ends at a limit may overshoot.
-OVERSHOOT = 0.05
+#: Degrees by which a goto on its way may be seen beyond a limit, and seconds of its speed: the two coordinates of a
+#: position are read one after the other while the tube moves.
+OVERSHOOT, APART = 0.1, 0.2
+#: Degrees below the lowest point of its ways, and below the horizon, at which a goto is lost.
+LOST = 10.0
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
 NEARER = 0.05
 
@@ -120,11 +125,24 @@ ALLOWED = Verdict()
 
 
 class CheckedPath:
-    """The path of the goto that is about to begin: whether it leads beyond an altitude limit, and whether it is known
-    to stay within all limits.
+    """What is known of the goto that is about to begin.
+
+    ``ways`` are the readings of the axes along its ways that keep the limits: empty if it must be watched like a motion
+    by hand, None if they are not known. Below ``floor``, degrees, it is lost. ``clear``: it keeps all limits.
     """
 
-    leaves_limits = clear = False
+    ways: list[Pair] | None = None
+    floor = -90.0
+    clear = False
+
+    def forget(self) -> None:
+        """Begin with a new goto, of which nothing is known."""
+        self.ways, self.floor, self.clear = None, -90.0, False
+
+    def take(self, ways: list[Pair], zenith: Pair, clear: bool) -> None:
+        """Take the readings along the ways, and at the ``zenith``. Not ``clear``: the tube may be on another one."""
+        self.ways, self.clear = ways if clear else [], clear
+        self.floor = min(0.0, 90.0 - max(separation(*one, *zenith) for one in ways) - LOST)
 
 
 class View(Struct, frozen=True):
@@ -132,7 +150,8 @@ class View(Struct, frozen=True):
 
     ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of those seen are shown by
     the mount's own coordinates or axes, the others by other sources of site and time. ``past`` tells how far the tube
-    is past the meridian, None if unknown or during a goto. ``astray``: the goto may pass a limit on its path.
+    is past the meridian, None if unknown or during a goto. ``astray``: the goto was seen off its ways; ``floor`` is the
+    altitude below which it is lost.
     """
 
     seen: Seen
@@ -144,12 +163,13 @@ class View(Struct, frozen=True):
     past: PastNow | None = None
     astray: bool = False
     own_suns: int = 1
+    floor: float = -90.0
 
     @property
     def on_checked_path(self) -> bool:
         """Whether only a checked goto moves the mount: no motion by hand took over, and none of its axes was stopped.
 
-        A goto whose path leads beyond a limit does not count: it is watched like a motion by hand.
+        A goto that is seen off its ways does not count: it is watched like a motion by hand.
         """
         return self.moving.slewing and self.moving.ordered and not self.moving.by_hand and not self.astray
 
@@ -227,15 +247,24 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 
 
 def altitude(view: View) -> Verdict:
-    """End a motion before it passes an altitude limit, by what the mount tells or by what it told before its syncs."""
+    """End a motion before it passes an altitude limit, by what the mount tells or by what it told before its syncs.
+
+    A goto passes the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
+    written limits count.
+    """
     before, last, changes = view.seen.before, view.seen.last, view.seen.changes
     if before is None or last is None or changes is None:
         return ALLOWED
-    limits, earlier, soonest = view.limits, view.seen.earlier, ALLOWED
+    earlier, soonest, written = view.seen.earlier, ALLOWED, view.limits.written()
+    goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
+    beyond = (OVERSHOOT + APART * view.seen.across) * view.on_checked_path
     for number, (then, now) in enumerate(zip(before.altitudes, last.altitudes, strict=False)):
+        limits = written if goes or number else view.limits
         grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
         rate = view.ahead(changes.altitudes[number], grew)
-        if leaving(limits, then, now, view.margin(rate) - OVERSHOOT * view.on_checked_path):
+        if goes and now < min(view.floor, then):
+            return Verdict(f"the altitude limit ({now:.1f} degrees, far below its way)")
+        if leaving(limits, then, now, view.margin(rate) - beyond):
             return Verdict(f"the altitude limit ({now:.1f} degrees{', if the syncs were wrong' * (number > 0)})")
         if now < then and limits.lowest > -90.0:
             soonest = _sooner(soonest, view.allowed_within(now - limits.lowest, rate, "the altitude limit"))

@@ -3,7 +3,7 @@
 Each sync may be off by the limit for syncs (``sync-limit``), and so may their sum, but no more. A sync counts by what
 it turns: near the zenith of an alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the
 sky turns the first axis by up to 180 degrees, and every later goto with it. So the sum is kept on the sky and for each
-axis. By night plate solvers may sync there, a degree at a time. A new alignment resets the sum.
+axis; that of an axis counts by day. A new alignment resets the sum.
 
 Where a mount may take its tube for pointing the other way (beyond the pole, a German mount on the other side of the
 pier), a sync may turn its axes in either of two ways. All sums that are possible are kept, and the larger one counts.
@@ -21,8 +21,6 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import SyncTooFar
 from gateway.core.operations import Equatorial
 
-#: Degrees: by night a sync this near is accepted however far it turns an axis.
-NEARBY = 1.0
 #: Degrees by which low precision may make the sum of one axis larger in a sync that makes the other's smaller.
 ROUNDING = 0.05
 #: Degrees: sums nearer to each other are one; and how many that differ are kept.
@@ -103,7 +101,8 @@ class SyncTotal:
 def check_sync(
     limit: float, so_far: SyncSum, turns: Turns, present: Equatorial, wanted: Equatorial, by_day: bool, pole: str
 ) -> SyncSum:
-    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit on the sky or an axis.
+    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit: on the sky, or by day an
+    axis.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance. ``by_day``: a Sun is up.
     ``pole`` is where the first axis turns far: at the zenith, or at the pole.
@@ -121,7 +120,7 @@ def check_sync(
         raise SyncTooFar(
             f"Sync refused: {then.size:.0f} degrees off with those since the alignment. Check the object, {ways_out}"
         )
-    if distance <= NEARBY and not by_day:
+    if not by_day:
         return then
     turn = max(abs(wrap180(now - old)) for before, after in steps for old, now in zip(before, after, strict=True))
     total = max(abs(one) for _, after in steps for one in after)

@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.astro.spherical import wrap180
+from gateway.astro.axes import Pair
+from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
@@ -25,6 +26,7 @@ from gateway.mount.motion.ends import EndWatch, Sample
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.slew_paths import APART, sun_reading
 from gateway.mount.safety.allow import (
     FASTER_THAN_TRACKING,
     MIN_INTERVAL,
@@ -53,6 +55,8 @@ BLIND = 1.0
 FROM, AFTER, PART = 0.1, 3.0, 0.1
 #: Seconds for which a mount that was moved at the hand control is watched closely.
 WATCH_CLOSELY = 3.0
+#: Degrees from its calculated ways at which a goto is watched like a motion by hand.
+ASTRAY = 3.0 + APART / 2.0
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
 #: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
@@ -84,8 +88,10 @@ class LimitWatch:
         #: When the last motion ended.
         self.at_rest_since = NEVER
         self.path = CheckedPath()
-        #: Whether the path of the last motion that began is known to stay within all limits.
-        self._clear = False
+        #: Whether the path of the last motion that began is known to stay within all limits; its ways, if they are
+        #: known, and the altitude below which it is lost.
+        self._clear, self._floor = False, -90.0
+        self._ways: list[Pair] = []
 
     @property
     def moved_by_others(self) -> bool:
@@ -132,8 +138,9 @@ class LimitWatch:
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._at_own_park = limits.at_any_altitude(), True
-        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.leaves_limits
-        self._clear = isinstance(operation, GOTOS) and self.path.clear
+        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.ways == []
+        self._clear, goes = (self.path.clear, True) if isinstance(operation, GOTOS) else (False, False)
+        self._ways, self._floor = (self.path.ways or [], self.path.floor) if goes else ([], -90.0)
         self._parked = False
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
@@ -204,6 +211,7 @@ class LimitWatch:
             return
         self.seen, moving = fold.see(self.seen, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
+        self._astray = self._astray or (moving.slewing and bool(self._ways) and self._off_its_ways(place))
         view = self._view(now, moving)
         self.seen = replace(self.seen, farthest=farthest(view))
         self._apply(allow(view))
@@ -253,6 +261,11 @@ class LimitWatch:
         if not moving.ordered and (not self._at_own_park or self._left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
+    def _off_its_ways(self, place: op.Equatorial) -> bool:
+        """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
+        here = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
+        return all(separation(*here, *one) > ASTRAY for one in self._ways)
+
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
         if status is None or not (self._parked or self._status_age <= STATUS_AGE):
@@ -275,7 +288,8 @@ class LimitWatch:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns
-        return View(self.seen, limits, mount.timing, moving, suns.limit, status, past, self._astray, suns.own)
+        seen, limit, astray, floor = self.seen, suns.limit, self._astray, self._floor
+        return View(seen, limits, mount.timing, moving, limit, status, past, astray, suns.own, floor)
 
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""

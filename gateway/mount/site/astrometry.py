@@ -249,7 +249,7 @@ class SunAvoidance:
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
         """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
-        sky, sites = self._sky, self._sources.sites()
+        sky, sites = self._sky, self._sources.sites_for_sun()
         times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]
         places = [sky.sun(time.unix) for time in times]
         if not sites:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from gateway.astro.spherical import wrap180
+from gateway.astro.spherical import separation, wrap180
 from gateway.core.about import RELEASED
 from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
@@ -21,14 +21,19 @@ from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 #: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
+#: Degrees by which a program changes a site so far that the former one counts, and seconds for which it does; settings
+#: within so many seconds are one change.
+FAR, FORMER_FOR, ONE_CHANGE = 2.0, 12 * 3600.0, 30.0
+#: Degrees within which another source confirms a site.
+CONFIRMS = 0.5
 #: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_FIX, GPS_SEARCH = 300.0, 30.0
 
 
 #: Seconds: a computer's clock that is so near to the mount's or its GPS is right, however doubtful it is otherwise.
 AGREES = 120.0
-MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
-    "the mount", "its GPS", "the configuration", "this computer", "a program")  # fmt: skip
+MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
+    "the mount", "its GPS", "the configuration", "this computer", "a program", "the site before")  # fmt: skip
 
 
 class Site(NamedTuple):
@@ -84,6 +89,10 @@ class SiteClock:
         self.mount_clock: tuple[Moment, float] | None = None
         #: The hosts of the programs that have set the mount's site and clock; empty if they are the mount's own.
         self.site_by = self.clock_by = ""
+        #: The mount's site before a program changed it far, and when it did.
+        self._former: tuple[Place, float] | None = None
+        #: The site that the owner has set on the page.
+        self.confirmed: Place | None = None
         self.programs = ProgramSettings()
         #: The site that a program had set in an earlier run. It counts once the mount was asked for its own.
         self.stored: SiteOfProgram | None = None
@@ -115,6 +124,16 @@ class SiteClock:
             place = told.place
         return place
 
+    def former_site(self) -> Place | None:
+        """Return the mount's site before a program changed it by more than 2 degrees, for 12 h at most, and until the
+        owner, GPS or the configuration confirms the new one.
+        """
+        here, known = self.mount_site, self._former
+        if here is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(here, known[0]) <= FAR:
+            return None
+        others = [one for one in (self.gps_site, self.configured, self.confirmed) if one is not None]
+        return None if any(far_apart(here, one) <= CONFIRMS for one in others) else known[0]
+
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return what a clock that was read some time ago shows now."""
         if held is None:
@@ -142,6 +161,11 @@ class SiteClock:
         changed = not ours and before is not None and not _same_place(before, place)
         if changed:
             self.programs.forget("site")
+        if changed:
+            self._former = None
+        elif ours and before is not None and far_apart(before, place) > FAR:
+            lately = self._former is not None and self.now() - self._former[1] < ONE_CHANGE
+            self._former = self._former if lately else (before, self.now())
         self.site_by = "" if changed else self.site_by if by is None else by
         self.changed.emit(None)
         return changed
@@ -239,6 +263,11 @@ class BestSources:
             return found
         return [Site(told.place, told.words)]
 
+    def sites_for_sun(self) -> list[Site]:
+        """Return every site over whose horizon the Sun is avoided: also the one before a program changed it far."""
+        former = self._site_clock.former_site()
+        return [*self.sites(), *([Site(former, FORMER)] if former is not None else [])]
+
     def times(self) -> list[Time]:
         """Return every time that counts, best first.
 
@@ -271,6 +300,11 @@ class BestSources:
     def unix(self) -> float:
         """UTC in force for the limits, Unix seconds."""
         return self.best_time().unix
+
+
+def far_apart(one: Place, other: Place) -> float:
+    """Return how far two sites are apart, degrees on the Earth."""
+    return separation(one.longitude, one.latitude, other.longitude, other.latitude)
 
 
 def _same_place(one: Place, other: Place) -> bool:

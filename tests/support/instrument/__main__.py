@@ -16,7 +16,7 @@ from pathlib import Path
 from msgspec import json
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.instrument.attacks import Attack, Result, assault, attacks
+from tests.support.instrument.attacks import Result, assault, attacks
 from tests.support.instrument.evening import Told, cells, evening, prepare
 from tests.support.instrument.rules import SWITCHES, without
 from tests.support.instrument.worlds import SLIPS
@@ -93,26 +93,15 @@ def evenings(chosen: argparse.Namespace) -> None:
 
 
 def assaults(chosen: argparse.Namespace) -> None:
-    work: list[tuple[Attack, str, int]] = []
+    print("| attack | runs | through | where |\n|---|---|---|---|")
+    every: list[Result] = []
     for number, one in enumerate(one for one in attacks() if chosen.only in one.name):
         first = (number + chosen.seed * chosen.kinds) % len(one.kinds)
         tried = (one.kinds * 2)[first : first + min(chosen.kinds, len(one.kinds))]
-        work += [(one, kind, chosen.seed + place + number) for place, kind in enumerate(tried)]
-    results: dict[str, list[Result]] = {}
-    for planned in work:
-        found = run(assault(*planned))
-        results.setdefault(found.name, []).append(found)
-    print("| attack | runs | through | where |\n|---|---|---|---|")
-    for name, rows in results.items():
-        through = [row for row in rows if row.through]
-        where = ", ".join(
-            f"{row.kind} {row.near if row.through == 'D1' else row.low if row.past < 0.0 else row.past:.1f}"
-            for row in through
-        )
-        print(f"| {name} | {len(rows)} | {len(through)} | {where} |")
-    runs = [row for rows in results.values() for row in rows]
-    dangers = Counter(row.through for row in runs if row.through)
-    print(f"| all | {len(runs)} | {dangers.total()} | {dict(dangers)} |")
+        rows = [run(assault(one, kind, chosen.seed + place + number)) for place, kind in enumerate(tried)]
+        through, every = [row for row in rows if row.through], [*every, *rows]
+        print(f"| {one.name} | {len(rows)} | {len(through)} | {', '.join(map(str, through))} |", flush=True)
+    print(f"| all | {len(every)} | {sum(bool(row.through) for row in every)} | |")
 
 
 if __name__ == "__main__":

@@ -47,6 +47,9 @@ class Result(NamedTuple):
     near: float
     past: float
 
+    def __str__(self) -> str:
+        return f"{self.kind} ({self.low:.1f}° high, {self.near:.1f}° from the Sun, {self.past:.0f}° past the meridian)"
+
 
 def sun_at(world: World) -> Pair:
     """Return azimuth and altitude of the Sun."""

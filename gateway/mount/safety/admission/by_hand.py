@@ -118,10 +118,11 @@ def _check_altitudes(
     before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after):
         limits.check_altitude(before if only_beyond else after)
+    written = limits.written()
     for shift in start.shifts:
         before, after = mount.suns.altitude(seen, shift), mount.suns.altitude(soon, shift)
-        if leaving(limits, before, after):
-            check_synced(limits, before if only_beyond else after, shift)
+        if leaving(written, before, after):
+            check_synced(written, before if only_beyond else after, shift)
 
 
 def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:

@@ -1,24 +1,37 @@
 """Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
-They are reported at the start, in one line, because that is better than to learn of them from a refusal. A goto that
-any of the differing sources forbids is refused. A motion under way is judged by the best source alone, so that a wrong
-source cannot stop a mount that is right.
+They are reported at the start, in one line, because that is better than to learn of them from a refusal. A goto is
+refused if any source puts its goal beyond a written altitude limit, or near the Sun. A motion under way is judged by
+the best source alone, so that a wrong source cannot stop a mount that is right.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from math import acos, cos, degrees, radians, sin
 from typing import NamedTuple
 
 from gateway.astro.ephemeris.sky import Sky
-from gateway.astro.spherical import separation
+from gateway.astro.spherical import SIDEREAL_RATE, wrap360
 from gateway.core.about import RELEASED
 from gateway.core.errors import BelowHorizon, Contradicted, Fault, NearSun, Unsupported
-from gateway.core.operations import AxisPosition, Equatorial, GetStatus, Park, Place
+from gateway.core.operations import Equatorial, GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits, check_own_park
 from gateway.mount.site.astrometry import Shift, Sun
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, Time
+from gateway.mount.site.site_clock import (
+    COMPUTER,
+    CONFIGURED,
+    FORMER,
+    GPS,
+    MOUNT,
+    PROGRAM,
+    BestSources,
+    Site,
+    Time,
+    far_apart,
+)
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
@@ -37,6 +50,7 @@ SITE_SET = {
     GPS: "the receiver's by a new fix",
     CONFIGURED: "the key site of the configuration",
     PROGRAM: "the program's",
+    FORMER: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
 }
 CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
 
@@ -57,33 +71,62 @@ class Contradiction(NamedTuple):
     other: str = ""
 
 
-def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
-    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, if it is ``doubted``.
+def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
+    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh, with its value,
+    when it rises, and the sources that say otherwise.
+    """
+    altitude = mount.astrometry.horizon(goal).alt
+    try:
+        limits.check_altitude(altitude)
+    except Fault as fault:
+        found = next(contradictions(mount.sources.sites(), mount.sources.times()), None)
+        words = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
+        words += [_at_length(found)] if found is not None else []
+        raise type(fault)(" ".join(words), str(fault)) from None
+
+
+def _where(limits: Limits, altitude: float) -> str:
+    if altitude > limits.highest:
+        return f"It is above the highest altitude allowed, {limits.highest:g}°"
+    return "It is below the horizon" if limits.lowest <= 0.0 else f"It is below the lowest altitude, {limits.lowest:g}°"
+
+
+def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
+    """Yield when a goal comes above the lowest altitude, in the mount's local time if it tells its zone."""
+    here, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
+    hour_angle = mount.astrometry.sidereal_time() - goal.ra
+    if mount.astrometry.horizon(goal).alt > limits.lowest:
+        return
+    half = (sin(height) - sin(here) * sin(dec)) / max(1e-9, cos(here) * cos(dec))
+    if half >= 1.0:
+        yield "It does not rise here."
+        return
+    seconds = wrap360(-degrees(acos(max(-1.0, half))) - hour_angle) / SIDEREAL_RATE
+    clock = mount.site_clock.mount_clock
+    at = datetime.fromtimestamp(mount.sources.unix() + seconds, UTC) + timedelta(hours=clock[0].offset if clock else 0)
+    yield f"It rises at {at:%H:%M}{'' if clock else ' UTC'}."
+
+
+def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: Equatorial) -> None:
+    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, where it is written.
 
     Raises Contradicted, which names the sources; NearSun if the time is unknown.
     """
     sites, times = sources.sites(), sources.times()
-    if limits.sun > 0.0 and time_unknown(times[0]):
+    if written.sun > 0.0 and time_unknown(times[0]):
         raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
-    for one in contradictions(sites, times) if doubted else ():
+    if written.lowest <= -90.0 and written.highest >= 90.0:
+        return
+    for one in contradictions(sites, times):
         if one.place is None:
             continue
         try:
             altitude = sky.horizon(goal.ra, goal.dec, one.place.latitude, one.place.longitude, one.unix)[1]
-            limits.check_altitude(altitude)
+            written.check_altitude(altitude)
         except Fault as fault:
             which = "low" if isinstance(fault, BelowHorizon) else "high"
             by = f"Too {which} by {_briefly(one)}."
             raise Contradicted(f"Too {which}, if {one.sources[1]} is right: {_at_length(one)}", by) from None
-
-
-def with_contradiction(fault: Fault, sources: BestSources) -> Fault:
-    """Return a refusal by the best source; if others contradict that, with the words for it."""
-    found = next(contradictions(sources.sites(), sources.times()), None)
-    if found is None:
-        return fault
-    words = f"{fault} {_at_length(found)}"
-    return type(fault)(words, words)
 
 
 def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
@@ -127,8 +170,11 @@ def _briefly(one: Contradiction) -> str:
 
 
 def _at_length(one: Contradiction) -> str:
-    ways = ", or ".join(one.remedies[source] for source in one.sources)
-    return f"{one.words[0].upper()}{one.words[1:]}. Correct the one that is wrong: {ways}."
+    return f"{one.words[0].upper()}{one.words[1:]}. Correct the one that is wrong: {_remedies(one)}."
+
+
+def _remedies(one: Contradiction) -> str:
+    return ", or ".join(one.remedies[source] for source in one.sources)
 
 
 def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
@@ -137,7 +183,7 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
     if sites:
         place, others = sites[0].place, sites[1:]
         for other in others:
-            if (apart := _apart(place, other.place)) > SITE_MATTERS:
+            if (apart := far_apart(place, other.place)) > SITE_MATTERS:
                 hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
                 told = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 words = f"{sites[0].who} stands at {site_text(place)}, {told}"
@@ -147,10 +193,6 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
             place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
             words = f"the clocks of {times[0].who} and of {time.source} differ by {span}"
             yield Contradiction(place_of_best, time.unix, words, (times[0].source, time.source), span, CLOCK_SET)
-
-
-def _apart(one: Place, other: Place) -> float:
-    return separation(one.longitude, one.latitude, other.longitude, other.latitude)
 
 
 def site_text(place: Place) -> str:
@@ -168,7 +210,7 @@ def likely_mistake(one: Place, other: Place) -> str:
         "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
     }
     for words, place in written.items():
-        if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS:
+        if abs(place.latitude) <= 90.0 and far_apart(place, other) <= SITE_MATTERS:
             return words
     return ""
 
@@ -186,17 +228,9 @@ def time_unknown(best: Time) -> bool:
 
 
 def contradiction_warning(mount: Context) -> str:
-    """Return the contradictions as one warning line; empty if there are none."""
-    status, driver = mount.cache.value(GetStatus), mount.driver
-    by_axis = status is not None and status.aligned and not status.equatorial and not driver.german
-    if not (by_axis and driver.implementation(AxisPosition)):
-        refused = "gotos that either of them would forbid are refused"
-    elif mount.policy.limits.sun > 0.0:
-        refused = "gotos that come near the Sun by either are refused, the altitude limits go by its axis"
-    else:
-        refused = "nothing is refused for that, the altitude limits go by its axis"
+    """Return the contradictions as one warning line, with how to set each; empty if there are none."""
     found = [
-        f"{one.words} ({refused})"
+        f"{one.words}, so correct the one that is wrong: {_remedies(one)}"
         for one in contradictions(mount.sources.sites(), mount.sources.times())
         if one.place is not None
     ]

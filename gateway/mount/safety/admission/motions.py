@@ -25,15 +25,10 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import (
-    check_contradictions,
-    check_synced,
-    too_near,
-    with_contradiction,
-)
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, leaves_limits, paths_of
+from gateway.mount.safety.admission.contradictions import check_altitude, check_contradictions, check_synced, too_near
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, paths_of, within
 from gateway.mount.safety.admission.syncs import admit_sync
-from gateway.mount.safety.allow import CheckedPath
+from gateway.mount.safety.allow import LOST, CheckedPath
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
@@ -81,7 +76,7 @@ class Admission:
 
     async def _admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
         self._mount.hold.admit(operation)
-        self._path.leaves_limits = self._path.clear = False
+        self._path.forget()
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
@@ -131,13 +126,10 @@ class Admission:
     # --- gotos ------------------------------------------------------------------------------------------------------
 
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
-        mount, axis = self._mount, self._watch.altitude_axis
+        mount, goal = self._mount, op.Equatorial(operation.ra, operation.dec)
         limits = mount.policy.limits.narrowed(operation.lowest, operation.highest)
-        axis_known = axis.available
-        goal = op.Equatorial(operation.ra, operation.dec)
-        await self._check_target(limits, goal, axis_known)
+        self._check_target(limits, goal)
         await self._check_path(limits, goal)
-        check_contradictions(mount.sources, mount.astrometry.sky, limits, goal, not (axis_known or axis.available))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -190,6 +182,7 @@ class Admission:
         there = mount.driver.destination(operation)
         if there is None:
             check_own_park(operation, limits)
+            self._path.ways = []  # it may go anywhere
             return
         try:
             await self._check_axes(there, limits)
@@ -198,24 +191,22 @@ class Admission:
         except (BelowHorizon, TooHigh) as fault:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
-    async def _check_target(self, limits: Limits, goal: op.Equatorial, axis_known: bool) -> None:
-        """Raises BelowHorizon, TooHigh or PastMeridian for a target. ``axis_known``: the altitude axis can be read."""
-        mount = self._mount
+    def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+        """Check the altitude of a target by the mount's own site and clock, and by every source where it is written.
+
+        Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
+        """
+        mount, written = self._mount, limits.written()
         if mount.sources.site() is None:
             self._note_once("site unknown: gotos are not checked against the horizon")
-            return
-        try:
-            limits.check_altitude(
-                mount.astrometry.horizon(goal).alt
-                + (await self._watch.altitude_axis.current_tilt(self._ask) if axis_known else 0.0)
-            )
-        except Fault as fault:
-            raise (fault if axis_known else with_contradiction(fault, mount.sources)) from None
-        for shift in () if axis_known else mount.frame().shifts:  # if the syncs were wrong, the tube goes elsewhere
-            check_synced(limits, mount.suns.altitude(goal, shift), shift)
-        status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
-        if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
-            check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+        else:
+            check_altitude(mount, limits, goal)
+            for shift in self._watch.altitude_axis.shifts:  # if the syncs were wrong, the tube goes elsewhere
+                check_synced(written, mount.suns.altitude(goal, shift), shift)
+            status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
+            if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
+                check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+        check_contradictions(mount.sources, mount.astrometry.sky, written, goal)
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
         """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
@@ -238,13 +229,13 @@ class Admission:
         await self._check_path(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
-        """Raises NearSun if a path comes too near to a Sun, WayBlocked if all lead beyond an altitude limit.
+        """Raises NearSun if a way comes too near to a Sun, WayBlocked if all lead beyond a written altitude limit.
 
         ``axes`` are the target readings, if they are given. A path out of the circle around a Sun is clear if it
         never comes nearer than where it begins. Before the alignment the direction of the tube is unknown, so only the
         target is checked.
         """
-        mount, astrometry = self._mount, self._mount.astrometry
+        mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
         if self._watch.altitude_axis.synced and self._watch.altitude_axis.available:
             await self._watch.altitude_axis.current_tilt(self._ask)
         limit, suns = mount.suns.limit, mount.suns.up()
@@ -254,10 +245,12 @@ class Admission:
             if mount.suns.distance(believed, sun) < limit:
                 raise too_near(mount.sources, sun)
         status = await self._status()
-        # The hour angle on the way is not examined, and without a site nothing is.
-        known = status.aligned and mount.sources.site() is not None and limits.hour_angle is None
-        self._path.clear = known
-        if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
+        if not status.aligned:
+            return
+        if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
+            if mount.sources.site() is not None:
+                self._path.floor = min(0.0, astrometry.horizon(goal).alt - LOST)
+                self._path.clear = limits.hour_angle is None
             return
         others = await pointing(self._mount, self._ask, self._watch)
         here: op.Equatorial = await self._ask.read(op.Position())
@@ -270,13 +263,21 @@ class Admission:
         for sun in suns:
             allowed = min(limit, mount.suns.distance(here, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(clear(start, turned, place, allowed) for start, turned in paths_of(mount, journey(sun.shift))):
+            if not all(clear(*way, place, allowed) for way in paths_of(mount, journey(sun.shift))):
                 raise too_near(mount.sources, sun, way=True)
-        unsynced = self._watch.altitude_axis.shifts
-        self._path.leaves_limits = await check_ways(mount, limits, journey(tube)) or any(
-            leaves_limits(mount, limits, journey(shift)) for shift in unsynced
+        if mount.sources.site() is None:
+            return
+        ways = check_ways(mount, written, journey(tube))
+        along = [point for way in ways for point in slew_paths.points(way)]
+        unsynced = (journey(shift) for shift in self._watch.altitude_axis.shifts)
+        self._path.take(
+            along,
+            slew_paths.zenith(astrometry, status.equatorial),
+            all(len(within(mount, written, one)) == len(paths_of(mount, one)) for one in unsynced),
         )
-        self._path.clear = known and not self._path.leaves_limits
+        # the hour angle on the way is not examined
+        others_leave = len(ways) < len(paths_of(mount, journey(tube)))
+        self._path.clear = self._path.clear and not others_leave and limits.hour_angle is None
 
 
 def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:
