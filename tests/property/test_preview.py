@@ -123,7 +123,7 @@ def test_who_asks_in_advance_leaves_no_trace(model: str) -> None:
             await asyncio.sleep(1.0)
 
             def traces() -> list[object]:
-                watched = controller.watch.path.leaves_limits, controller.watch.path.clear
+                watched = controller.watch.path.floor, controller.watch.path.clear
                 return [watched, len(bridge.entries), len(bridge.sent()), dict(controller.cache._asked)]
 
             before = traces()

@@ -308,33 +308,3 @@ def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
             assert focuser in bridge.sent()
 
     run(program())
-
-
-@pytest.mark.parametrize("latency", [0.05, 0.2])
-@pytest.mark.parametrize(("driven", "model", "first", "second", "limits"), [
-    ("lx200", "lx200", (-80.0, 10.0), (60.0, 40.0), {"highest": 75.0}),
-    ("nexstar", "cge", (-80.0, 10.0), (40.0, -5.0), {"highest": 60.0}),
-])  # fmt: skip
-def test_a_goto_whose_way_leads_beyond_a_limit_ends_before_it(
-    driven: str,
-    model: str,
-    first: tuple[float, float],
-    second: tuple[float, float],
-    limits: dict[str, float],
-    latency: float,
-) -> None:
-    """One shape of its way is clear, so it is begun; the mount takes the other, but nothing of it lies beyond."""
-
-    async def program() -> None:
-        async with Bridge(model, driven=driven, config=limits, latency=latency) as bridge:
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            low, high = 90.0, 0.0
-            for hour_angle, dec in (first, second):
-                await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
-                bottom, top = await at_rest(bridge)
-                low, high = min(low, bottom), max(high, top)
-            assert low >= limits.get("lowest", 0.0)
-            assert high <= limits.get("highest", 90.0)
-            assert any("stopped at the altitude limit" in note for note in notes(bridge))
-
-    run(program())

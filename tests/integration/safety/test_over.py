@@ -69,7 +69,7 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
 
 @pytest.mark.parametrize(
     ("azimuth", "turns"),
-    [(20.0, [20.0]), (160.0, [160.0]), (170.0, [170.0, -190.0]), (190.0, [-170.0, 190.0]), (200.0, [-160.0])],
+    [(20.0, [20.0]), (170.0, [170.0]), (178.0, [178.0, -182.0]), (182.0, [-178.0, 182.0]), (190.0, [-170.0])],
 )
 def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float]) -> None:
     """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""

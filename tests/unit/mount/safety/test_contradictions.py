@@ -41,7 +41,7 @@ def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1]), way=True), best, other)
     zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
     with pytest.raises(Contradicted) as raised:
-        check_contradictions(known, Sky(), Limits(lowest=20.0), zenith, doubted=True)
+        check_contradictions(known, Sky(), Limits(lowest=20.0), zenith)
     says_what_to_do(raised.value, best, other)
 
 

@@ -29,7 +29,7 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.by_hand import Start, check_either_way, check_turns
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, leaves_limits
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, points, within
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import altitude_of, corrected, corrected_azimuth
 from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft, past_meridian
@@ -173,8 +173,8 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),
                     lambda start=start, on=some_limits: check_either_way(context, on, start, {1: n[1], 2: n[0]}),
-                    lambda journey=journey, on=some_limits: leaves_limits(context, on, journey),
-                    lambda journey=journey, on=some_limits: check_ways(context, on, journey).send(None),
+                    lambda journey=journey, on=some_limits: [list(points(one)) for one in within(context, on, journey)],
+                    lambda journey=journey, on=some_limits: check_ways(context, on, journey),
                 ]  # type: ignore[misc]
             for decide in decisions:
                 with contextlib.suppress(Fault, ArithmeticError, ValueError, StopIteration):

@@ -76,22 +76,21 @@ def test_what_is_refused(
     so_far: tuple[float, float], distance: float, turn: tuple[float, float], why: str, by_day: bool
 ) -> None:
     said = refused(SyncSum(turned=so_far), distance, turn, by_day=by_day)
-    if distance <= 1.0 and not by_day:
+    if "turns an axis" in why and not by_day:
         assert said == ""
     else:
         assert why in said and bool(said) == bool(why)
 
 
 @pytest.mark.safety_line(8)
-def test_by_night_a_degree_near_the_zenith_is_accepted() -> None:
+def test_by_night_the_turn_of_an_axis_does_not_count() -> None:
     """Plate solving: half a degree at an altitude of 89 degrees turns the azimuth by 30."""
     assert refused(SyncSum(), 0.5, (30.0, 0.0), by_day=False) == ""
     assert refused(SyncSum(), 1.0, (180.0, 0.0), by_day=False) == ""
     assert "30 degrees" in refused(SyncSum(), 0.5, (30.0, 0.0), by_day=True)
-    assert "60 degrees" in refused(SyncSum(), 1.1, (60.0, 0.0), by_day=False)
     after = SyncSum(0.0, 14.8, (90.0, 0.0))  # the sum on the sky must stay within the limit, too
     assert "16 degrees off with those since the alignment" in refused(after, 0.9, (0.0, 0.9), by_day=False)
-    assert "95 degrees with those" in refused(SyncSum(turned=(90.0, 0.0)), 5.0, (5.0, 0.0), by_day=False)
+    assert "95 degrees with those" in refused(SyncSum(turned=(90.0, 0.0)), 5.0, (5.0, 0.0), by_day=True)
 
 
 @pytest.mark.safety_line(8)
@@ -103,7 +102,7 @@ def test_of_two_turns_that_are_possible_the_larger_counts() -> None:
     assert refused(SyncSum(), 0.9, *around, by_day=False) == ""
     then = SyncSum().added(place(), place(0.0, 0.9), [around])
     assert then.axes == around
-    assert "180 degrees with those since" in refused(then, 2.0, (0.0, 2.0), by_day=False)
+    assert "180 degrees with those since" in refused(then, 2.0, (0.0, 2.0))
     again = then.added(place(), place(0.0, 0.9), [[(0.0, 0.9), (180.0, -6.0)], [(0.0, 1.8), (180.0, 8.7)]])
     assert len(again.axes) == 2  # the others are the same but for a turn
     assert msgspec.json.decode(msgspec.json.encode(again), type=SyncSum) == again
@@ -154,16 +153,13 @@ def test_the_sum_is_what_the_axes_were_turned_by(mount: str, driven: str, south:
 @pytest.mark.parametrize(("start", "taken"), [(EVENING, True), (DAY, False)])
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("autostar", "lx200")])
 def test_near_the_zenith_of_an_alt_azimuth_mount(mount: str, driven: str, start: float, taken: bool) -> None:
-    """A degree on the sky by night, none that turns the azimuth far by day, and three at no time."""
+    """By night a sync counts by what it is on the sky, by day also by how far it turns the azimuth."""
 
     async def program() -> None:
         async with Bridge(mount, driven=driven, start=start) as bridge:
             astrometry, synced = bridge.controller.astrometry, bridge.controller.synced
             here = astrometry.equatorial(op.Horizontal(40.0, 88.5))
             await pointed(bridge, here.ra, here.dec)
-            there = astrometry.equatorial(op.Horizontal(220.0, 88.2))
-            with pytest.raises(SyncTooFar, match="a star farther from the zenith, align the mount again, or"):
-                await bridge.controller.perform(op.Sync(there.ra, there.dec))
             there = astrometry.equatorial(op.Horizontal(70.0, 88.5))
             try:
                 await bridge.controller.perform(op.Sync(there.ra, there.dec))
@@ -174,9 +170,6 @@ def test_near_the_zenith_of_an_alt_azimuth_mount(mount: str, driven: str, start:
             low = astrometry.equatorial(op.Horizontal(70.0, 40.0))
             await pointed(bridge, low.ra, low.dec)
             here = astrometry.horizon(await bridge.controller.read_now(op.Position()))
-            there = astrometry.equatorial(op.Horizontal(here.az + 2.0, here.alt))
-            with pytest.raises(SyncTooFar, match=r"an axis by 3\d degrees with those since the alignment"):
-                await bridge.controller.perform(op.Sync(there.ra, there.dec))
             there = astrometry.equatorial(op.Horizontal(here.az - 29.0, here.alt))  # 22 degrees on the sky
             await bridge.controller.perform(op.Sync(there.ra, there.dec))
             assert synced.value.axes[0] == pytest.approx((1.0, 0.0), abs=5.0)
@@ -186,10 +179,10 @@ def test_near_the_zenith_of_an_alt_azimuth_mount(mount: str, driven: str, start:
 
 @pytest.mark.parametrize(("mount", "taken"), [("cge", False), ("cpc", True)])
 def test_near_the_pole_right_ascension_counts_in_full_on_an_equatorial_mount(mount: str, taken: bool) -> None:
-    """28 degrees of right ascension at declination 75 are 7 on the sky, and turn a polar axis by 28."""
+    """28 degrees of right ascension at declination 75 are 7 on the sky, and turn a polar axis by 28. By day."""
 
     async def program() -> None:
-        async with Bridge(mount, config={"sun": 0.0}) as bridge:
+        async with Bridge(mount, start=DAY, config={"sun": 1.0}) as bridge:
             client = bridge.client()
             await client.ask(b":Sr06:00:00#:Sd+75*00:00#:MS#", until=b"0")
             for _ in range(60):
