@@ -218,25 +218,25 @@ class SimulatedTransport:
     def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
         self._on_data: OnData | None = None
-        self._feed = connection(self._later)
+        self.feed = connection(self._later)
 
     def _later(self, seconds: float, answer: bytes) -> None:
         """Deliver bytes that the simulated mount sends later."""
-        asyncio.get_running_loop().call_later(self._latency + seconds, self._deliver, answer)
+        asyncio.get_running_loop().call_later(self._latency + seconds, self.deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self._on_data = on_data
 
     def write(self, data: bytes) -> None:
-        answer = self._feed(data)
+        answer = self.feed(data)
         if answer:
             loop = asyncio.get_running_loop()
             if self._latency:
-                loop.call_later(self._latency, self._deliver, answer)
+                loop.call_later(self._latency, self.deliver, answer)
             else:
-                loop.call_soon(self._deliver, answer)
+                loop.call_soon(self.deliver, answer)
 
-    def _deliver(self, answer: bytes) -> None:
+    def deliver(self, answer: bytes) -> None:
         if self._on_data is not None:
             self._on_data(answer)
 

@@ -71,7 +71,7 @@ def test_the_judges_know_bad_from_good() -> None:
 
 
 def _mute(bridge: Bridge) -> None:
-    bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+    bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
 
 
 def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
@@ -94,13 +94,13 @@ def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() 
 def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            good, lost = bridge.controller.line.wire._feed, [2]  # type: ignore[attr-defined]
+            good, lost = bridge.controller.line.wire.feed, [2]  # type: ignore[attr-defined]
 
             def feed(data: bytes) -> bytes:
                 lost[0] -= 1
                 return b"" if lost[0] >= 0 else bytes(good(data))
 
-            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = feed  # type: ignore[attr-defined]
             with pytest.raises(Fault):
                 await bridge.controller.reader._runner.drive(bridge.driver.perform(op.GetSite()), READ)
             await asyncio.sleep(60)
@@ -153,8 +153,8 @@ def test_a_four_digit_year_is_taken() -> None:
 def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
     async def program() -> None:
         bridge = Bridge()
-        good = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
-        bridge.controller.line.wire._feed = lambda data: (  # type: ignore[attr-defined]
+        good = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+        bridge.controller.line.wire.feed = lambda data: (  # type: ignore[attr-defined]
             bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
         )
         async with bridge:

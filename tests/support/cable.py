@@ -32,7 +32,7 @@ def lose_commands(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) ->
     """Make the mount miss the next commands with these beginnings; return the list of those it has missed."""
     wire = bridge.controller.line.wire
     missed: list[bytes] = []
-    feed = wire._feed
+    feed = wire.feed
 
     def hear(data: bytes) -> bytes:
         if data.startswith(beginnings) and len(missed) < times:
@@ -40,7 +40,7 @@ def lose_commands(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) ->
             return b""
         return bytes(feed(data))
 
-    wire._feed = hear
+    wire.feed = hear
     return missed
 
 
@@ -48,7 +48,7 @@ def lose_replies(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list
     """Lose the replies to the next commands with these beginnings, which the mount executes; return the commands."""
     wire = bridge.controller.line.wire
     heard: list[bytes] = []
-    feed = wire._feed
+    feed = wire.feed
 
     def hear(data: bytes) -> bytes:
         answer = bytes(feed(data))
@@ -57,5 +57,5 @@ def lose_replies(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list
             return b""
         return answer
 
-    wire._feed = hear
+    wire.feed = hear
     return heard

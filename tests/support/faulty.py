@@ -61,7 +61,7 @@ class FaultyWire:
         latency: float = 0.03,
         text: bool = False,
     ) -> None:
-        self._feed, self._reboot, self._latency, self._text = feed, reboot, latency, text
+        self.feed, self._reboot, self._latency, self._text = feed, reboot, latency, text
         self._random, self.rate, self.kinds = Random(seed), rate, kinds
         self._weights = [RARE.get(kind, 1.0) for kind in kinds]
         self._on_data: OnData | None = None
@@ -104,7 +104,7 @@ class FaultyWire:
             self._kind_of[number] = kind
             self._since = self._since or (now, kind)
         if kind is Kind.HALF:
-            self._feed(data[: self._random.randrange(len(data))])
+            self.feed(data[: self._random.randrange(len(data))])
             self._vanish(0.1)
             raise OSError(5, "half of it")
         if kind is Kind.VANISHED:
@@ -114,10 +114,10 @@ class FaultyWire:
         elif kind is Kind.MUTE:
             self._silent_until = now + self._random.uniform(3.0, 30.0)
         elif kind is Kind.REBOOT:
-            self._feed, self._silent_until = self._reboot(), now + self._random.uniform(4.0, 12.0)
+            self.feed, self._silent_until = self._reboot(), now + self._random.uniform(4.0, 12.0)
         if now < self._silent_until or kind is Kind.UNHEARD:
             return
-        self._answer(number, self._feed(data), kind)
+        self._answer(number, self.feed(data), kind)
 
     # --- faults of a reply --------------------------------------------------------------------------------------------
 

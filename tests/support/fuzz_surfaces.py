@@ -151,7 +151,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
         while done < size:
             number += 1
             visitor = bridge.client(f"host {number % 8}:{number}")
-            client: CommandProcessor = getattr(visitor._guest, "client")  # noqa: B009
+            client: CommandProcessor = getattr(visitor.guest, "client")  # noqa: B009
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # other programs do not count

@@ -123,7 +123,7 @@ class Trial:
             self._sample()
             return answer
 
-        self.wire._feed = heard
+        self.wire.feed = heard
 
     def _sample(self) -> None:
         now = asyncio.get_running_loop().time()
@@ -151,7 +151,7 @@ class Trial:
         else:
             sim.aligned = False
             sim.track(0)
-        return self.wire._feed
+        return self.wire.feed
 
     # --- the clients --------------------------------------------------------------------------------------------------
 

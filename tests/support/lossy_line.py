@@ -43,7 +43,7 @@ class LossyLine:
         self._then: Callable[[], object] = lambda: None
         self._bytes: Container[int] = ()
         self._counted = -1
-        self._wire._feed = self._hear  # type: ignore[attr-defined]
+        self._wire.feed = self._hear  # type: ignore[attr-defined]
 
     def lose_replies(self, number: int, then: Callable[[], object]) -> None:
         """Lose the next replies, and call ``then`` when the request was written whose reply is the last one lost."""

@@ -67,10 +67,10 @@ class Swallowing:
     """Loses one thing between a gateway and its simulated mount, once it is armed."""
 
     def __init__(self, bridge: Any, case: Case) -> None:
-        self._feed, self._case, self._until = bridge.controller.line.wire._feed, case, 0.0
+        self._feed, self._case, self._until = bridge.controller.line.wire.feed, case, 0.0
         self.commands = self.replies = self.bytes = 0
         self.swallowed = b""
-        bridge.controller.line.wire._feed = self._hear
+        bridge.controller.line.wire.feed = self._hear
 
     def arm(self) -> None:
         self._until = asyncio.get_running_loop().time() + WINDOW

@@ -62,17 +62,17 @@ class Terminal(Screen):
         if not text:  # the terminal is gone; SIGHUP ends the process
             asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
         for key in text:
-            self._pressed(key)
+            self.pressed(key)
 
     async def _poll(self) -> None:
         import msvcrt
 
         while True:
             while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
-                self._pressed(msvcrt.getwch())  # type: ignore[attr-defined,unused-ignore]
+                self.pressed(msvcrt.getwch())  # type: ignore[attr-defined,unused-ignore]
             await asyncio.sleep(EVERY)
 
-    def _pressed(self, key: str) -> None:
+    def pressed(self, key: str) -> None:
         leaves = key in "qQ" and not self._asks
         self._left |= leaves
         if key == " " or leaves:  # whoever wants to leave in the middle wants it to stop

@@ -43,7 +43,7 @@ async def serve(
     A silent port is given up after ``longest`` seconds, and not before a few.
     """
     if not patient:
-        await _find(gateway, warn, longest)
+        await find(gateway, warn, longest)
     found = not patient or await gateway.wait_identified(QUICK)
     ready(gateway)
     if not found and not await _found(gateway, warn):
@@ -74,7 +74,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
     return position.is_set()  # a device that reports a position is a mount
 
 
-async def _find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
+async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
     """Wait for the mount. Raises UserError that says what was found instead.
 
     If no byte comes, the user is told, another mount is looked for once, and the port is asked again until ``longest``

@@ -122,7 +122,7 @@ class Visitor:
     def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()
-        self._guest = stage.acceptor.accept(Connected(host, host, self._hear))
+        self.guest = stage.acceptor.accept(Connected(host, host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self.heard += data
@@ -131,12 +131,12 @@ class Visitor:
     @property
     def answered(self) -> bool:
         """Whether everything sent so far that has a reply was answered."""
-        return bool(self._guest.answered)
+        return bool(self.guest.answered)
 
     async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
         """Send bytes and return the reply: up to ``until``, else whatever comes first; b"" after ``seconds``."""
         self.heard = b""
-        self._guest.feed(data)
+        self.guest.feed(data)
         loop = asyncio.get_running_loop()
         end = loop.time() + seconds
         while not self.heard or not self.heard.endswith(until):
@@ -147,7 +147,7 @@ class Visitor:
 
     def tell(self, data: bytes) -> None:
         """Send bytes that have no reply."""
-        self._guest.feed(data)
+        self.guest.feed(data)
 
     def close(self) -> None:
-        self._guest.close()
+        self.guest.close()

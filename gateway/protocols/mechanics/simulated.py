@@ -39,7 +39,7 @@ class Simulated(ABC):
         """Make the framer of one connection."""
 
     @abstractmethod
-    def _answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, later: Later | None) -> bytes:
         """Carry out a command and return its immediate reply."""
 
     @cached_property
@@ -50,7 +50,7 @@ class Simulated(ABC):
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
         """Process bytes from the port and return the immediate replies; delayed ones go to ``later``."""
         self.advance_to_now()
-        return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
+        return b"".join([self.answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
         """Return the ``feed`` of one more connection to the same mount, with a framer of its own."""

@@ -56,10 +56,10 @@ class Server(Play):
 
     async def lost(self) -> str:
         """The server answers nothing for 20 s; then everything is as it was."""
-        answer = self.sim._answer
-        self.sim._answer = lambda frame, later: b""
+        answer = self.sim.answer
+        self.sim.answer = lambda frame, later: b""
         await asyncio.sleep(20.0)
-        self.sim._answer = answer
+        self.sim.answer = answer
         waited = 0
         while waited < 40:
             try:

@@ -31,7 +31,7 @@ ABILITIES = [
 
 def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1, **given: str) -> None:
     """Let the server answer the next requests for a member (with these parameters) with an error."""
-    usual, left = bridge.sim._respond, times
+    usual, left = bridge.sim.respond, times
 
     def respond(method: str, path: str, parameters: dict[str, str]) -> Any:
         nonlocal left
@@ -40,7 +40,7 @@ def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1,
             raise Refusal(number, "Something went wrong")
         return usual(method, path, parameters)
 
-    bridge.sim._respond = respond  # type: ignore[method-assign]
+    bridge.sim.respond = respond  # type: ignore[method-assign]
 
 
 @pytest.mark.parametrize("number", [ANYTHING, INVALID, UNSPECIFIED])

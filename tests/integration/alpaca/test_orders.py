@@ -25,12 +25,12 @@ Served = Callable[[str, str, dict[str, str]], Any]
 
 def serves(bridge: Bridge, instead: Callable[[Served, str, str, dict[str, str]], Any]) -> None:
     """Let the server answer otherwise: ``instead`` gets its usual answer, the method, the member and the fields."""
-    usual = bridge.sim._respond
+    usual = bridge.sim.respond
 
     def respond(method: str, path: str, given: dict[str, str]) -> Any:
         return instead(lambda *_: usual(method, path, given), method, path.rpartition("/")[2], given)
 
-    bridge.sim._respond = respond  # type: ignore[method-assign]
+    bridge.sim.respond = respond  # type: ignore[method-assign]
 
 
 def refuses(bridge: Bridge, member: str, **fields: str) -> None:

@@ -30,17 +30,17 @@ AROUND = [(b"", b"\r\n"), (b"\r\n", b""), (b"\n\r", b" \r\n"), (b" ", b" ")]
 def padded(bridge: Bridge, around: tuple[bytes, bytes], apart: bool) -> None:
     """Have the mount send this around its replies, what comes behind with them or in a packet of its own."""
     wire: Any = bridge.controller.line.wire
-    feed: Callable[[bytes], bytes] = wire._feed
+    feed: Callable[[bytes], bytes] = wire.feed
     before, behind = around
 
     def padding(data: bytes) -> bytes:
         if not (answer := feed(data)):
             return b""
         if apart:
-            asyncio.get_running_loop().call_later(0.08, wire._deliver, behind)
+            asyncio.get_running_loop().call_later(0.08, wire.deliver, behind)
         return before + answer + (b"" if apart else behind)
 
-    wire._feed = padding
+    wire.feed = padding
 
 
 @pytest.mark.parametrize("model", DEVICES)
@@ -137,7 +137,7 @@ def test_a_sync_without_a_text_is_done_if_the_position_shows_it(answer: bytes, m
     async def night() -> None:
         bridge = Bridge(model, driven="lx200", surface=model, config={"sun": 0.0})
         wire: Any = bridge.controller.line.wire
-        feed: Callable[[bytes], bytes] = wire._feed
+        feed: Callable[[bytes], bytes] = wire.feed
 
         def quiet(data: bytes) -> bytes:
             if data != b":CM#":
@@ -147,7 +147,7 @@ def test_a_sync_without_a_text_is_done_if_the_position_shows_it(answer: bytes, m
             return answer
 
         async with bridge:
-            wire._feed = quiet
+            wire.feed = quiet
             ra, dec = bridge.sim.position()
             client = bridge.client()
             minutes = round(ra / 15.0 * 60.0 + 4.0) % 1440

@@ -67,7 +67,7 @@ def test_a_goto_that_is_taken_late_is_known_of(times: int) -> None:
 
     async def program() -> None:
         async with gps("lx200") as bridge:
-            client, left, feed = bridge.client(), times, bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+            client, left, feed = bridge.client(), times, bridge.controller.line.wire.feed  # type: ignore[attr-defined]
 
             def busy_for_gotos_alone(data: bytes) -> bytes:
                 nonlocal left
@@ -76,7 +76,7 @@ def test_a_goto_that_is_taken_late_is_known_of(times: int) -> None:
                 left -= 1
                 return NAK
 
-            bridge.controller.line.wire._feed = busy_for_gotos_alone  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = busy_for_gotos_alone  # type: ignore[attr-defined]
             client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
             while not bridge.sim.slewing:
                 await bridge.controller.read(op.Slewing())

@@ -53,8 +53,8 @@ VARIANTS = [
 def oddly(bridge: Bridge, question: bytes, answer: bytes) -> None:
     """Have the simulated mount answer this to that question."""
     wire: Any = bridge.controller.line.wire
-    feed: Callable[[bytes], bytes] = wire._feed
-    wire._feed = lambda data: answer if data == question else feed(data)
+    feed: Callable[[bytes], bytes] = wire.feed
+    wire.feed = lambda data: answer if data == question else feed(data)
 
 
 def hours(told: bytes) -> float:
@@ -180,14 +180,14 @@ def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
     async def program() -> None:
         bridge = Bridge("lx200", driven="lx200", surface="autostar")
         wire: Any = bridge.controller.line.wire
-        feed, half = wire._feed, b""
+        feed, half = wire.feed, b""
 
         def whole(data: bytes) -> bytes:
             nonlocal half
             *lines, half = (half + data).split(b"#")
             return b"".join(feed(line + b"#") if line.startswith(b":") else b"" for line in lines)
 
-        wire._feed = whole
+        wire.feed = whole
         began = bridge.clock()
         await found(bridge, 6.0)
         assert not [entry for entry in bridge.entries if "does not answer" in entry.note]
@@ -205,14 +205,14 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
         inner = Bridge("6-8se", driven="nexstar", surface=presented)
         async with inner:
             outer = Bridge("lx200", driven="lx200", surface="autostar")
-            guest = inner.acceptor.accept(Connected("10.0.0.3", "10.0.0.3", lambda data: wire._deliver(data)))
+            guest = inner.acceptor.accept(Connected("10.0.0.3", "10.0.0.3", lambda data: wire.deliver(data)))
             wire: Any = outer.controller.line.wire
 
             def feed(data: bytes) -> bytes:
                 asyncio.get_running_loop().call_later(0.01, guest.feed, data)
                 return b""
 
-            wire._feed = feed
+            wire.feed = feed
             await found(outer, 10.0)
             assert outer.driver.model == presented
             client = outer.client()
@@ -229,7 +229,7 @@ def test_a_telescope_keeps_its_name_when_its_answers_are_lost() -> None:
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", presented="nexstar", surface=None) as bridge:
             wire: Any = bridge.controller.line.wire
-            feed, lost = wire._feed, [b":GVP#", b":GVP#"]
+            feed, lost = wire.feed, [b":GVP#", b":GVP#"]
 
             def lossy(data: bytes) -> bytes:
                 answer = bytes(feed(data))
@@ -238,7 +238,7 @@ def test_a_telescope_keeps_its_name_when_its_answers_are_lost() -> None:
                     return b""
                 return answer
 
-            wire._feed = lossy
+            wire.feed = lossy
             await bridge.controller.identification.learn(op.GetIdentity())
             identity = bridge.controller.cache.value(op.GetIdentity)
             assert (identity.product, identity.model, lost) == ("Autostar", "autostar", [])

@@ -35,8 +35,8 @@ def bridge(model: str, **more: Any) -> Bridge:
 
 def answering(own: Bridge, replies: dict[bytes, bytes]) -> None:
     """Let the simulated mount give these replies to these commands, and do nothing."""
-    usual = own.sim._answer
-    own.sim._answer = lambda frame, later: replies[frame] if frame in replies else usual(frame, later)
+    usual = own.sim.answer
+    own.sim.answer = lambda frame, later: replies[frame] if frame in replies else usual(frame, later)
 
 
 #: Model -> what is refused -> to programs of these protocols. The motors of a SynScan have no pulses of their own.
@@ -188,7 +188,7 @@ def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str
     async def program() -> None:
         async with bridge(model) as own:
             await own.controller.perform(op.SetTracking(on=False, heard=True))
-            usual, command = own.sim._answer, own.driver.status_command.encode()
+            usual, command = own.sim.answer, own.driver.status_command.encode()
             old, ordered = usual(b":" + command + b"#", False), list[float]()
 
             def late(frame: bytes, later: bool) -> bytes:
@@ -196,7 +196,7 @@ def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str
                 reply: bytes = usual(frame, later)
                 return old if command in frame and ordered and own.clock() - ordered[0] < 0.3 else reply
 
-            own.sim._answer = late
+            own.sim.answer = late
             await own.controller.perform(op.SetTracking(on=True, heard=True))
             assert own.sim.tracking and 0.3 < own.clock() - ordered[0] < 1.0
 
@@ -401,8 +401,8 @@ def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(releas
             ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
             await own.controller.perform(op.Goto(ra, -20.0))
             await asyncio.sleep(60.0)
-            usual, lost = own.sim._answer, list[float]()
-            own.sim._answer = lambda frame, later: (
+            usual, lost = own.sim.answer, list[float]()
+            own.sim.answer = lambda frame, later: (
                 lost.append(own.clock()) or b"" if frame == b":GU#" and not lost else usual(frame, later)
             )
             await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
@@ -446,8 +446,8 @@ def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str
     async def program() -> None:
         own = bridge(model)
         own.sim.feed(b":Td#")
-        usual, lost = own.sim._answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
-        own.sim._answer = lambda frame, later: (
+        usual, lost = own.sim.answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
+        own.sim.answer = lambda frame, later: (
             b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
         )
         async with own:
@@ -464,8 +464,8 @@ def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
     async def program() -> None:
         own = bridge("onstep")
         own._hands_on = True  # :h?# is no form of an OnStep's
-        usual, lost = own.sim._answer, [b":GVP#"] * 2
-        own.sim._answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
+        usual, lost = own.sim.answer, [b":GVP#"] * 2
+        own.sim.answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
         async with own:
             assert (await own.controller.perform(op.GetIdentity())).model == "lx200-16"
             with pytest.raises(Refused, match="told its name only now"):
@@ -653,8 +653,8 @@ def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_push
         own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
         replies = {b":D#": b"|#"} | ({b":GR#": b"06:00:00#"} if slews else {})
         answering(own, replies)
-        usual = own.sim._answer
-        own.sim._answer = lambda frame, later: (
+        usual = own.sim.answer
+        own.sim.answer = lambda frame, later: (
             f"+10*{int(10 * (own.clock() - began)) // 60:02}:{int(10 * (own.clock() - began)) % 60:02}#".encode()
             if slews and frame == b":GD#"
             else usual(frame, later)

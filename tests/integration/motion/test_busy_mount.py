@@ -56,7 +56,7 @@ def test_a_goto_that_waits_ends_with_a_stop_and_with_its_client(how: str) -> Non
             if how == "a stop":
                 other.tell(b":Q#")
             elif how == "half closed":
-                client._guest.peer_closed()
+                client.guest.peer_closed()
             else:
                 client.close()
             await asyncio.sleep(4.0)
@@ -90,13 +90,13 @@ def test_what_moves_it_by_hand_never_waits(model: str, by_hand: bytes) -> None:
 def silence(bridge: Any, seconds: float) -> None:
     """The mount's answers are lost for so long; what is sent arrives."""
     wire = bridge.controller.line.wire
-    good, until = wire._feed, bridge.controller.now() + seconds
+    good, until = wire.feed, bridge.controller.now() + seconds
 
     def feed(data: bytes) -> bytes:
         answer = bytes(good(data))
         return b"" if bridge.controller.now() < until else answer
 
-    wire._feed = feed
+    wire.feed = feed
 
 
 async def look(bridge: Bridge) -> None:

@@ -257,7 +257,7 @@ def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: 
     async def program() -> None:
         async with stage("lx200", "cpc", 0.3) as own:
             axes, client = Axes(own), own.client()
-            client._guest.client.releases.by_stop = known
+            client.guest.client.releases.by_stop = known
             client.tell(b":RM#")
             await asyncio.sleep(1.0)
             await axes.begin()
@@ -285,7 +285,7 @@ def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
     async def program() -> None:
         async with stage("lx200", "cpc", 0.3) as own:
             axes, client = Axes(own), own.client()
-            client._guest.client.releases.by_stop = True
+            client.guest.client.releases.by_stop = True
             client.tell(b":RM#")
             await asyncio.sleep(1.0)
             await axes.begin()

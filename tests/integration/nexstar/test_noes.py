@@ -332,7 +332,7 @@ def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> 
         ) as bridge:
             client = bridge.client()
             await client.ask(b"e")
-            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
             polling = bridge.client("10.0.0.9")
             for _ in range(15):
                 polling.tell(b"e")

@@ -114,7 +114,7 @@ async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge
     client = bridge.client()
     await polled(client)
     last = await client.ask(b"e")
-    bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+    bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
     began, told = asyncio.get_running_loop().time(), []
     while (since := asyncio.get_running_loop().time() - began) < 60:
         told.append((since, await client.ask(b"e", 5.0)))

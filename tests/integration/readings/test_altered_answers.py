@@ -18,7 +18,7 @@ from tests.support.in_process_gateway import Bridge
 def alter(bridge: Any, question: bytes, to: bytes) -> list[bytes]:
     """The next answer to this question arrives as another one of the same form -> the answers that were replaced."""
     wire, replaced = bridge.controller.line.wire, []
-    feed = wire._feed
+    feed = wire.feed
 
     def hear(data: bytes) -> bytes:
         answer = bytes(feed(data))
@@ -29,7 +29,7 @@ def alter(bridge: Any, question: bytes, to: bytes) -> list[bytes]:
             return to
         return answer
 
-    wire._feed = hear
+    wire.feed = hear
     return replaced
 
 

@@ -46,7 +46,7 @@ async def compared(bridge: Bridge, questions: tuple[bytes, ...], scenario: Scena
         left -= going.done()
         moment += 1
         for question, poller in pollers[moment % 2 :: 2]:
-            if poller._guest.client.busy:  # type: ignore[attr-defined]
+            if poller.guest.client.busy:  # type: ignore[attr-defined]
                 continue  # it waits for the mount
             await asyncio.sleep(0)  # not more than two may be answered in a turn
             poller.heard, newcomer = b"", bridge.client("10.0.0.250")
@@ -108,9 +108,9 @@ async def tracks_and_does_not(bridge: Bridge) -> None:
 
 async def loses_its_line(bridge: Bridge) -> None:
     wire: Any = bridge.controller.line.wire
-    feed, wire._feed = wire._feed, lambda data: b""
+    feed, wire.feed = wire.feed, lambda data: b""
     await asyncio.sleep(8.0)
-    wire._feed = feed
+    wire.feed = feed
     await asyncio.sleep(4.0)
 
 

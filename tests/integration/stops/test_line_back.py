@@ -103,11 +103,11 @@ def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_repeated(
             transaction.half, transaction.request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
             began = bridge.controller.now()
             wire: Any = bridge.controller.line.wire
-            feed, wire._feed = wire._feed, lambda data: b""
+            feed, wire.feed = wire.feed, lambda data: b""
             assert (await cut(bridge, 0.1))[0] in STOPS
             assert bridge.controller.now() - began < 1.2
             await asyncio.sleep(began + 3.5 - bridge.controller.now())
-            wire._feed = feed
+            wire.feed = feed
             await asyncio.sleep(2.5)
             assert not truth_of(bridge.sim).moving
 

@@ -18,7 +18,7 @@ def swallow(
 ) -> list[bytes]:
     """The next requests that are wanted never reach the mount, or only their answers are lost -> those so far."""
     wire = bridge.controller.line.wire
-    good, lost = wire._feed, []  # type: ignore[attr-defined]
+    good, lost = wire.feed, []  # type: ignore[attr-defined]
 
     def feed(data: bytes) -> bytes:
         if len(lost) < times and wanted(data):
@@ -28,7 +28,7 @@ def swallow(
             return b""
         return bytes(good(data))
 
-    wire._feed = feed  # type: ignore[attr-defined]
+    wire.feed = feed  # type: ignore[attr-defined]
     return lost
 
 
@@ -271,7 +271,7 @@ def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount:
         async with Bridge(mount, driven="lx200", speed=0.4) as bridge:
             client = bridge.client()
             wire = bridge.controller.line.wire
-            good = wire._feed  # type: ignore[attr-defined]
+            good = wire.feed  # type: ignore[attr-defined]
             silent = [False]
 
             def feed(data: bytes) -> bytes:
@@ -279,9 +279,9 @@ def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount:
                 answer = bytes(good(data))
                 return b"" if silent[0] else answer
 
-            wire._feed = feed  # type: ignore[attr-defined]
+            wire.feed = feed  # type: ignore[attr-defined]
             assert await client.ask(GOTO, 8.0, until=b".#") == b"11"
-            wire._feed = good  # type: ignore[attr-defined]
+            wire.feed = good  # type: ignore[attr-defined]
             await asyncio.sleep(8.0)
             assert bridge.sim.slewing
             assert bridge.controller.slewing, "it goes on, and the gateway knows"

@@ -16,7 +16,7 @@ ARROW = bytes((80, 2, 16, 37, 9, 0, 0, 0))  # east, the fastest
 def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
     """The first arrow is not heard, its answer does not come, or comes twice, or comes bent -> what was sent."""
     wire, met = bridge.controller.line.wire, []
-    feed = wire._feed
+    feed = wire.feed
 
     def hear(data: bytes) -> bytes:
         if data != arrow or met:
@@ -25,7 +25,7 @@ def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
         answer = b"" if how == "not heard" else bytes(feed(data))
         return {"lost": b"", "doubled": answer * 2, "bent": b"\xa3"}.get(how, answer)
 
-    wire._feed = hear
+    wire.feed = hear
     return met
 
 

@@ -76,7 +76,7 @@ def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
                     return b"#"
                 return bytes(feed(data))
 
-            bridge.controller.line.wire._feed = deaf  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = deaf  # type: ignore[attr-defined]
         assert missed
         assert bridge.sim.mode == 2
 
@@ -118,7 +118,7 @@ def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
             bridge.client().tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             heard: list[bytes] = []
-            bridge.controller.line.wire._feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
+            bridge.controller.line.wire.feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
             began = bridge.controller.now()
         assert bridge.controller.now() - began < 8
         assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"

@@ -129,7 +129,7 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             await _order(bridge, Release())
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
-            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
             answer = await _order(bridge, HoldIt())
             assert not answer.done
             assert answer.words.startswith("not stopped: ") and answer.words.endswith("; it is held from now on")

@@ -36,7 +36,7 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     """Look for a mount that answers this to everything, None: as it should -> found, what was said, why not."""
     if answer is not None:
         wire: Any = bridge.controller.line.wire
-        wire._feed = lambda data: answer
+        wire.feed = lambda data: answer
     said: list[str] = []
     gateway = gateway_of(bridge, at)
     bridge.controller.start()
@@ -126,8 +126,8 @@ class Slow:
         self.heard = b""
         self._began = asyncio.get_running_loop().time()
         self._wire: Any = bridge.controller.line.wire
-        self._feed, self._from = self._wire._feed, self._began + after
-        self._wire._feed = self._answer
+        self._feed, self._from = self._wire.feed, self._began + after
+        self._wire.feed = self._answer
 
     def _answer(self, data: bytes) -> bytes:
         self.heard += data
@@ -147,7 +147,7 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
         bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
         began, slow = now(), Slow(bridge, 25.0)
         bridge.controller.start()
-        await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
+        await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
         assert 25.0 < now() - began < 30.0
         assert slow.said[-1] == (
             "nexstar@/dev/ttyUSB0: no mount answers yet (is it switched on, and the cable in the hand control?); the "
@@ -172,7 +172,7 @@ def test_a_port_that_stays_silent_is_given_up(
         began, slow = now(), Slow(bridge, 1000.0)
         bridge.controller.start()
         with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
-            await finding._find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
+            await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
         assert least < now() - began < most
         assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
         await bridge.controller.close()
@@ -188,7 +188,7 @@ def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monk
         began, slow = now(), Slow(bridge, 1000.0)
         bridge.controller.start()
         with pytest.raises(UserError, match="Celestron's AUX protocol: that is not supported"):
-            await finding._find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
+            await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
         assert 8.5 < now() - began < 9.5
         assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
         assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
@@ -213,10 +213,10 @@ def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.M
         ):
             bridge, began = Bridge("cpc"), now()
             wire: Any = bridge.controller.line.wire
-            wire._feed = lambda data, answer=answer: answer
+            wire.feed = lambda data, answer=answer: answer
             bridge.controller.start()
             with pytest.raises(UserError, match=words):
-                await finding._find(gateway_of(bridge, at), list[str]().append)
+                await finding.find(gateway_of(bridge, at), list[str]().append)
             assert now() - began < 12.0
             await bridge.controller.close()
 
@@ -233,7 +233,7 @@ def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
         bridge.controller.start()
         with pytest.raises(UserError, match="mount-gateway detect shows which ports"):
-            await finding._find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
+            await finding.find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
         assert asyncio.get_running_loop().time() < 1001.0
         await bridge.controller.close()
 

@@ -52,7 +52,7 @@ def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it()
     async def talk() -> None:
         terminal = Terminal()
         for key in "y ":  # before the question: only the space bar counts
-            terminal._pressed(key)
+            terminal.pressed(key)
         assert await terminal.key("y: yes  q: leave", "yq") == " "
         terminal.stop.clear()
         for keys, answer in (("xY", "y"), ("x ", " ")):
@@ -60,7 +60,7 @@ def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it()
             await asyncio.sleep(0)
             for key in keys:
                 assert not asking.done()
-                terminal._pressed(key)
+                terminal.pressed(key)
             assert await asking == answer
         assert terminal.stop.is_set()
 
@@ -71,13 +71,13 @@ def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
     async def talk() -> None:
         terminal = Terminal()
         for key in "qy":
-            terminal._pressed(key)
+            terminal.pressed(key)
         assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
         terminal.stop.clear()
         assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 60.0) == "q"
         asking = asyncio.ensure_future(terminal.agrees("y: save it  n: do not"))  # that one q answered one question
         await asyncio.sleep(0)
-        terminal._pressed("y")
+        terminal.pressed("y")
         assert await asyncio.wait_for(asking, 60.0)
 
     asyncio.run(talk())
@@ -89,7 +89,7 @@ def test_where_nothing_moves_the_space_bar_is_no_answer() -> None:
         asking = asyncio.ensure_future(terminal.agrees("y: save it  n: do not"))
         for key in " y":
             await asyncio.sleep(0)
-            terminal._pressed(key)
+            terminal.pressed(key)
         assert await asking and not terminal.stop.is_set()
 
     asyncio.run(talk())
@@ -100,7 +100,7 @@ def test_q_leaves_the_last_questions_too() -> None:
         terminal = Terminal()
         asking = asyncio.ensure_future(terminal.agrees("y: write them  n: do not"))
         await asyncio.sleep(0)
-        terminal._pressed("q")
+        terminal.pressed("q")
         assert not await asking
         assert not await asyncio.wait_for(terminal.agrees("y: write them  n: do not"), 60.0)
 

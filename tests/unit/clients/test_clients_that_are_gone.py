@@ -88,7 +88,7 @@ def test_who_sends_no_more_holds_no_arrow() -> None:
             client = bridge.client("10.0.0.1")
             client.tell(b":RM#:Me#")
             await asyncio.sleep(1.0)
-            client._guest.peer_closed()
+            client.guest.peer_closed()
             await asyncio.sleep(7.0)
             assert not bridge.controller.moving
 

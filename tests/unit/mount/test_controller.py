@@ -257,7 +257,7 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
             client = bridge.client()
             told = await client.ask(b":GR#")
             bridge.sim.feed = lambda data: b""
-            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
             await asyncio.sleep(2)
             assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
             started = asyncio.get_running_loop().time()

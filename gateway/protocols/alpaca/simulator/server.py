@@ -79,7 +79,7 @@ class SimulatedAlpaca(Telescope):
     def framer(self) -> RequestFramer:
         return RequestFramer()
 
-    def _answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame.startswith((b"get ", b"put ")):
             asked = self._lines.request(frame)
             words = urlencode(asked.fields)
@@ -119,7 +119,7 @@ class SimulatedAlpaca(Telescope):
             numbers = {"ClientTransactionID": _value("ClientTransactionID", number, "whole"),
                        "ServerTransactionID": next(self._numbers)}  # fmt: skip
             try:
-                answer = self._respond(method, url.path, given)
+                answer = self.respond(method, url.path, given)
                 value = {} if method == "PUT" else {"Value": answer}
                 return 200, json.dumps({**value, **numbers, "ErrorNumber": 0, "ErrorMessage": ""})
             except Refusal as refusal:
@@ -127,7 +127,7 @@ class SimulatedAlpaca(Telescope):
         except (NotUnderstood, UnicodeError) as error:
             return 400, str(error)
 
-    def _respond(self, method: str, path: str, given: dict[str, str]) -> Any:
+    def respond(self, method: str, path: str, given: dict[str, str]) -> Any:
         """Return the value, None for a PUT. Raises NotUnderstood, Refusal."""
         if path.startswith("/management/") and method == "GET":
             return self._management(path)

@@ -100,7 +100,7 @@ class SimulatedLx200(Telescope):
     def framer(self) -> Framer:
         return ClassicFramer() if self.classic else Framer()
 
-    def _answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
             return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""

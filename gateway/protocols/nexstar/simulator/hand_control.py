@@ -44,7 +44,7 @@ class SimulatedHandControl(SimulatedMount):
             self.last_byte_at = self.now
         return super().feed(data, framer, later)
 
-    def _answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame[0] not in self._opcodes or (self.asleep and frame[0] not in ANSWERED_ASLEEP):
             return b""
         if frame[0] == PASS_THROUGH:

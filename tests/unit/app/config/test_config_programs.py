@@ -122,7 +122,7 @@ def test_programs_that_release_arrows_by_a_full_stop_are_known() -> None:
         for data in MOBILE:
             await mobile.ask(data)
         await other.ask(b":GR#")
-        by_stop = [one._guest.client.releases.by_stop for one in (mobile, other)]
+        by_stop = [one.guest.client.releases.by_stop for one in (mobile, other)]
         assert by_stop == [True, False]
         for client, stops in (("skysafari", True), ("indi", False)):
             assert (

@@ -214,7 +214,7 @@ def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
         async with Bridge(state=tmp_path) as bridge:
             bridge.client().tell(b":RS#:Mn#")
             await asyncio.sleep(2)
-            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
         assert _mark(tmp_path)
         async with Bridge(state=tmp_path, on=bridge) as after:
             assert set(after.sent()[1:4]) == NEXSTAR_STOP

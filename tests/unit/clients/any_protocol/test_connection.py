@@ -92,7 +92,7 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
             caller.tell(idle)
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
-        assert len(one._guest.sent) <= 64, "however many come, few are kept"
+        assert len(one.guest.sent) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -285,9 +285,9 @@ def test_closing_while_nothing_is_known() -> None:
             caller = bridge.call()
             if sent:
                 caller.tell(sent)
-            caller._guest.peer_closed()
-            assert caller._guest.answered
-            caller._guest.close()
+            caller.guest.peer_closed()
+            assert caller.guest.answered
+            caller.guest.close()
         await asyncio.sleep(10.0)
         assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
 
@@ -304,12 +304,12 @@ def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: li
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):
             caller.tell(piece)
-            assert caller.gone or len(caller._guest.sent) < 200
+            assert caller.gone or len(caller.guest.sent) < 200
             await asyncio.sleep(pause)
         other = bridge.call("10.0.0.9")
         assert len(await other.ask(b":GVP#")) == 9
         if not caller.gone:
-            caller._guest.close()
+            caller.guest.close()
         told = [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"]
         assert told == ["+", "-"]
 

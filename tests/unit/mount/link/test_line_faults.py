@@ -193,11 +193,11 @@ def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch:
 def silence(bridge: Bridge) -> Callable[[], None]:
     """The mount says nothing until what is returned is called."""
     wire: Any = bridge.controller.line.wire
-    good = wire._feed
-    wire._feed = lambda data: b""
+    good = wire.feed
+    wire.feed = lambda data: b""
 
     def heal() -> None:
-        wire._feed = good
+        wire.feed = good
 
     return heal
 
@@ -257,8 +257,8 @@ def test_a_changed_digit_is_not_believed_and_a_sync_is() -> None:
         async with Bridge("cge") as bridge:
             before = await bridge.controller.read(op.Position())
             wire: Any = bridge.controller.line.wire
-            good, wrong = wire._feed, [b"90000000,10000000#"]
-            wire._feed = lambda data: (good(data), wrong.pop())[1] if data == b"e" and wrong else good(data)
+            good, wrong = wire.feed, [b"90000000,10000000#"]
+            wire.feed = lambda data: (good(data), wrong.pop())[1] if data == b"e" and wrong else good(data)
             for _ in range(20):
                 await asyncio.sleep(0.05)
                 after = await bridge.controller.read(op.Position())
@@ -281,13 +281,13 @@ def test_a_digit_that_is_often_changed_is_seldom_believed(moves: bool) -> None:
             await bridge.controller.perform(op.Goto(120.0, 30.0))
             while await bridge.controller.read_now(op.Slewing()):
                 await asyncio.sleep(0.5)
-            good = wire._feed  # type: ignore[attr-defined]
+            good = wire.feed  # type: ignore[attr-defined]
 
             def feed(data: bytes) -> bytes:
                 reply: bytes = good(data)
                 return b"0" + reply[1:] if data == b"e" and random.random() < 0.3 else reply
 
-            wire._feed = feed  # type: ignore[attr-defined]
+            wire.feed = feed  # type: ignore[attr-defined]
             wrong = told = 0
             for number in range(300):
                 if moves and number % 20 == 0:
@@ -306,8 +306,8 @@ def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
             wire: Any = bridge.controller.line.wire
-            good = wire._feed
-            wire._feed = lambda data: (good(data), b"")[1] if data == b":MS#" else good(data)
+            good = wire.feed
+            wire.feed = lambda data: (good(data), b"")[1] if data == b":MS#" else good(data)
             client = bridge.client()
             await client.ask(b"r60000000,20000000")
             await asyncio.sleep(6)

@@ -23,7 +23,7 @@ PLACES = {"lx200": (b":GR#", 9), "nexstar": (b"e", 18)}
 def cut(bridge: Bridge) -> None:
     """From now on the mount hears and says nothing."""
     wire: Any = bridge.controller.line.wire
-    wire._feed = lambda data: b""
+    wire.feed = lambda data: b""
 
 
 @pytest.mark.parametrize("presented", PLACES)
@@ -104,8 +104,8 @@ def test_altitude_and_azimuth_are_worked_out_where_the_telescope_does_not_tell_t
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", surface="autostar") as bridge:
             wire: Any = bridge.controller.line.wire
-            feed = wire._feed
-            wire._feed = lambda data: b"" if data in (b":GA#", b":GZ#") else feed(data)
+            feed = wire.feed
+            wire.feed = lambda data: b"" if data in (b":GA#", b":GZ#") else feed(data)
             client = bridge.client()
             for _ in range(10):
                 assert (await client.ask(b":GA#", 3.5))[:5] == b"+45*0"

@@ -55,12 +55,12 @@ def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
 
 def _deaf(bridge: Bridge, *commands: bytes) -> None:
     """A mount that acknowledges these commands as always, and does not carry them out."""
-    hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+    hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
 
     def feed(data: bytes) -> bytes:
         return b"#" * (bridge.driver.protocol.name == "nexstar") if data.startswith(commands) else bytes(hear(data))
 
-    bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+    bridge.controller.line.wire.feed = feed  # type: ignore[attr-defined]
 
 
 @pytest.mark.sampled(1)
@@ -114,7 +114,7 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear, later = bridge.controller.line.wire._feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
+            hear, later = bridge.controller.line.wire.feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
 
             def feed(data: bytes) -> bytes:
                 if data.startswith((b"P\2\x11\x24\0", b"T")):  # two seconds of it
@@ -122,7 +122,7 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
                     return b"#"
                 return bytes(hear(data))
 
-            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = feed  # type: ignore[attr-defined]
             began = bridge.controller.now()
             assert (await stopped(bridge.controller)).done
             assert 2.0 < bridge.controller.now() - began < 6.0
@@ -136,8 +136,8 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
-            bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
+            hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
             answer = await stopped(bridge.controller)
             assert answer.words.startswith(
                 "the stop was sent, but the gateway cannot see whether the mount is at rest: "
@@ -151,8 +151,8 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
-            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
             for _ in range(2):  # at first it is only silent, then known to be down
                 answer = await stopped(bridge.controller)
                 assert not answer.done
@@ -161,7 +161,7 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
                 )
                 await asyncio.sleep(20)
             sent = len(bridge.sent())
-            bridge.controller.line.wire._feed = hear  # type: ignore[attr-defined]
+            bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
             await asyncio.sleep(10)
             orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
             assert set(orders[:6]) >= {b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"}

@@ -56,7 +56,7 @@ def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
 
 def stray(bridge: Any, data: bytes) -> None:
     """Bytes come that nobody asked for: from now on some quiet is wanted before a question like the last one."""
-    bridge.controller.line.wire._deliver(data)
+    bridge.controller.line.wire.deliver(data)
 
 
 @pytest.mark.parametrize("mount", ["lx200gps", "autostar", "lx200-16"])

@@ -17,7 +17,7 @@ from tests.support.in_process_gateway import Bridge
 def freeze(bridge: Any) -> None:
     """From now on the mount tells where it is now, wherever it goes."""
     wire, told = bridge.controller.line.wire, {}
-    feed = wire._feed
+    feed = wire.feed
 
     def hear(data: bytes) -> bytes:
         answer = bytes(feed(data))
@@ -25,7 +25,7 @@ def freeze(bridge: Any) -> None:
             return bytes(told.setdefault(data, answer))
         return answer
 
-    wire._feed = hear
+    wire.feed = hear
 
 
 @pytest.mark.sampled(2)

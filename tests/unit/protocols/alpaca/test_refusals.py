@@ -19,13 +19,13 @@ NOT_POSSIBLE, PARKED, INVALID, NOT_CONNECTED = -0x40B, -0x408, -0x401, -0x407
 def answering(own: Stage, instead: Callable[[bytes], bytes | None]) -> None:
     """Let the simulated Meade answer these frames otherwise, and not carry them out."""
     assert isinstance(own.sim, SimulatedLx200)
-    usual = own.sim._answer
+    usual = own.sim.answer
 
     def answer(frame: bytes, later: object) -> bytes:
         told = instead(frame)
         return usual(frame, later) if told is None else told  # type: ignore[arg-type]
 
-    own.sim._answer = answer  # type: ignore[method-assign]
+    own.sim.answer = answer  # type: ignore[method-assign]
 
 
 @each("kept", [b":SL", b":SC"])

@@ -1,0 +1,53 @@
+"""Tests use no private attribute of the gateway: what they prove stays true when its inside is built anew."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.support.pages import ROOT
+
+#: What is used all the same. A name is taken from this list with its last use, and none is added.
+NAMES = """_almanac_until _asked _available _buffer _cache _coasts_until _connect_watchdog _deferred _degrees _down
+    _drive_rate _epoch _found _frame _gateway _guests _hosts _inbox _known _later _load _load_console _lock _logged
+    _measured _metrics _moon_from _mounts _on_data _opcodes _open _pair _pending _protected _put _reason _replies
+    _runner _saved_states _say_new_addresses _send _send_order _sent _sharing _SimulatedConnection _STARS _state
+    _surface_argument _task _text _transport _unterminated _until _up _urgent _waiters _waiting _writer"""
+
+
+def is_private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__")
+
+
+def made(tree: ast.AST) -> Iterator[str]:
+    """Yield the names that a module defines: attributes of its objects, functions, classes and constants."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "self":
+            yield node.attr
+
+
+def used(tree: ast.AST) -> Iterator[str]:
+    """Yield the private names that a module takes from an object other than itself, or imports of the gateway."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) not in ("self", "cls", "super()"):
+            yield node.attr
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gateway"):
+            yield from (alias.name for alias in node.names)
+
+
+def trees(folder: str) -> Iterator[tuple[Path, ast.AST]]:
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        yield path, ast.parse(path.read_text("utf-8"))
+
+
+def test_tests_use_no_private_attribute_of_the_gateway() -> None:
+    gateways = set(filter(is_private, (name for _, tree in trees("gateway") for name in made(tree))))
+    exceptions = set(NAMES.split())
+    for path, tree in trees("tests"):
+        foreign = {name for name in used(tree) if name in gateways} - set(made(tree))
+        assert foreign <= exceptions, (path, foreign - exceptions)
