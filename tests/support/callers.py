@@ -26,7 +26,7 @@ class Caller:
         self._told = asyncio.Event()
         arrive = over_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
         hang_up = None if trusted else self._hang_up
-        self._guest = arrive(Connected(f"{host}:{number}", host, self._hear, hang_up))
+        self.guest = arrive(Connected(f"{host}:{number}", host, self._hear, hang_up))
 
     def _hear(self, data: bytes) -> None:
         assert not self.gone, "the gateway sends something after closing the connection"
@@ -37,11 +37,11 @@ class Caller:
         self.heard += last
         self._told.set()
         self.gone = True
-        self._guest.close()
+        self.guest.close()
 
     def tell(self, data: bytes) -> None:
         if not self.gone:
-            self._guest.feed(data)
+            self.guest.feed(data)
 
     async def dribble(self, data: bytes, pauses: Iterable[float]) -> None:
         """Send one byte after the other, until the connection is closed."""
@@ -65,4 +65,4 @@ class Caller:
 
     def close(self) -> None:
         if not self.gone:
-            self._guest.close()
+            self.guest.close()

@@ -103,6 +103,7 @@ _FIELDS: dict[str, list[Any]] = {
     "highest": [None, 90.0, 60.0], "track": [True, False], "latitude": [None, 90.0, -90.0, 0.0, 45.5],
     "longitude": [None, 180.0, -179.999, 0.0, 10.0], "direction": list(op.Direction), "axis": [1, 2], "sense": [1, -1],
     "ms": [0, 1, 500, 9999, 60000], "on": [True, False], "mode": [None, *op.Tracking],
+    "code": [None, 0, 3],
     "unix": [0.0, 946684800.0, 1768514400.5, 2524608000.0, 4102444799.0, 4294967296.0],
     "dst": [None, 0, 1], "offset": [0.0, -12.0, 14.0, 5.75, -3.5],
     "value": [0, 99, 5], "speed": [1, 4], "rate": [0.0, 0.5, 1.0],

@@ -27,6 +27,8 @@ def ask(where: str, method: str, member: str, called: str = "", **parameters: st
         link.request(method, API + member, urlencode(parameters) if method == "PUT" else None, form)
         response = link.getresponse()
         told = response.read()
+        if response.status == 503:  # it loads its web server
+            return ask(where, method, member, called, **parameters)
         if response.status != 200:
             return response.status
         answer = json.loads(told)
