@@ -78,8 +78,8 @@ def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
 
 def of_request(protocol: CommandSet, data: bytes) -> str:
     """Return what is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
-    if protocol.name == "lx200" and data == b"#":
-        return ""  # ends a command that an earlier write may have left incomplete
+    if protocol.name == "lx200" and data[:1] == b"#":  # ends a command that an earlier write may have left incomplete
+        return of_request(protocol, data[1:]) if data[1:] else ""
     found = protocol.find(data)
     if found is None or not any(_decodes(picture, data) for picture in found[0].requests):
         return f"the mount was sent {data!r}"
