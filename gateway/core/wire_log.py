@@ -42,8 +42,6 @@ class Notice(NamedTuple):
 
 #: The side of the mount. Any other side is a client, or a part of the gateway itself.
 MOUNT = "mount"
-#: The note that marks the end of approximate astronomy.
-SKY_READY = "astronomy is exact from now on"
 
 
 def show(data: bytes) -> str:
@@ -88,7 +86,7 @@ class WireLog:
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision as text."""
-        if side == MOUNT and text != SKY_READY:
+        if side == MOUNT:
             self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 

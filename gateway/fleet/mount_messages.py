@@ -18,7 +18,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.core.about import version
-from gateway.core.wire_log import MOUNT, SKY_READY, Entry, show
+from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.fleet.topics import Message, Topics
 
 #: Arrows of the wire log that are published, and the kinds of their events.
@@ -81,7 +81,7 @@ class Events:
     def put(self, entry: Entry) -> None:
         """Publish an entry of the wire log, if its kind is published."""
         kind = KINDS.get(entry.arrow)
-        if kind is None or entry.note == SKY_READY:
+        if kind is None:
             return
         if entry.arrow == "!" and entry.side == MOUNT:
             kind = "note"

@@ -125,19 +125,17 @@ async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
 class AlmanacKeeper:
     """Keeps the almanac of a process that serves mounts: ``open`` it first, then run ``keep`` until the end.
 
-    ``quiet``: whether nothing moves; ``exact`` is called once today's tables are in use.
+    ``quiet``: whether nothing moves.
     """
 
     def __init__(
         self,
         sky: Sky,
         warn: Callable[[str], object],
-        exact: Callable[[], object] = lambda: None,
         quiet: Callable[[], bool] = lambda: True,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._sky, self._warn, self._exact, self._quiet = sky, warn, exact, quiet
-        self._clock = clock
+        self._sky, self._warn, self._quiet, self._clock = sky, warn, quiet, clock
         #: The almanac of the start, that of this run, and both.
         self._opened = self._own = self._almanac = Almanac()
         self._told: set[str] = set()
@@ -174,22 +172,16 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
-        known = self._today in self._almanac.days
         self._own = self._own.joined(newer).newest()
         self._almanac = self._opened.joined(self._own)
         self._sky.use(self._almanac)
-        if not known and self._today in self._almanac.days:
-            self._exact()
-
-    @property
-    def _today(self) -> int:
-        return int(self._clock() // DAY)
 
     def _lacking(self) -> list[int]:
         """Return the days to calculate: today, a date that a clock of a mount shows, and, at rest, the next ones."""
-        starts = {self._today, self._sky.missing or self._today}
+        today = int(self._clock() // DAY)
+        starts = {today, self._sky.missing or today}
         if self._quiet():
-            starts.add(self._today + LEFT)
+            starts.add(today + LEFT)
         held = self._almanac.days
         days = {start + more for start in starts if start not in held for more in range(AHEAD)}
         return sorted(day for day in days if day not in held and FROM <= day * DAY < TO)

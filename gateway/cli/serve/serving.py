@@ -31,7 +31,7 @@ from gateway.cli.serve.finding import GIVE_UP, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
-from gateway.core.wire_log import SKY_READY, Sink, WireLog
+from gateway.core.wire_log import Sink, WireLog
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
 from gateway.system.file_limits import raise_limit
@@ -136,11 +136,7 @@ async def serve_mounts(
             recorders.append(record(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stop_before_suspension(gateways, screen))
 
-    def exact() -> None:
-        for gateway in gateways:
-            gateway.wire_log.note("mount", SKY_READY)
-
-    almanac = AlmanacKeeper(sky, screen.warn, exact, lambda: not any(gateway.busy for gateway in gateways))
+    almanac = AlmanacKeeper(sky, screen.warn, lambda: not any(gateway.busy for gateway in gateways))
     try:
         almanac.open(config.almanac)
         for gateway in gateways:

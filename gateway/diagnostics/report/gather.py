@@ -14,7 +14,7 @@ from gateway.app.recording.format import RECORDER, Event, Recording
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
-from gateway.core.wire_log import MOUNT, SKY_READY
+from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, SiteOfNight
@@ -88,7 +88,7 @@ class _Gathering:
                 words = f"the mount's port was lost: {words}" if words else "the mount's port was lost"
                 self._given_up(len(self._asked))
                 self._speaking.pop(MOUNT, None)
-            if words and words != SKY_READY and len(self.night.remarks) < MOST:
+            if words and len(self.night.remarks) < MOST:
                 self.night.remarks.append(Remark(time, MOUNT, words))
             return
         side = self._side(MOUNT)

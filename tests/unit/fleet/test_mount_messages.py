@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from gateway.core.wire_log import SKY_READY, WireLog
+from gateway.core.wire_log import WireLog
 from gateway.fleet.mount_messages import BURST, LONGEST, RATE, Events
 from tests.support.each import each
 
@@ -39,7 +39,6 @@ def test_the_conversation_is_no_event() -> None:
     there = There()
     for arrow in ("<", ">", "raw", "r", "x"):
         there.log.put("mount", arrow, b"abc")
-    there.log.note("mount", SKY_READY)
     assert not there.told
 
 
