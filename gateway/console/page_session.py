@@ -1,6 +1,6 @@
 """The session of one open page: what it is sent, what it requests, and what ends when it disconnects.
 
-It is sent the publisher's frames, which all pages share, but only after it has read the earlier ones. So a slow,
+It is sent the publisher's messages, which all pages share, but only after it has read the earlier ones. So a slow,
 stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a beat twice a
 second, which names the direction keys that it holds; after 1.5 seconds without one, its keys are released.
 """
@@ -11,14 +11,12 @@ import asyncio
 import contextlib
 from typing import Any, Protocol
 
-import msgspec
-
 from gateway.console import messages
 from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.places import look_up, night, suggestions
-from gateway.console.shown.publisher import PageFrame, talk
+from gateway.console.shown.publisher import encoded
 from gateway.console.shown.view import on_page
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
@@ -28,8 +26,6 @@ from gateway.core.waiting import BackgroundTasks
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
 SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
-#: If more bytes than this wait in the send buffer, the page gets no frames until the browser has read them.
-MAX_UNSENT = 65536
 #: At most how many requests of one page are carried out at a time.
 AT_ONCE = 32
 LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
@@ -53,7 +49,7 @@ class PageSession:
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._heard = self._repeated = self._loop.time()
-        self._seen = -1
+        self._seen = ""
         #: The number of the next row of the conversation; None while the page does not show it.
         self._row: int | None = None
         pairs = zip(mounts.gateways, mounts.arrows, strict=True)
@@ -70,14 +66,12 @@ class PageSession:
         try:
             await self._send({"hello": {
                 "version": full_version(), "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
-                "now": mounts.now(),
+                "now": mounts.now(), "times": [list(mount.answer_times.samples) for mount in publisher.mounts],
             }})  # fmt: skip
-            last = 0
             while True:
-                frame = await publisher.next(last)
-                last = frame.number
-                if self._socket.waiting() <= MAX_UNSENT:
-                    await self._show(frame)
+                if not self._socket.waiting():
+                    await self._show()
+                await publisher.next()
         finally:
             publisher.leave()
             self._listen(False)
@@ -86,23 +80,18 @@ class PageSession:
             guard.cancel()
             self._tasks.cancel()
 
-    async def _show(self, frame: PageFrame) -> None:
-        """Send the changes, or the whole state if the page has not got the frame before; then the conversation."""
-        follows, self._seen = frame.number == self._seen + 1, frame.number
-        if text := frame.changes if follows else frame.whole:
-            await self._socket.send(text)
-        if self._row is None:
-            return
+    async def _show(self) -> None:
+        """Send the newest state, then the conversation, unless the page has it."""
         publisher = self._mounts.publisher
-        if self._row == frame.row:
-            text, self._row = frame.talk, frame.row + len(frame.rows)
-        else:
-            text, self._row = talk(publisher.since(self._row)), publisher.count
-        if text:
-            await self._socket.send(text)
+        if publisher.text != self._seen:
+            self._seen = publisher.text
+            await self._socket.send(self._seen)
+        if self._row is not None and self._row != publisher.count:
+            rows, self._row = publisher.since(self._row), publisher.count
+            await self._send({"talk": rows})
 
     async def _send(self, value: Any) -> None:
-        await self._socket.send(msgspec.json.encode(value).decode())
+        await self._socket.send(encoded(value))
 
     async def _watch_keys(self) -> None:
         """Release keys when the page is silent; else repeat their orders. A stalled browser does not delay this."""
@@ -119,11 +108,8 @@ class PageSession:
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
-    def take(self, text: str | bytes) -> bool:
-        """Receive a message from the page. An invalid one is answered with an error and has no effect.
-
-        Return whether somebody uses the page: every open page sends beats, and empty searches to see if it is answered.
-        """
+    def take(self, text: str | bytes) -> None:
+        """Receive a message from the page. An invalid one is answered with an error and has no effect."""
         self._heard = self._loop.time()
         try:
             message = messages.read(text, self._who)
@@ -131,19 +117,18 @@ class PageSession:
             self._tasks.spawn(
                 self._answer(messages.number(text), False, f"the console does not understand this: {error}")
             )
-            return False
+            return
         wish = message.wish
         if isinstance(wish, messages.Beat):
             for number, arrows in enumerate(self._arrows):
                 arrows.keep(
                     {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
                 )
-            return bool(wish.held)
+            return
         if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.LetGo):
             self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
-        return not isinstance(wish, messages.Search) or bool(wish.text)
 
     def _press_or_release(self, message: Message) -> asyncio.Task[Answer] | None:
         """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""

@@ -151,7 +151,7 @@ class _Socket:
         self._ws, self._transport = ws, request.transport
         raw = request.transport.get_extra_info("socket") if request.transport else None
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
-            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)  # to notice a stalled browser soon
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)  # to notice a stalled browser soon
 
     def waiting(self) -> int:
         if self._transport is None or self._transport.is_closing():

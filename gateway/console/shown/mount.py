@@ -1,14 +1,14 @@
-"""The state of one mount for all pages: what is collected for each frame, and what is cached for longer.
+"""The state of one mount for all pages: what is collected for each message, and what is cached for longer.
 
 Cached are the mount's abilities, the answer times of its line, the connected clients with their last commands, and the
-bodies of the sky. The state is made in small steps; between them the event loop answers clients and carries out stops.
+bodies of the sky.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
@@ -16,7 +16,6 @@ from gateway.app.status import Rate
 from gateway.console.shown import view
 from gateway.console.shown.talk import Talk, spoken
 from gateway.core.wire_log import MOUNT, Entry, show
-from gateway.mount.controller import MountController
 
 #: How many answer times are stored for new pages.
 KEPT = 240
@@ -27,8 +26,8 @@ Sample = tuple[float, float | None]
 MOST, SHOWN = 200, 40
 #: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
 BODIES_FRESH, BODIES_MISSING, OTHERS_FRESH = 10.0, 1.0, 1.0
-#: How many clients are listed in one step; the pause between two steps, seconds.
-AT_ONCE, TURN = 10, 0.001
+#: Of how many seconds a message has the answer times.
+NEWEST = 3.0
 
 
 class AnswerTimes:
@@ -37,7 +36,6 @@ class AnswerTimes:
     def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=KEPT)
         self.faults = 0
-        self._new: deque[Sample] = deque(maxlen=KEPT)
         self._asked = 0.0
         #: That of the exchanges.
         self.rate = Rate()
@@ -51,14 +49,11 @@ class AnswerTimes:
         elif entry.arrow == "<":
             failed = bool(entry.note)
             self.faults += failed
-            self._new.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
+            self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
-    def take(self) -> list[Sample]:
-        """Return the samples since the last call, and add them to ``samples``."""
-        new = list(self._new)
-        self._new.clear()
-        self.samples += new
-        return new
+    def newest(self, now: float) -> list[Sample]:
+        """Return those of the last seconds: a page may miss a message."""
+        return [sample for sample in self.samples if sample[0] > now - NEWEST]
 
 
 class ConnectedPrograms:
@@ -98,12 +93,6 @@ class ConnectedPrograms:
             }  # fmt: skip
 
 
-async def let_others_run() -> None:
-    """Let other tasks run. The pause covers several iterations of the event loop, because a stop needs several to reach
-    the mount's line and must not wait for more than one step of this work."""
-    await asyncio.sleep(TURN)
-
-
 class ShownMount:
     """The state of one mount. It collects data between ``start`` and ``stop``, while pages are open."""
 
@@ -127,52 +116,25 @@ class ShownMount:
         for sink in (self.answer_times.put, self._programs.put):
             self.gateway.wire_log.remove(sink)
 
-    async def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the whole state of the mount."""
-        controller = self.gateway.controller
-        state: dict[str, Any] = {}
-        for part in view.parts(self.gateway, self._index):
-            state |= part
-            await let_others_run()
-        state |= self._can(controller)
+        controller, now = self.gateway.controller, self._loop.time()
+        state = view.state(self.gateway, self._index)
+        if now - self._abilities_at >= OTHERS_FRESH:
+            self._abilities_at, self._abilities = now, view.abilities(controller)
+        many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
+        if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
+            self._programs_at, self._program_list = now, list(self._programs.connections(now))
         rate = self.answer_times.rate.per_second(controller.now(), controller.line.answers)
         state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
-        state["programs"] = await self._connected()
-        state["bodies"] = await self._sky_bodies()
-        return state
+        times = self.answer_times.newest(controller.wire_log.clock())
+        return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 
-    def _can(self, controller: MountController) -> dict[str, Any]:
-        """Return the abilities; refresh the cached ones when they are stale."""
-        now = self._loop.time()
-        if now - self._abilities_at >= OTHERS_FRESH:
-            self._abilities_at = now
-            self._abilities = view.abilities(controller)
-        return self._abilities
-
-    async def _connected(self) -> list[dict[str, Any]]:
-        """Return the clients; refresh the cached list when it is stale or the number of connections has changed."""
-        now, many = self._loop.time(), sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
-        if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
-            self._programs_at = now
-            self._program_list = await _collected(self._programs.connections(now), AT_ONCE)
-        return self._program_list
-
-    async def _sky_bodies(self) -> list[dict[str, Any]]:
+    def _sky(self, now: float) -> list[dict[str, Any]]:
         """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
         controller = self.gateway.controller
-        now, by = self._loop.time(), (controller.sources.site(), controller.astrometry.sky.ready)
+        by = controller.sources.site(), controller.astrometry.sky.ready
         fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
         if now - self._bodies_at >= fresh or by != self._bodies_basis:
-            self._bodies_at, self._bodies_basis = now, by
-            self._bodies = await _collected(view.bodies(controller), 1)
+            self._bodies_at, self._bodies_basis, self._bodies = now, by, list(view.bodies(controller))
         return self._bodies
-
-
-async def _collected(found: Iterable[dict[str, Any]], at_once: int) -> list[dict[str, Any]]:
-    """Collect all items, with a pause after every ``at_once`` of them."""
-    kept = []
-    for count, one in enumerate(found, 1):
-        kept.append(one)
-        if count % at_once == 0:
-            await let_others_run()
-    return kept

@@ -44,7 +44,7 @@ OVERLAPPING = """() => {
 }"""
 
 #: For ``Visit``: of what the mount does after it was opened, the page hears only what ``hear_of_mount`` tells it.
-UNHEARD: Mapping[str, str] = {'"diff"': '"unheard"'}
+UNHEARD: Mapping[str, str] = {"unheard": "unheard"}
 #: What the gateway tells of where a mount is that points at Aldebaran.
 AT_ALDEBARAN: Mapping[str, float] = {
     "ra": 69.34, "dec": 16.56, "ra2000": 68.98, "dec2000": 16.51, "alt": 50.0, "az": 180.0, "age": 0.0
@@ -120,7 +120,7 @@ class Visit:
         shows: str = "Celestron",
         told: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """``told``: what the gateway tells, as JSON, and what the page hears instead; ``hear`` tells it more then."""
+        """``told``: what the gateway tells, as JSON, and what the page hears instead."""
         width, height = size
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
@@ -136,7 +136,10 @@ class Visit:
         self.page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.url, self._told = url, told
-        self.hear: Callable[[str], None] = lambda message: None
+        self._send: Callable[[str], None] = lambda message: None
+        #: The last message of the mounts, and what the page hears of the first one instead.
+        self._mounts: dict[str, Any] = {}
+        self._instead: dict[str, object] = {}
         if told:
             self.page.route_web_socket("**/socket*", self._tell_otherwise)
         self.page.goto(url)
@@ -151,14 +154,20 @@ class Visit:
             assert isinstance(message, str)
             for told, heard in self._told.items():
                 message = message.replace(told, heard)
-            route.send(message)
+            if not message.startswith('{"mounts"'):
+                route.send(message)
+            elif self._told is not UNHEARD or not self._mounts:
+                self._mounts = json.loads(message)
+                self.hear_of_mount()
 
         route.connect_to_server().on_message(hear)
-        self.hear = route.send
+        self._send = route.send
 
     def hear_of_mount(self, **state: object) -> None:
-        """Tell the page this of the first mount, as the gateway tells a change; for a visit with ``told``."""
-        self.hear(json.dumps({"diff": {"mounts": {"0": state}}}))
+        """Tell the page this of the first mount from now on; for a visit with ``told``."""
+        self._instead |= state
+        self._mounts["mounts"][0] |= self._instead
+        self._send(json.dumps(self._mounts))
 
     def text(self, selector: str) -> str:
         """What an element says."""

@@ -1,4 +1,4 @@
-"""What all pages are shown is made once, and programs have their turn between any two pieces of the work."""
+"""What all pages are shown is made once: often while something moves, once a second at rest."""
 
 from __future__ import annotations
 
@@ -11,13 +11,46 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
+from gateway.console.mounts import Mounts
+from gateway.console.page_session import PageSession
 from gateway.console.shown import view
-from gateway.console.shown.publisher import Publisher
+from gateway.console.shown.publisher import MOVING, RESTING
+from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.controller import MountController
 from tests.support.busy_computer import Busy, run_busy
 
-Work = Callable[[Busy, Publisher], Coroutine[Any, Any, None]]
+
+class Page:
+    """A page: what it was sent, and when. While it is ``stalled`` it reads nothing."""
+
+    def __init__(self, mounts: Mounts) -> None:
+        self.sent: list[tuple[float, dict[str, Any]]] = []
+        self.texts: list[str] = []
+        self.stalled = False
+        self.session = PageSession(mounts, self, "10.0.0.1", acts=True)
+        self.task = asyncio.create_task(self.session.run())
+
+    def waiting(self) -> int:
+        return 1000 if self.stalled else 0
+
+    async def send(self, text: str) -> None:
+        self.texts.append(text)
+        self.sent.append((asyncio.get_running_loop().time(), json.loads(text)))
+
+    def told(self, since: float) -> list[dict[str, Any]]:
+        """The states of the first mount."""
+        return [message["mounts"][0] for at, message in self.sent if at >= since and "mounts" in message]
+
+    def rows(self) -> list[str]:
+        return [row["words"] for _, message in self.sent for row in message.get("talk", [])]
+
+    async def closes(self) -> None:
+        self.task.cancel()
+        await asyncio.wait([self.task])
+
+
+Work = Callable[[Busy, Mounts], Coroutine[Any, Any, None]]
 
 
 @pytest.fixture(autouse=True)
@@ -26,41 +59,61 @@ def _surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Gateway, "names", lambda self: ["lx200@tcp://127.0.0.1:4030"])
 
 
-def published(path: Path, work: Work) -> None:
-    """A gateway over a simulated mount that has told where it points, and its publisher."""
+def played(path: Path, work: Work) -> None:
+    """A gateway over a simulated mount that has told where it points, and what its pages share."""
 
     async def evening() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, VirtualLoop)
         async with Busy(loop, "nexstar:cpc/4.21", "lx200") as busy:
             await asyncio.sleep(5.0)
-            await work(busy, Publisher([busy.gateway], lambda: [None]))
+            await work(busy, Mounts([busy.gateway]))
 
     run_busy(evening(), path.name)
 
 
-def bodies(text: str) -> list[str]:
-    """The names of the bodies that a frame tells of."""
-    mounts = next(iter(json.loads(text).values()))["mounts"]
-    return [body["name"] for body in (mounts[0] if isinstance(mounts, list) else mounts["0"])["bodies"]]
+def test_ten_messages_a_second_while_it_moves_and_one_at_rest_the_same_for_all_pages(tmp_path: Path) -> None:
+    async def work(busy: Busy, mounts: Mounts) -> None:
+        loop, controller = asyncio.get_running_loop(), busy.gateway.controller
+        pages = [Page(mounts) for _ in range(10)]
+        await asyncio.sleep(1.0)
+        began = loop.time()
+        await asyncio.sleep(10.0 * RESTING)
+        assert 9 <= len(pages[0].told(began)) <= 12
+        began = loop.time()
+        await controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=5)))
+        await asyncio.sleep(MOVING + 0.5)
+        assert any(state["by_hand"] for state in pages[0].told(began)), "a change is told at once"
+        began = loop.time()
+        await asyncio.sleep(20.0 * MOVING)
+        assert 15 <= len(pages[0].told(began)) <= 21
+        await controller.stop()
+        for page in pages[1:]:
+            assert [id(text) for text in page.texts[1:]] == [id(text) for text in pages[0].texts[1:]], "made once"
+        for page in pages:
+            await page.closes()
+
+    played(tmp_path, work)
 
 
-def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
-        for _ in range(20):
-            publisher.subscribe()
-        first = await asyncio.gather(*(publisher.next(0) for _ in range(20)))
-        second = await asyncio.gather(*(publisher.next(first[0].number) for _ in range(20)))
-        assert len({id(frame) for frame in first}) == len({id(frame) for frame in second}) == 1
-        assert first[0].whole is first[0].whole
-        assert len(second[0].changes) < len(second[0].whole) / 2
-        assert second[0].number == first[0].number + 1
+def test_a_page_that_does_not_read_gets_the_newest_state_later_and_delays_nobody(tmp_path: Path) -> None:
+    async def work(busy: Busy, mounts: Mounts) -> None:
+        loop, slow, other = asyncio.get_running_loop(), Page(mounts), Page(mounts)
+        await asyncio.sleep(2.0)
+        slow.stalled, began = True, loop.time()
+        await asyncio.sleep(5.0)
+        assert not slow.told(began) and len(other.told(began)) >= 4
+        slow.stalled, began = False, loop.time()
+        await asyncio.sleep(1.5)
+        assert slow.texts[-1] == other.texts[-1] and len(slow.told(began)) <= 3
+        await slow.closes()
+        await other.closes()
 
-    published(tmp_path, work)
+    played(tmp_path, work)
 
 
-def test_what_a_mount_can_is_not_asked_for_every_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
+def test_what_a_mount_can_is_not_asked_for_every_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(busy: Busy, mounts: Mounts) -> None:
         asked = 0
         abilities = view.abilities
 
@@ -70,113 +123,80 @@ def test_what_a_mount_can_is_not_asked_for_every_frame(tmp_path: Path, monkeypat
             return abilities(controller)
 
         monkeypatch.setattr(view, "abilities", count)
-        publisher.subscribe()
-        number = 0
-        for _ in range(10):
-            frame = await publisher.next(number)
-            number = frame.number
-        assert asked <= 4, "ten frames are two seconds"
-        assert json.loads(frame.whole)["state"]["mounts"][0]["speeds"]
+        page = Page(mounts)
+        await asyncio.sleep(4.9)
+        assert asked <= 6 and page.told(0.0)[-1]["speeds"]
+        await page.closes()
 
-    published(tmp_path, work)
-
-
-def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
-        turns, told = 0, []
-
-        async def count() -> None:
-            nonlocal turns
-            while True:
-                await asyncio.sleep(1e-5)
-                turns += 1
-
-        async def page() -> None:
-            publisher.subscribe()
-            await publisher.next((await publisher.next(0)).number)
-            told.append(turns)
-
-        counting = asyncio.create_task(count())
-        await asyncio.gather(*(page() for _ in range(20)))
-        counting.cancel()
-        assert len(set(told)) == 20, told
-
-    published(tmp_path, work)
+    played(tmp_path, work)
 
 
 def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
-        publisher.subscribe()
-        frame = await publisher.next(0)
-        assert bodies(frame.whole) == ["Sun", "Moon"]
+    async def work(busy: Busy, mounts: Mounts) -> None:
+        page = Page(mounts)
+        await asyncio.sleep(1.0)
+        assert [body["name"] for body in page.told(0.0)[-1]["bodies"]] == ["Sun", "Moon"]
         busy.gateway.sky.load()
-        number = frame.number
-        while (frame := await publisher.next(frame.number)).number < number + 2:
-            pass
-        assert bodies(frame.whole) == list(view.BODIES)
+        await asyncio.sleep(1.2)
+        assert [body["name"] for body in page.told(0.0)[-1]["bodies"]] == list(view.BODIES)
+        await page.closes()
 
-    published(tmp_path, work)
+    played(tmp_path, work)
 
 
-def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
+def test_who_shows_nothing_costs_nothing(tmp_path: Path) -> None:
+    async def work(busy: Busy, mounts: Mounts) -> None:
         sinks = busy.gateway.wire_log.sinks
         before = len(sinks)
-        publisher.subscribe()
-        publisher.subscribe()
+        pages = [Page(mounts), Page(mounts)]
+        await asyncio.sleep(0.5)
         looking = len(sinks)
         assert looking > before
-        publisher.listen(1)
-        publisher.listen(1)
+        for page in pages:
+            page.session.take('{"do":"talk","on":true}')
+        await asyncio.sleep(0.5)
         assert len(sinks) == looking + 1
-        publisher.listen(-1)
-        assert len(sinks) == looking + 1
-        publisher.listen(-1)
-        publisher.leave()
-        assert len(sinks) == looking
-        publisher.leave()
+        for page in pages:
+            await page.closes()
         assert len(sinks) == before
-        publisher.subscribe()
-        assert (await publisher.next(0)).number == 1
-        publisher.leave()
+        last = Page(mounts)
+        await asyncio.sleep(0.5)
+        assert last.told(0.0)
+        await last.closes()
 
-    published(tmp_path, work)
+    played(tmp_path, work)
 
 
 def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
-        publisher.subscribe()
-        publisher.listen(1)
-        frame = await publisher.next(0)
-        start = publisher.count
+    async def work(busy: Busy, mounts: Mounts) -> None:
+        page = Page(mounts)
+        page.session.take('{"do":"talk","on":true}')
+        await asyncio.sleep(0.5)
         for number in range(5):
+            page.stalled = number in (1, 2, 3)
             busy.gateway.wire_log.note("10.0.0.1:1", f"note {number}")
-            frame = await publisher.next(frame.number)
-        await publisher.next(frame.number)
-        notes = [row["words"] for row in publisher.since(start) if row["words"].startswith("note")]
-        assert notes == [f"note {number}" for number in range(5)]
-        assert publisher.since(publisher.count) == []
-        publisher.listen(-1)
-        publisher.leave()
+            await asyncio.sleep(0.3)
+        assert [words for words in page.rows() if words.startswith("note")] == [f"note {one}" for one in range(5)]
+        await page.closes()
 
-    published(tmp_path, work)
+    played(tmp_path, work)
 
 
-def test_a_defect_is_told_to_every_page_and_the_next_one_begins_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def work(busy: Busy, publisher: Publisher) -> None:
-        publisher.subscribe()
-        frame = await publisher.next(0)
+def test_a_defect_ends_every_page_and_the_next_one_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work(busy: Busy, mounts: Mounts) -> None:
+        page = Page(mounts)
+        await asyncio.sleep(0.5)
+        notes = list[str]()
+        busy.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
         with monkeypatch.context() as patch:
             patch.setattr(view, "bodies", lambda controller: 1 / 0)
             busy.gateway.sky.load()  # so they are asked for anew
-            with pytest.raises(ZeroDivisionError):
-                await publisher.next(frame.number)
             with pytest.raises(ConnectionError):
-                await publisher.next(frame.number)
-        publisher.subscribe()
-        assert "bodies" in (await publisher.next(0)).whole
-        publisher.leave()
+                await page.task
+        assert any("ZeroDivisionError" in note for note in notes)
+        page = Page(mounts)
+        await asyncio.sleep(0.5)
+        assert "bodies" in page.told(0.0)[-1]
+        await page.closes()
 
-    published(tmp_path, work)
+    played(tmp_path, work)

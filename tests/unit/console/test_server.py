@@ -28,7 +28,7 @@ PATIENCE = 60.0
 
 
 class Page:
-    """A page's WebSocket: what it is shown is put together as the page does."""
+    """A page's WebSocket: what it is shown."""
 
     def __init__(self, ws: aiohttp.ClientWebSocketResponse) -> None:
         self.ws = ws
@@ -41,10 +41,8 @@ class Page:
         message = await self.ws.receive(timeout=PATIENCE)
         assert message.type is aiohttp.WSMsgType.TEXT, message
         value: dict[str, Any] = json.loads(message.data)
-        for part in (value.get("state"), value.get("diff")):
-            mounts = (part or {}).get("mounts", [])
-            self.mount |= (mounts.get("0", {}) if isinstance(mounts, dict) else mounts[0]) if mounts else {}
-            self.recordings = (part or {}).get("recordings", self.recordings)
+        if "mounts" in value:
+            [self.mount], self.recordings = value["mounts"], value["recordings"]
         self.rows += value.get("talk", [])
         return value
 
@@ -448,6 +446,7 @@ def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) ->
             assert asked["words"] and answered["words"] and not {asked["kind"], answered["kind"]} & {"no"}
             assert {row["surface"] for row in page.rows if row["side"] == asked["side"]} == {"lx200:autostar"}
             assert not any("nexstar" in row["words"] for row in page.rows if row["side"] == asked["side"])
+            await page.until(lambda: page.mount["programs"])
             assert page.mount["programs"][0]["surface"].startswith("lx200:")
             writer.close()
 

@@ -4,7 +4,7 @@
 import { changed, state, take } from "./store.js";
 
 const BEAT = 500;
-const QUIET = 1000;
+const QUIET = 2000;
 const DEAD = 4000;
 /** Milliseconds in which the gateway must answer after the device has lost its network. */
 const OFFLINE = 500;
@@ -12,7 +12,7 @@ const OFFLINE = 500;
 const OLD = 1500;
 /** Milliseconds until it connects again, by the number of attempts, and at most while it is urgent. */
 const AGAIN = [300, 600, 1000, 2000, 3000], SOON = 300;
-// The gateway has closed this page, because too many are open and this one was not used for longest.
+// The gateway has closed this page, because too many are open.
 const CROWDED = 1013;
 const LATER = 60000;
 
@@ -35,7 +35,7 @@ const MOTIONS = ["goto", "jog", "guide", "park", "home"];
 const meta = (name, page = document) => page.querySelector(`meta[name="${name}"]`)?.getAttribute("content") ?? "";
 export const token = meta("token");
 
-/** Subscribe to `talk`, `line` (messages of the gateway), `open` or `lost` (the connection), `ordered` (a motion, from here). */
+/** Subscribe to `talk`, `line` (the answer times of every mount), `open` or `lost` (the connection), `ordered` (a motion, from here). */
 export const on = (event, listener) => listeners[event].push(listener);
 const emit = (event, value) => listeners[event].forEach((listener) => listener(value));
 
@@ -81,8 +81,8 @@ function hear(event) {
     return;
   }
   if (message.talk) emit("talk", message.talk);
-  if (message.line) emit("line", message.line);
-  if (message.hello || message.state || message.diff) take(message);
+  emit("line", message.hello?.times ?? message.mounts?.map((one) => one.times) ?? []);
+  if (message.hello || message.mounts) take(message);
 }
 
 export function connect() {

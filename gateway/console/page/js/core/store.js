@@ -46,17 +46,13 @@ export function take(message) {
     state.heardAt = performance.now();
     state.act = message.hello.act;
   }
-  if (message.state || message.diff?.mounts) state.toldAt = performance.now();
-  if (message.state) {
-    state.mounts = message.state.mounts;
-    state.recordings = message.state.recordings;
-    if (state.chosen >= state.mounts.length) state.chosen = 0;
-  }
-  if (message.diff?.recordings) state.recordings = message.diff.recordings;
-  for (const [index, keys] of Object.entries(message.diff?.mounts ?? {})) {
-    const before = state.mounts[Number(index)], now = { ...before, ...keys };
+  if (message.mounts) {
+    const before = state.mounts;
+    state.toldAt = performance.now();
     // What it can do is as before while its status is being read again.
-    state.mounts[Number(index)] = { ...now, can: now.can ?? before.can, equatorial: now.equatorial ?? before.equatorial };
+    state.mounts = message.mounts.map((now, index) => ({ ...now, can: now.can ?? before[index]?.can, equatorial: now.equatorial ?? before[index]?.equatorial }));
+    state.recordings = message.recordings;
+    if (state.chosen >= state.mounts.length) state.chosen = 0;
   }
   changed();
 }

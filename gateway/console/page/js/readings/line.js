@@ -8,19 +8,17 @@ import { gatewayNow, mount, state, subscribe } from "../core/store.js";
 
 /** The time span of the plot, seconds. */
 const WINDOW = 60;
-/** Per mount the answer times of the window: [Unix seconds, milliseconds or null for a fault]. @type {Map<string, Array<[number, number|null]>>} */
-const samples = new Map();
+/** Per mount the answer times of the window: [Unix seconds, milliseconds or null for a fault]. @type {Array<Array<[number, number|null]>>} */
+const samples = [];
 const canvas = el("canvas", { class: "plot", role: "img" });
 const figures = el("p", { class: "figures-line" });
 
 function keep(times) {
-  for (const [index, added] of Object.entries(times)) {
-    // A page that was behind gets values again that it already has.
-    const known = samples.get(index) ?? [];
-    const last = known.at(-1)?.[0] ?? 0;
-    const since = gatewayNow() - WINDOW - 5;
-    samples.set(index, [...known, ...added.filter(([at]) => at > last)].filter(([at]) => at > since));
-  }
+  times.forEach((added, index) => {
+    // Every message has values again that the page already has.
+    const known = samples[index] ?? [], last = known.at(-1)?.[0] ?? 0, since = gatewayNow() - WINDOW - 5;
+    samples[index] = [...known, ...added.filter(([at]) => at > last)].filter(([at]) => at > since);
+  });
 }
 
 /** The highest value of the axis: 1, 2 or 5 times a power of ten. */
@@ -40,7 +38,7 @@ function draw() {
   paint.scale(scale, scale);
   const style = getComputedStyle(canvas);
   const now = gatewayNow();
-  const shown = (samples.get(String(state.chosen)) ?? []).filter(([at]) => at > now - WINDOW);
+  const shown = (samples[state.chosen] ?? []).filter(([at]) => at > now - WINDOW);
   const top = nice(Math.max(5, ...shown.map(([, ms]) => ms ?? 0)));
   const x = (at) => width - ((now - at) / WINDOW) * width;
   const y = (ms) => height - 3 - (ms / top) * (height - 18);
