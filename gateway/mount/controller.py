@@ -27,6 +27,7 @@ from gateway.mount.motion.changes import ended_short
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
+from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
@@ -222,6 +223,8 @@ class MountController:
             return cast(_T, await self.reader.answer_own(operation, program))
         if isinstance(operation, op.AbortMotion):
             return cast(_T, await self.stop(activity.who if activity is not None else ""))
+        if isinstance(operation, op.AbortSlew):
+            self._note_stop(activity.who if activity is not None else "")
         if isinstance(operation, MOTIONS):
             value = await _ended(self.reconciler.take(operation, stops, activity, patience, asked))
             if isinstance(value, op.Chosen) and value.place is not None:
@@ -280,13 +283,19 @@ class MountController:
 
     def begin_stop(self, by: str = "") -> None:
         """End every motion, before everything else, without waiting for the acknowledgement. ``by``: who asks."""
-        self.wanted.stopped_by = by
+        self._note_stop(by)
         self.reconciler.begin_stop("")
 
     async def stop(self, by: str = "") -> None:
         """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
-        self.wanted.stopped_by = by
+        self._note_stop(by)
         await self.reconciler.stop("")
+
+    def _note_stop(self, by: str) -> None:
+        """Log who ends a goto before its goal."""
+        self.wanted.stopped_by = by
+        if isinstance(self.wanted.value.motion, Slew):
+            self.context.note(f"the goto was stopped before its goal{f' by {by}' if by else ''}")
 
 
 async def _ended(outcome: Outcome) -> Any:

@@ -187,7 +187,7 @@ def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def _name(at: Endpoint) -> str:
     model = str(at.model)
-    return f"{'an' if model[0] in 'aeil' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
+    return f"{'an' if model[0] in 'aeilo' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
 
 
 def _means(outcome: str, reply: bytes) -> str:

@@ -59,6 +59,8 @@ _OF_THE_DAY = ("time", "sidereal", "hour", "minute", "second")
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
 TRY_AGAIN = 5.0
+#: Seconds from one remark of a kind to the next.
+REMARK_EVERY = 60.0
 _T = TypeVar("_T")
 
 
@@ -301,6 +303,8 @@ class DriverRunner:
         #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
         #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
+        #: When the last remark of a kind was logged, loop time, and how many there were since.
+        self._remarks: dict[str, tuple[float, int]] = {}
         #: The loop time at which the last operation's first command was written.
         self.began_at = 0.0
 
@@ -350,7 +354,7 @@ class DriverRunner:
             return reply.values
 
         try:
-            value = await run_driver(steps, exchange, self.scheduled.emit, self._context.note_once)
+            value = await run_driver(steps, exchange, self.scheduled.emit, self._remark)
             self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
             self.began_at = sent[0] if sent else now()
             return value
@@ -364,12 +368,25 @@ class DriverRunner:
         finally:
             self._context.cache.orders += changes
 
+    def _remark(self, said: Remark) -> None:
+        """Log a remark: once, or at most once a minute if there are many of its kind."""
+        if not said.kind:
+            self._context.note_once(said.text)
+            return
+        now = self._context.now()
+        at, others = self._remarks.get(said.kind, (-math.inf, 0))
+        if now - at < REMARK_EVERY:
+            self._remarks[said.kind] = at, others + 1
+            return
+        self._remarks[said.kind] = now, 0
+        self._context.note(said.text + (f" ({others} more like this since the last one)" if others else ""))
+
 
 async def run_driver(
     steps: Generator[Step, Any, _T],
     exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
     plan: Callable[[Schedule], object],
-    remark: Callable[[str], object] = lambda text: None,
+    remark: Callable[[Remark], object] = lambda said: None,
 ) -> _T:
     """Run a driver's generator and return its value. Faults of exchanges are thrown into it. Raises Fault."""
     answer: Mapping[str, object] | None = None
@@ -386,7 +403,7 @@ async def run_driver(
             elif isinstance(step, Wait):
                 await asyncio.sleep(step.seconds)
             elif isinstance(step, Remark):
-                remark(step.text)
+                remark(step)
             else:
                 plan(step)
     except StopIteration as end:

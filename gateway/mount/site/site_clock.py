@@ -154,7 +154,9 @@ class SiteClock:
 
         A change that results from the gateway's own setting (``ours``, of a program on the host ``by``) does not count.
         """
-        before, self.mount_site = self.mount_site, place
+        before = self.mount_site
+        if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
+            self.mount_site = place
         if before is None:
             self.stored = None
             self.lasting.emit(None)

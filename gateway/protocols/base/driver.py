@@ -71,9 +71,13 @@ class Schedule(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """A sentence for the log, written once: the driver does something differently from what was requested."""
+    """A sentence for the log: the driver does something differently from what was requested.
+
+    It is written once. Of those of one ``kind``, whose numbers differ, one is written a minute, and then how many more.
+    """
 
     text: str
+    kind: str = ""
 
 
 Step = Send | Wait | Schedule | Remark

@@ -23,12 +23,12 @@ def fix(sentence: str) -> Gps | None:
         return None
 
 
-def rmc(latitude: float, longitude: float, unix: float, linked: bool = True) -> str:
-    """Return an RMC sentence with its checksum. Degrees are north and east positive, ``unix`` is in seconds."""
+def rmc(place: Place | None, unix: float, linked: bool = True) -> str:
+    """Return an RMC sentence with its checksum, without a position if none is known; ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)
-    places = (*_angle(latitude, 2, "NS"), *_angle(longitude, 3, "EW"))
+    places = ("",) * 4 if place is None else (*_angle(place.latitude, 2, "NS"), *_angle(place.longitude, 3, "EW"))
     status = "A" if linked else "V"
     return str(
         pynmea2.RMC(

@@ -94,7 +94,8 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
     mount.slow.pop(axis, None)
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
-        yield Remark(f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed")
+        words = f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed"
+        yield Remark(words, "speed")
     known = "" if mount.side_untold else side  # every arrow is compared on a side that is not told
     expected = turned(mount, axis, sense, side)
     yield from _send_rate(mount, axis, sense * mount.sign(axis, known) * speed)
@@ -117,7 +118,8 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
     if too_far:
         raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
     if off > REMARK_FROM * abs(speed):
-        yield Remark(f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed")
+        words = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"
+        yield Remark(words, "speed")
     if not mount.suspended:
         yield from order(mount, "set_tracking", on=False)
         mount.suspended = True

@@ -69,9 +69,12 @@ def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
 
 
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
-    """:h? -> 0 failed, 1 found, 2 searching."""
+    """:h? -> 0 failed, 1 found, 2 searching; another maker's is 1 at home or parked, 2 on the way to either."""
     if mount.dialect:
-        return 2 if mount.goto is not None and mount.goto.then == "home" else int((yield from tell(mount)).home)
+        if mount.goto is not None and mount.goto.then:
+            return 2
+        told = yield from tell(mount)
+        return int(told.home or told.parked)
     return int((yield from ask(mount, "h?"))["state"])
 
 

@@ -101,7 +101,8 @@ def _report(asked: float, done: float) -> Steps:
     if ratio_error(asked, done) > _REPORT_FROM:
         yield Remark(
             f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "
-            f"{done * math.copysign(3600, asked):.5g}: this mount has no nearer speed"
+            f"{done * math.copysign(3600, asked):.5g}: this mount has no nearer speed",
+            "speed",
         )
 
 

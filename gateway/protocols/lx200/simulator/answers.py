@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
-from gateway.core.operations import Values
+from gateway.core.operations import Place, Values
 from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
@@ -93,6 +93,6 @@ HANDLERS: dict[str, Handler] = {
     "ACK": lambda sim, name, _: sim.letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
     **dict.fromkeys(_TEXTS, lambda sim, name, _: f"{sim.row[_TEXTS[name]]}#".encode()),
     "h?": lambda sim, name, _: b"2" if sim.seeking else str(sim.home).encode(),
-    "gps": lambda sim, name, _: rmc(*sim.site, sim.now).encode() + b"#",
+    "gps": lambda sim, name, _: rmc(Place(*sim.site), sim.now).encode() + b"#",
     "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, lambda sim, name, _: None),
 }  # fmt: skip

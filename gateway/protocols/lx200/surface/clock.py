@@ -217,11 +217,14 @@ def tell_hours(session: LxSession) -> dict[str, str]:
 
 
 def gps_sentence() -> Handling:
-    """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force."""
+    """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force, if there is a site."""
     try:
         seen: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):
         seen = op.Gps(linked=False)
-    place: op.Place = seen.place or (yield op.GetSite())
+    place = seen.place
+    if place is None:
+        with contextlib.suppress(Fault):
+            place = yield op.GetSite()
     moment: op.Moment = yield op.GetClock()
-    return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
+    return {"text": rmc(place, seen.unix or moment.unix, seen.linked)}

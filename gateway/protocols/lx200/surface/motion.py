@@ -19,6 +19,9 @@ from gateway.protocols.wireformat.command import Command
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
 LONGEST_PULSE = 60_000
 SIDEREAL_HERTZ = 60.16427
+#: Outside of these ranges nobody can have meant a command, as iOptron's :ST1#, which starts tracking: a drive rate in
+#: hertz, a guide rate in arcseconds a second (up to twice sidereal), the rate of an axis in degrees a second.
+HERTZ, GUIDES, AXES = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
 #: The range that counts as sidereal, and the value reported for it; the highest frequency that can be reported.
 _SIDEREAL, _SIDEREAL_TOLD, _MOST = (60.1, 60.2), 60.1, 99.9
 _DRIVES = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
@@ -38,6 +41,14 @@ def move(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
 
 
+def _within(limits: tuple[float, float], value: float, unit: str) -> float:
+    """Return a value that is in its range. Raises Invalid for any other."""
+    low, high = limits
+    if not low <= value <= high:
+        raise Invalid(f"{value:g} is out of range: {low:g} to {high:g} {unit}.")
+    return value
+
+
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
     name = _NAMES.get(command.name)
@@ -47,7 +58,7 @@ def choose_rate(session: LxSession, command: Command, values: op.Values) -> None
 
 def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = given(values)["rate"] or None
+    rate = _within(AXES, given(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.kept.rate_ra = rate
     else:
@@ -65,7 +76,7 @@ def max_rate(session: LxSession, values: op.Values) -> None:
 
 def guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
+    fraction = min(1.0, _within(GUIDES, given(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
@@ -145,17 +156,14 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    hertz = given(values)["hertz"]
-    if not 0 < hertz < 100:
-        raise Invalid("The tracking rate is given in hertz, 60.1 for sidereal.")
-    yield from _drive_at(session, hertz)
+    yield from _drive_at(session, _within(HERTZ, given(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def custom(session: LxSession, command: Command) -> Handling:
     """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
-    yield from _drive_at(session, max(0.1, min(99.9, hertz)))
+    yield from _drive_at(session, max(HERTZ[0], min(HERTZ[1], hertz)))
 
 
 def _drive_at(session: LxSession, hertz: float) -> Handling:

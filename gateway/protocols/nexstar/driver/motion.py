@@ -80,7 +80,8 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         yield from stop_current_motion(mount)
     asked, done = (rate.degrees or 0.0) if rate.key is None else 0.0, mount.speed(rate)
     if abs(done - asked) > REMARK_FROM * asked > 0.0:
-        yield Remark(f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed")
+        words = f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed"
+        yield Remark(words, "speed")
     if mount.moves_by_gotos:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return

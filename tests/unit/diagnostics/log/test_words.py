@@ -30,7 +30,13 @@ SAID = [
         b"#",
         "r: accepted",
     ),
-    ("nexstar", b"T\x02", "set tracking mode: mode 2: EQ north", b"#", "T: accepted"),
+    (
+        "nexstar",
+        b"T\x02",
+        "set tracking mode: mode 2: EQ north (CGE, Advanced GT 3.01-3.04: EQ south; SynScan: EQ)",
+        b"#",
+        "T: accepted",
+    ),
     (
         "nexstar",
         b"P\x02\x10\x24\x09\0\0\0",

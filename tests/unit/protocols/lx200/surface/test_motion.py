@@ -123,7 +123,7 @@ def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
         (b":ST060.2#", b"60.1#", op.TrackRate(name="sidereal")),
         (b":ST060.3#", b"60.3#", op.TrackRate(factor=60.3 / 60.16427)),
         (b":ST057.9#", b"57.9#", op.TrackRate(factor=57.9 / 60.16427)),
-        (b":T030.082#", b"30.1#", op.TrackRate(factor=30.082 / 60.16427)),
+        (b":T053.082#", b"53.1#", op.TrackRate(factor=53.082 / 60.16427)),
         (b":TM#", b"60.1#", op.TrackRate(name="sidereal")),
         (b":TM#:T+#:T+#", b"60.3#", op.TrackRate(factor=60.3 / 60.16427)),
         (b":T-#", b"60.0#", op.TrackRate(factor=60.0 / 60.16427)),
@@ -152,7 +152,7 @@ def test_a_rate_that_the_mount_cannot_track_at_is_refused_not_passed_over_in_sil
     assert talk.send(frame) == b"0"
 
 
-@each(("start", "step", "told"), [(b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#")])
+@each(("start", "step", "told"), [(b":T050.2#", b":T-#", b"50.0#"), (b":T069.8#", b":T+#", b"70.0#")])
 def test_steps_of_the_tracking_rate_end_where_rates_end(start: bytes, step: bytes, told: bytes) -> None:
     talk = Talk()
     assert talk.send(start + step * 5 + b":GT#") == b"1" + told

@@ -162,6 +162,36 @@ def test_a_place_on_the_moon_is_on_the_moon(bad: bytes) -> None:
     assert talk.send(b":MS#")[:1] == b"1"
 
 
+# --- numbers that nobody can have meant -------------------------------------------------------------------------------
+
+#: Each numeric setter: the form, what is taken at both ends, what is refused, and the reply to both. Hamlib's :Sh5400#
+#: (90 degrees in minutes) is taken, see above.
+SETTERS = [
+    ("ST", [b":ST50.0#", b":ST70.0#"], [b":ST1#", b":ST49.9#", b":ST70.1#", b":ST99.9#", b":ST000.0#"], (b"1", b"0")),
+    ("T", [b":T050.000#", b":T070.000#"], [b":T001.000#", b":T070.100#"], (b"1", b"0")),
+    ("Rg", [b":Rg00.1#", b":Rg30.1#"], [b":Rg30.2#", b":Rg99.9#"], (b"", b"")),
+    ("RA", [b":RA00.1#:Me#", b":RA20.0#:Me#"], [b":RA20.1#", b":RA99.9#"], (b"", b"")),
+    ("RE", [b":RE00.1#:Mn#", b":RE20.0#:Mn#"], [b":RE20.1#", b":RE99.9#"], (b"", b"")),
+    ("SG", [b":SG-14.0#", b":SG+12.0#"], [b":SG-14.5#", b":SG+25.0#"], (b"1", b"0")),
+    ("Sw", [b":Sw2#", b":Sw8#"], [b":Sw0#", b":Sw9#"], (b"1", b"0")),
+    ("SB", [b":SB1#", b":SB9#"], [b":SB0#", b":SB10#"], (b"1", b"0")),
+    ("Sf", [b":Sf-05.5#", b":Sf+20.0#"], [b":Sf+99.9#", b":Sf-99.9#"], (b"1", b"0")),
+    ("St", [b":St-90*00#", b":St+90*00#"], [b":St+90*01#", b":St-91*00#"], (b"1", b"0")),
+    ("Sg", [b":Sg000*00#", b":Sg360*00#"], [b":Sg360*01#", b":Sg999*00#"], (b"1", b"0")),
+]
+
+
+@each(("name", "good", "bad", "replies"), SETTERS)
+def test_each_number_has_a_range(name: str, good: list[bytes], bad: list[bytes], replies: tuple[bytes, bytes]) -> None:
+    for one in good:
+        assert Talk(model="lx200gps").send(one) == replies[0], one
+    for one in bad:
+        talk = Talk(model="lx200gps")
+        before = len(talk.mount.asked)
+        assert talk.send(one) == replies[1], one
+        assert len(talk.mount.asked) == before, one
+
+
 # --- the altitude of a target -------------------------------------------------------------------------------------
 
 

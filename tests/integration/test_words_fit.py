@@ -1,0 +1,104 @@
+"""What status, log and replies say fits what the mount does and who has done it."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.app.mount_state import mount_state
+from gateway.core import operations as op
+from gateway.diagnostics.rehearsal.explain import explain
+from gateway.diagnostics.virtual_time import run
+from tests.support.in_process_gateway import Bridge
+
+OPEN = {"lowest": -90.0, "sun": 0.0}
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200gps"), ("alpaca", "german")])
+@pytest.mark.parametrize("stop", ["another program", "mount-gateway stop", "M"])
+def test_who_has_ended_a_goto_is_told(driven: str, model: str, stop: str) -> None:
+    async def night() -> None:
+        async with Bridge(model, driven=driven, config=OPEN) as bridge:
+            ra, dec = bridge.sim.truth()
+            await bridge.controller.perform(op.Goto(ra - 60.0, min(dec, 40.0)))
+            await asyncio.sleep(2.0)
+            who = "10.0.0.7"
+            if stop == "another program":
+                bridge.client(who).tell(b":Q#")
+            elif stop == "M":
+                who = "before its goal"
+                await bridge.controller.perform(op.AbortSlew())
+            else:
+                who = stop
+                await bridge.controller.stop(who)
+            await asyncio.sleep(3.0)
+            told = [entry.note for entry in bridge.entries if "goto was stopped" in entry.note]
+            assert len(told) == 1 and who in told[0]
+            assert any(told[0] in line for line in mount_state(bridge.controller).drawn().lately)
+
+    run(night())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "onstep"), ("lx200", "teenastro"), ("nexstar", "cge")])
+def test_a_parked_mount_is_at_home_as_far_as_that_question_goes(driven: str, model: str) -> None:
+    async def night() -> None:
+        async with Bridge(model, driven=driven, config=OPEN, speed=10.0) as bridge:
+            await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 40.0))
+            await asyncio.sleep(30.0)
+            await bridge.controller.perform(op.Park())
+            assert await bridge.controller.perform(op.HomeState()) == 2
+            await asyncio.sleep(60.0)
+            assert await bridge.controller.perform(op.HomeState()) == 1
+
+    run(night())
+
+
+@pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
+def test_a_gps_sentence_without_a_site_has_no_position(model: str, version: str) -> None:
+    async def night() -> None:
+        bridge = Bridge(model, version, surface="lx200gps", config=OPEN)
+        bridge.sim.row = {**bridge.sim.row, "has": []}
+        async with bridge:
+            told = await bridge.client().ask(b":gps#", until=b"#")
+            assert told.startswith(b"$GPRMC,") and b",V,,,,," in told
+
+    run(night())
+
+
+def test_a_site_keeps_its_seconds_on_a_mount_that_keeps_minutes() -> None:
+    async def night() -> None:
+        bridge = Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge", config=OPEN)
+        async with bridge:
+            client, place = bridge.client(), bytes((33, 51, 35, 1, 151, 12, 40, 0))
+            assert await client.ask(b"W" + place) == b"#"
+            for _ in range(10):
+                await asyncio.sleep(20.0)
+                assert await client.ask(b"w") == place + b"#"
+
+    run(night())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("alpaca", "polar")])
+def test_speeds_that_are_not_to_be_had_fill_no_log(driven: str, model: str) -> None:
+    """A satellite tracker sends another rate five times a second."""
+
+    async def night() -> None:
+        bridge = Bridge(model, driven=driven, presented="nexstar", surface="cge", config=OPEN)
+        async with bridge:
+            client = bridge.client()
+            for number in range(350):
+                rate = 3000 + 17 * number
+                client.tell(b"P\3\x11\6" + bytes((rate >> 8, rate & 255, 0, 0)))
+                await asyncio.sleep(0.2)
+            client.tell(b"P\2\x11\x24\0\0\0\0")
+            said = [entry.note for entry in bridge.entries if "no nearer speed" in entry.note]
+            assert 1 <= len(said) <= 3
+
+    run(night())
+
+
+def test_explain_names_a_mount_in_words_that_fit() -> None:
+    assert "on an onstep mount" in explain("lx200", "lx200:onstep", ":GR#").text
+    told = explain("lx200", "alpaca:german", ":MA#").text
+    assert "tracking is turned off before" not in told
