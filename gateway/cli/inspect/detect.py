@@ -46,8 +46,9 @@ def add_detect(commands: Commands) -> None:
     detect.add_argument(
         "--network",
         action="store_true",
-        help="the file that is written lets phones and other computers in, too, not only this one",
+        help="let phones and other computers in, too, by the file of --write and --toml",
     )
+    detect.add_argument("--toml", action="store_true", help="print a gateway.toml for each mount")
     detect.add_argument("--json", action="store_true", help="for programs: a list, one object a port")
     detect.add_argument("--write", type=Path, metavar="FILE", help="write a gateway.toml for the mount that was found")
     detect.add_argument("--force", action="store_true", help="let --write replace a file")
@@ -58,7 +59,7 @@ def _detect(arguments: argparse.Namespace) -> int:
     import json
 
     from gateway.diagnostics.detect import ask_servers, here, look_at_all, named
-    from gateway.diagnostics.detect.report import block, next_steps, values
+    from gateway.diagnostics.detect.report import block, next_steps, toml, values
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)
@@ -83,8 +84,10 @@ def _detect(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps([values(finding, arguments.network) for finding in findings], indent=2))
     else:
-        print("\n\n".join(block(finding, arguments.network) for finding in findings))
+        print("\n\n".join(map(block, findings)))
     mounts = [finding for finding in findings if finding.mount]
+    if arguments.toml and not arguments.json:
+        print("", *(toml(finding, arguments.network) for finding in mounts), sep="\n", end="")
     if mounts and arguments.write is not None:
         _write(arguments.write, mounts, arguments.force, arguments.network)
     _advise(next_steps(findings), arguments.json)
@@ -115,7 +118,7 @@ def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> Non
     write_whole(path, toml(mounts[0], network), force)
     only_here = "this computer only; --network lets phones and other computers in"
     who = "phones and other computers, too" if network else only_here
-    print(f"wrote {path}, for programs on {who}\nstart it with: mount-gateway run --config {path}", file=sys.stderr)
+    print(f"wrote {path}, for programs on {who}\nstart it: mount-gateway run {path}", file=sys.stderr)
 
 
 def write_whole(path: Path, text: str, force: bool) -> None:

@@ -15,7 +15,7 @@ from gateway.diagnostics.detect.scan_port import BUSY, FOREIGN, MUTE, SERVED, UN
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
-ANYBODY = "anybody in your network can move the mount: these protocols know no passwords"
+ANYBODY = "anyone on your network can then move the mount"
 #: The version of a mount that does not report one.
 UNTOLD = "?"
 WORDS = {
@@ -66,10 +66,10 @@ OF_OTHERS = {
 }
 
 
-def block(finding: Finding, network: bool = False) -> str:
-    """Describe one port for people; with ``network`` the configuration file lets other computers connect."""
+def block(finding: Finding) -> str:
+    """Describe one port for people: the mount and the commands that start a gateway, then the details."""
     about = f"  ({finding.place.about})" if finding.place.about else ""
-    lines = _mount_lines(finding, network) if finding.mount else [_nothing(finding)]
+    lines = _mount_lines(finding) if finding.mount else [_nothing(finding)]
     return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
 
 
@@ -84,11 +84,11 @@ def _nothing(finding: Finding) -> str:
     return f"{words}: {finding.reason}" if finding.reason else words
 
 
-def _mount_lines(finding: Finding, network: bool) -> list[str]:
+def _mount_lines(finding: Finding) -> list[str]:
     mount = finding.mount
     assert mount is not None
     if not mount.answers:  # it was not asked anything: a server offers it
-        return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_starts(finding, network)]
+        return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_starts(finding)]
     baud = f"{finding.baud} baud; " if finding.baud else ""
     motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
     version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
@@ -96,25 +96,23 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
     mute = [name for name, words in mount.answers.items() if not words]
     title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
     return [
-        f"{title}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
-        f"it answered: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
-        *([f"it does not tell: {', '.join(mute)}"] if mute else []),
-        f"equinox: {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
+        f"{title}, {version}, {model}",
         *hints(mount),
-        *_starts(finding, network),
+        *_starts(finding),
+        f"details: {motors}{baud}a reply takes {mount.latency * 1000:.0f} ms; "
+        f"equinox {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
+        f"  replies: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
+        *([f"  no reply: {', '.join(mute)}"] if mute else []),
     ]
 
 
-def _starts(finding: Finding, network: bool) -> list[str]:
+def _starts(finding: Finding) -> list[str]:
     """Return the lines that say how to start a gateway with a mount."""
     return [
-        "for programs on this computer:",
+        "start the gateway:",
         f"  {command(finding)}",
-        "for phones and other computers, too (anybody in your network can then move the mount):",
+        f"instead, to let phones connect ({ANYBODY}):",
         f"  {command(finding, network=True)}",
-        "gateway.toml (--write FILE makes it; with --network it is for phones and other computers, too):",
-        *(f"    {line}" for line in toml(finding, network).splitlines()),
-        f"compare what it does with what the gateway believes of it: mount-gateway prove --mount {endpoint(finding)}",
     ]
 
 
@@ -174,19 +172,22 @@ def toml(finding: Finding, network: bool = False) -> str:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
     rows += ["", "[[surface]]", f"at = {json.dumps(surface(mount, network))}"]
     if network:
-        rows += [f"# {ANYBODY}", '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect']
+        rows += [
+            f"# {ANYBODY}: these protocols have no passwords",
+            '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect',
+        ]
     else:
         rows += [
-            "# in its place, for programs of every protocol, and for your browser:",
+            "# instead, for programs of every protocol, and for your browser:",
             f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
-            f"# in its place, for phones and other computers, too; then {ANYBODY}",
+            f"# instead, to let phones connect ({ANYBODY}: these protocols have no passwords):",
             f"# at = {json.dumps(surface(mount, True))}",
         ]
     spoken = other_surface(mount.protocol)
     rows += [
-        "# in its place, for programs that want a serial port, on this computer (not on Windows):",
+        "# instead, for programs on this computer that want a serial port (not on Windows):",
         f'# at = "{spoken}@pty:/tmp/{spoken}"',
-        f"# in its place, for a driver that makes a COM port on a Windows computer; then {ANYBODY}",
+        f"# instead, for a driver that redirects a COM port of a Windows computer ({ANYBODY}):",
         f'# at = "{spoken}@rfc2217://0.0.0.0:4032"',
     ]
     return "\n".join(rows) + "\n"

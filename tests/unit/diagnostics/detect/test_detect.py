@@ -134,7 +134,7 @@ def test_it_is_told_what_the_mount_answered(what: str, equinox: str, answers: di
     assert "j2000" in block(finding) or equinox == "jnow"
     assert ("(j2000), as its maker says" in block(finding)) is ("synscan" in what)
     assert ('equinox = "auto"' in toml(finding)) is (equinox == "j2000" and "synscan" not in what)
-    assert ("it does not tell: site, clock" in block(finding)) is (answers.get("site") == "")
+    assert ("no reply: site, clock" in block(finding)) is (answers.get("site") == "")
 
 
 def test_only_what_was_answered_is_listed() -> None:
@@ -147,7 +147,7 @@ def test_only_what_was_answered_is_listed() -> None:
     finding, _ = seen(device)
     assert finding.mount is not None
     assert {name for name, words in finding.mount.answers.items() if words} == {"coordinates", "alignment and tracking"}
-    assert "it does not tell: site, clock" in block(finding)
+    assert "no reply: site, clock" in block(finding)
 
 
 def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:

@@ -32,8 +32,8 @@ def test_both_lines_are_told(protocol: str, programs: str) -> None:
     lines = [line.strip() for line in block(mount(protocol)).splitlines()]
     start = f"mount-gateway run --mount {protocol}@{PORT} --surface {programs}@tcp://"
     here, there = lines.index(f"{start}127.0.0.1:4030"), lines.index(f"{start}0.0.0.0:4030")
-    assert lines[here - 1] == "for programs on this computer:"
-    assert lines[there - 1].startswith("for phones and other computers, too (anybody in your network can")
+    assert lines[here - 1].startswith("start")
+    assert "phones" in lines[there - 1] and "anyone" in lines[there - 1]
     told = values(mount(protocol))["mount"]
     assert told["run_network"].endswith("@tcp://0.0.0.0:4030") and told["run"].endswith("@tcp://127.0.0.1:4030")
 
@@ -44,7 +44,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     path.write_text(toml(mount(), network))
     [surface] = make_config(*read_tables(path)).surface
     assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
-    assert "anybody in your network can move the" in path.read_text()
+    assert "anyone on your network" in path.read_text()
     assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
     for program in ("pty:/tmp/lx200", "rfc2217://0.0.0.0:4032"):
         path.write_text(
