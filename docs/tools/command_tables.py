@@ -9,18 +9,19 @@ They come from ``mappings`` alone. A command without an outcome is called *missi
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Container, Iterator
 from pathlib import Path
 
 from gateway.core.errors import MappingError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, missing, outcome, remarks, sent
+from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, kinds, missing, outcome, remarks, sent
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import KEEPS, Source, SurfaceRow
+from gateway.protocols.wireformat.rows import ELSE, KEEPS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "mappings/README.md"
@@ -136,13 +137,27 @@ def _rows(client: str, mount: str) -> list[str]:
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
     lines = ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
+    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
     for name, command in protocol.commands.items():
         row = rows.get(name)
-        mounted = ", ".join(f"`{c}`" for c in sent(row, driven))
+        mounted = ", ".join(dict.fromkeys(f"`{c}`" for one in every for c in sent(row, *one)))
         asked = f"`{_cell(wire(command.request.source))}`" if command.asked else f"unasked, every {command.pushed:g} s"
         said = _cell(_remarks(command, row))
-        lines.append(f"| {asked} | {command.help} | {outcome(row, driven)} | {mounted} | {said} |")
+        lines.append(f"| {asked} | {command.help} | {_outcomes(row, every)} | {mounted} | {said} |")
     return lines
+
+
+def _outcomes(row: SurfaceRow | None, every: list[tuple[CommandSet, Kind]]) -> str:
+    """Return the outcomes on the aligned mounts, that of most mounts first, and those before the alignment if they
+    differ."""
+    found = {
+        aligned: Counter(outcome(row, mount, kind) for mount, kind in every if kind.aligned is aligned)
+        for aligned in (True, False)
+    }
+    aligned, before = (" or ".join(word for word, _ in found[which].most_common()) for which in (True, False))
+    return (
+        aligned if not before or set(found[True]) == set(found[False]) else f"{aligned}; before the alignment {before}"
+    )
 
 
 def _remarks(command: Command, row: SurfaceRow | None) -> str:
@@ -166,6 +181,12 @@ def problems() -> Iterator[str]:
             spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
         if spec.make_driver is not None:
             spec.make_driver(DriverSettings(), float)
+    traits = {UNALIGNED, UNABLE, ELSE} | {word for name in mounts() for word in load(name).all_traits}
+    for client in surfaces():
+        for name, row in load(client).surface.items():
+            for word in {word for words in row.outcomes for word in words.split()} - traits:
+                if not word.startswith(PRESENTED):
+                    yield f"mappings/{client}/surface.toml: [{name}]: outcome: no mount is {word!r}"
     for client, mount in pairs():
         for name in missing(client, mount):
             yield f"mappings/{client}/surface.toml: [{name}]: it has no outcome on a {mount} mount"

@@ -1,13 +1,14 @@
-"""The outcome of a command on a mount, on any mount or on one model and version, derived from the mappings alone."""
+"""The outcome of a command on a kind of mount, from the mappings alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import Implementation, SurfaceRow, Version
+from gateway.protocols.wireformat.rows import ELSE, PRESENTED, UNABLE, UNALIGNED, Implementation, SurfaceRow, Version
 
 MISSING = "missing"
 #: What each outcome means.
@@ -22,79 +23,87 @@ STANDS_FOR = {
 
 
 class Kind(NamedTuple):
-    """Which mounts a question is about: any, or those of a model and version.
+    """A kind of mount: a model and version, aligned or not, and for a fork, whether it is on a wedge."""
 
-    ``aligned`` selects mounts after or before their alignment; None means the better outcome of the two. ``wedge``
-    selects a fork on a wedge.
-    """
-
-    model: str | None = None
+    model: str
     version: Version | None = None
-    aligned: bool | None = None
+    aligned: bool = True
     wedge: bool = False
 
 
-ANY = Kind()
+def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind, face: frozenset[str] | None = None) -> str:
+    """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model, if it matters.
 
-
-def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face: frozenset[str] | None = None) -> str:
-    """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model."""
+    The word of the row, or if it is *translated*, that of the row by which the mount carries out the first operation.
+    """
     if row is None:
         return MISSING
-    if not is_for(row, mount, kind, face):
-        return row.elsewhere or MISSING
-    if row.outcome:
-        return row.outcome
     ways = taken(row, mount, kind)
-    return str(ways[0].outcome) if ways else row.without or MISSING
+    traits = _traits(mount, kind.model, kind.wedge)
+    word = next(word for words, word in row.outcomes.items() if _fits(words, traits, kind.aligned, not ways, face))
+    if word != "translated":
+        return word
+    return ways[0].outcome if ways else MISSING
 
 
-def is_for(row: SurfaceRow, mount: CommandSet, kind: Kind, face: frozenset[str] | None) -> bool:
-    """Whether a row is for such a mount and for a presented model with these traits."""
-    if row.models is not None and face is not None and face.isdisjoint(row.models):
-        return False
-    return kind.model is None or mount.traits(kind.model, kind.wedge).isdisjoint(row.apart)
+@cache
+def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
+    return mount.traits(model, wedge)
 
 
-def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Implementation]:
+def _fits(words: str, traits: frozenset[str], aligned: bool, unable: bool, face: frozenset[str] | None) -> bool:
+    """Whether all these words are true of a mount with such traits, and of the presented model."""
+    true = {ELSE, *traits}
+    if unable:
+        true.add(UNABLE)
+    if not aligned:
+        true.add(UNALIGNED)
+    return all(
+        word in true or (word.startswith(PRESENTED) and (face is None or word.removeprefix(PRESENTED) in face))
+        for word in words.split()
+    )
+
+
+def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[Implementation]:
     """Return how a mount carries out the operations of a row: for each the first way whose commands it has."""
-    ways = [carried(name, mount, kind) for name in ([] if row is None else row.operations)]
-    return [way[0] for way in ways if way]
+    ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
+    return [way for way in ways if way is not None]
 
 
-def carried(operation: str, mount: CommandSet, kind: Kind) -> list[Implementation]:
-    """Return the ways in which such a mount can carry out an operation, the one that it takes first."""
-    found = []
-    model, version, aligned, wedge = kind
+def carried(operation: str, mount: CommandSet, kind: Kind) -> Iterator[Implementation]:
+    """Yield the ways in which such a mount can carry out an operation, the one that it takes first."""
+    traits = _traits(mount, kind.model, kind.wedge)
     for way in mount.driver.get(operation, ()):
-        if way.part and model and way.part not in mount.traits(model, wedge):
+        if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):
             continue
-        if None not in (aligned, way.aligned) and aligned != way.aligned:
-            continue
-        needed = [mount.commands[command].known_to(model, version) for command in way.needs]
-        used = [mount.commands[command].known_to(model, version) for command in way.uses]
+        needed = [mount.commands[command].known_to(kind.model, kind.version) for command in way.needs]
+        used = [mount.commands[command].known_to(kind.model, kind.version) for command in way.uses]
         if all(needed) and (needed or not used or any(used)):
-            found.append(way)
-    return found
+            yield way
 
 
-def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[str]:
-    """Return the mount commands that a row may send, each once; for a model and version only those that it has."""
+def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[str]:
+    """Return the mount commands that a row may send, each once; only those that this model and version has."""
     has = mount.commands
     commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
     return list(dict.fromkeys(commands))
 
 
+def kinds(protocol: CommandSet) -> Iterator[Kind]:
+    """Yield every kind of mount that speaks a protocol, the newest versions first."""
+    made = sorted(versions(protocol), key=lambda model: model[2] or (), reverse=True)
+    for model, _, version in made:
+        wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
+        states = (True, False) if PROTOCOLS[protocol.name].aligns else (True,)
+        yield from (Kind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
+
+
 def missing(client: str, mount: str) -> list[str]:
-    """Return the commands without an outcome on the newest mount or on any model and version, aligned or not."""
+    """Return the commands without an outcome on some kind of mount."""
     protocol, driven = load(client), load(mount)
+    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
     rows = protocol.surface
-    kinds = [ANY, *(Kind(model, version, at) for model, _, version in versions(driven) for at in (True, False))]
-    return [
-        name
-        for name in protocol.commands
-        if any(outcome(rows.get(name), driven.of(kind.model), kind) == MISSING for kind in kinds)
-    ]
+    return [name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING for one in every)]
 
 
 def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:

@@ -22,9 +22,8 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
-from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage, watched
+from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, denies, stage, watched
 from gateway.diagnostics.rehearsal.samples import example
-from gateway.diagnostics.rehearsal.shown import changes, shown
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.surface import ACKNOWLEDGED
 from gateway.protocols.registry import PROTOCOLS, mounts
@@ -97,7 +96,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         for otherwise, changed in _circumstances(at):
             if (other := play_one(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = taken(row, driven, Kind(at.model, counted(at), aligned=True))
+        ways = taken(row, driven, Kind(at.model or "", counted(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -147,7 +146,8 @@ def play_one(
 ) -> tuple[Play, str, str]:
     """Play a frame on a stage of its own, whose model fits the mount if none is named.
 
-    Return the play, the outcome that it shows (that of the tables if it shows none), and that of the tables.
+    Return the play, the outcome (that of the tables, unless the play is refused or changes nothing), and that of the
+    tables.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
     found = protocol.find(frame)
@@ -163,13 +163,12 @@ def play_one(
                 Before() if row is None else before(face, row),
                 watched(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
-            surface, kind = whole_gateway.face.surface, Kind(mount.model, counted(mount), aligned, wedge)
-            became = row and shown(played, command, row, surface, driven)
-            if became is None and not played.of("act") and any(map(changes, played.asked)):
-                became = NOTHING_TO_DO
             presented = traits(face, command, dict(whole_gateway.face.model))
-            by_tables = outcome(row, driven, kind, face=presented)
-            return played, became or by_tables, by_tables
+            said = outcome(row, driven, Kind(mount.model or "", counted(mount), aligned, wedge), presented)
+            if denies(played, command, whole_gateway.face.surface):
+                return played, "refused", said
+            idle = said == "translated" and not played.of("act") and row and any(map(changes, row.operations))
+            return played, NOTHING_TO_DO if idle else said, said
 
     result: tuple[Play, str, str] = run(play())
     return result

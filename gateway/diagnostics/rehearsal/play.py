@@ -14,21 +14,19 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris.sky import Sky
-from gateway.core.motion_kinds import ENDS
-from gateway.core.operations import Operation, Read, Values, named
+from gateway.core.errors import Unsupported
+from gateway.core.operations import Read, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
-from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending
+from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.base.wants import (
     ChangeBaudRate,
     CheckPossible,
     Defer,
     FireAndForget,
-    Handling,
     Note,
     ReuseLastReading,
     SurfaceStep,
@@ -69,19 +67,14 @@ class Before(NamedTuple):
 
 
 class Play(NamedTuple):
-    """Everything that one frame caused, in order; ``wire`` are the received commands that change the mount."""
+    """Everything that one frame caused, in order; ``wire`` are the received commands that change the mount, ``refused``
+    is whether the log counts a refusal.
+    """
 
     frame: bytes
     events: tuple[PlayedStep, ...]
     reply: bytes
     wire: tuple[bytes, ...]
-    #: Whether something kept for clients has changed, and whether the driver's knowledge has.
-    kept: bool
-    learnt: bool
-    #: The operations that the surface asked for, and those that changed the mount on its behalf; each once.
-    asked: tuple[str, ...] = ()
-    #: Whether the reply was made of what is kept for clients; whether the log counts a refusal.
-    tells: bool = False
     refused: bool = False
 
     @property
@@ -96,6 +89,32 @@ class Play(NamedTuple):
 def watched(command: Command, aligned: bool) -> float:
     """Return how long a command is observed after its reply, seconds."""
     return GLANCE if command.question else WATCHED if aligned else WATCHED_SETTING
+
+
+def changes(name: str) -> bool:
+    """Whether an operation of this name may change the mount."""
+    kind = named(name)
+    return kind is not None and not issubclass(kind, Read)
+
+
+def denies(play: Play, command: Command, surface: Surface) -> bool:
+    """Whether a command was refused, by its reply or, if that cannot tell, by the log."""
+    return is_no(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
+
+
+def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
+    """Whether a reply is a refusal."""
+    forms = [form for answer, form in command.replies if answer.fault]
+    if not reply:
+        return False
+    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
+    return told or reply == no_form(surface, frame)
+
+
+def no_form(surface: Surface, frame: bytes) -> bytes:
+    """Return the surface's refusal of a command that no mount can do; empty if the protocol has none."""
+    form = surface.unanswered(frame, Unsupported())
+    return b"" if form == ACKNOWLEDGED else form
 
 
 @cache
@@ -154,20 +173,12 @@ class Player:
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         self.driver: Driver = stage.driver
+        self.surface = surface = stage.face.surface
         self._events: list[PlayedStep] = []
         self._visitors = 0
-        self._session: Session | None = None
-        #: What was kept when the frame arrived.
-        self._before = ""
-        self._asked: dict[str, None] = {}
-        self._tells = False
-        surface, handle, self._call = stage.face.surface, stage.face.surface.handle, stage.face.surface.call
-        perform, ending = self.driver.perform, surface.ending
+        handle = surface.handle
         surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
-        surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
-        surface.call = self._called  # type: ignore[method-assign]
-        surface.ending = lambda session, frame: self._ended(ending(session, frame))  # type: ignore[method-assign]
-        self.driver.perform = lambda operation: perform(self._performed(operation))  # type: ignore[method-assign, arg-type]
+        surface.handle = lambda session, frame: relayed(handle(session, frame), self._ask)  # type: ignore[method-assign]
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Play:
@@ -182,11 +193,9 @@ class Player:
         for said in before.during:
             visitor.tell(said)
             await self._settled(visitor, MAX_BACKGROUND)
-        self._session, self._before = None, ""
-        known, wire = self._known(), len(self.stage.wire)
+        self.begin()
+        wire, refusals = len(self.stage.wire), self.stage.wire_log.refusals
         self._events.clear()
-        self._asked.clear()
-        self._tells, refusals = False, self.stage.wire_log.refusals
         visitor.heard = b""
         visitor.tell(frame)
         await self._settled(visitor, 0.0)
@@ -195,17 +204,10 @@ class Player:
         await asyncio.sleep(watching)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
-        return Play(
-            frame,
-            tuple(self._events),
-            reply,
-            acts,
-            self._before != self._kept(),
-            known != self._known(),
-            tuple(self._asked),
-            self._tells,
-            refusals != self.stage.wire_log.refusals,
-        )
+        return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusals)
+
+    def begin(self) -> None:
+        """React to the beginning of the play, after what a program sends first."""
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Wait until everything sent was answered, at most as long as a program waits."""
@@ -216,21 +218,6 @@ class Player:
         """Wait until the mount has arrived and the gateway has seen it there."""
         await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), ARRIVED)
 
-    def _kept(self) -> str:
-        """Return what is kept for this client and for all clients, as comparable text."""
-        return "" if self._session is None else repr((self._session.kept, self._session.shared))
-
-    def _known(self) -> str:
-        """Return what the driver and the site clock know, as comparable text."""
-        return repr((vars(self.driver), vars(self.stage.site_clock)))
-
-    def _told(self, session: Session, steps: Handling) -> Handling:
-        """Handle the command and note each operation that it requests."""
-        if self._session is None:
-            self._session = session
-            self._before = self._kept()
-        return relayed(steps, self._ask)
-
     def _ask(self, wanted: SurfaceStep) -> bool:
         """Note a request; return False, as it is carried out as well."""
         if isinstance(wanted, ChangeBaudRate):
@@ -238,41 +225,6 @@ class Player:
         elif not isinstance(wanted, Defer | CheckPossible | Note):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(PlayedStep("means", meaning(operation)))
-        return False
-
-    def _ended(self, ending: Ending | None) -> Ending | None:
-        """Note the operation of a command that ends something on its arrival."""
-        if ending is not None:
-            self._asked[type(ending.operation).__name__] = None
-        return ending
-
-    def _performed(self, operation: Operation) -> Operation:
-        """Note an operation that changes the mount, also one made of another one; not the end of a pulse."""
-        name = type(operation).__name__
-        if not isinstance(operation, (Read, *ENDS)) and named(name) is not None:
-            self._asked[name] = None
-        return operation
-
-    def _called(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
-        """Run the function of a row: note what it asks for, and whether it looks at what is kept."""
-        kind, player = type(session), self
-
-        class Watched(kind):  # type: ignore[misc, valid-type]
-            def __getattribute__(self, name: str) -> object:
-                player._tells |= name in ("kept", "common")
-                return super().__getattribute__(name)
-
-        session.__class__ = Watched
-        try:
-            return (yield from relayed(self._call(name, session, command, values), self._asks))
-        finally:
-            session.__class__ = kind
-
-    def _asks(self, wanted: SurfaceStep) -> bool:
-        """Note the operation of a request; return False, as it is carried out as well."""
-        operation = getattr(wanted, "operation", wanted)
-        if isinstance(operation, Operation) and not isinstance(wanted, CheckPossible):
-            self._asked[type(operation).__name__] = None
         return False
 
     def _note(self, entry: Entry) -> None:

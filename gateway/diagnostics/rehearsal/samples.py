@@ -31,16 +31,16 @@ _BY_COMMAND: dict[tuple[str, str], object] = {
     ("H", "year"): _NOW.year % 100, ("I", "year"): _NOW.year % 100, ("rtc_set_year", "year"): _NOW.year,
     ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
     ("LS", "number"): 32349, ("move_pos", "device"): 18, ("move_neg", "device"): 18, ("RA", "rate"): 2.0,
-    ("RE", "rate"): 2.0, ("Rg", "rate"): 7.5, ("Sw", "rate"): 4, ("F", "speed"): 3, ("set_guide_rate", "rate"): 128,
+    ("RE", "rate"): 2.0, ("Rg", "rate"): 7.5, ("Sw", "rate"): 4, ("F", "speed"): 3, ("set_guide_rate", "rate"): 64,
     ("axis_goto", "device"): 17, ("axis_goto_slow", "device"): 17,
     ("fine_rate_pos", "rate"): 153600, ("fine_rate_neg", "rate"): 153600,
     ("moveaxis", "axis"): 0, ("moveaxis", "rate"): 2.0, ("axisrates", "axis"): 0, ("canmoveaxis", "axis"): 0,
     ("action", "action"): "GotoEndedShort", ("pulseguide", "direction"): 0,
     ("set_tracking", "on"): False, ("set_trackingrate", "rate"): 1,
-    ("set_guideratedeclination", "rate"): 0.002, ("set_guideraterightascension", "rate"): 0.002,
+    ("set_guideratedeclination", "rate"): 0.001, ("set_guideraterightascension", "rate"): 0.001,
     **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
 }  # fmt: skip
-_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
+_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28), "HIGH PRECISION", "GD")
 
 
 #: Further values, at which a command asks for something else.
@@ -53,18 +53,18 @@ _ALSO: dict[tuple[str, str], object] = {
 
 def examples(command: Command) -> list[bytes]:
     """Return requests of this command that differ in what is asked for. Raises MappingError."""
-    values = {name: _value(command, name, field) for name, field in command.request.fields.items()}
+    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
     also = [values | {field: value} for (name, field), value in _ALSO.items() if name == command.name]
     return [command.request.encode(each) for each in (values, *also)]
 
 
 def example(command: Command) -> bytes:
     """Return a request of this command. Raises MappingError if no value fits a field."""
-    values = {name: _value(command, name, field) for name, field in command.request.fields.items()}
+    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
     return command.request.encode(values)
 
 
-def _value(command: Command, name: str, field: Codec) -> object:
+def value(command: Command, name: str, field: Codec) -> object:
     """Return a value that the field can encode and decode."""
     wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING)
     for value in (value for value in wanted if value is not None):

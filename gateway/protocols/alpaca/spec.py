@@ -56,6 +56,7 @@ def _hint(frame: bytes) -> str:
 
 SPEC = ProtocolSpec(
     name=NAME,
+    aligns=False,
     title="ASCOM Alpaca",
     a_program="an ASCOM Alpaca",
     a_mount="a mount with ASCOM Alpaca",

@@ -149,6 +149,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     equinox: str = "jnow"
     #: What its programs' guide pulses mean if nobody says: ``motor`` or ``sky``.
     guide_directions: str = "motor"
+    #: Whether its mounts are aligned or not; if not, they count as aligned.
+    aligns: bool = True
     #: A mount for the demonstration, as an endpoint and in words.
     demo: tuple[str, str] | None = None
 

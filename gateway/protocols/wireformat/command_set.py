@@ -24,8 +24,10 @@ from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
 from gateway.protocols.wireformat.command import Command, FrameTemplate
 from gateway.protocols.wireformat.rows import (
+    ELSE,
     KEEPS,
     OUTCOMES,
+    PRESENTED,
     CommandRow,
     Dialect,
     Implementation,
@@ -66,6 +68,9 @@ class CommandSet:
         self._longest = max(map(len, self._by_prefix), default=0)
         self._extra: dict[str, dict[str, Model]] = {}
         self._spoken: dict[str, CommandSet] = {}
+        for command in () if dialect else self.commands.values():
+            if unknown := (command.models or frozenset()) - self.models.keys():
+                raise MappingError(self._where("commands.toml"), command.name, f"models: there is no {min(unknown)}")
         for model, facts in () if dialect else self.models.items():
             listed = frozenset(facts.get("commands", self.commands))
             if unknown := listed - self.commands.keys():
@@ -147,17 +152,26 @@ class CommandSet:
                 raise MappingError(where, key, f"given: {row.ask} has no field {name!r}")
         if row.tell is not None or row.say is not None:
             self._check_reply(where, key, set(row.tell or row.say or ()))
-        for name in row.models or ():
-            if name not in self._traits:
-                raise MappingError(where, key, f"models: models.toml has no {name!r}")
-        for outcome in (row.outcome, row.without, row.elsewhere):
-            if outcome is not None and outcome not in OUTCOMES:
+        for form in [form for reply, form in self.commands[key].replies if row.say and reply.fault is None]:
+            try:
+                form.encode(row.say or {})
+            except (ValueError, TypeError, KeyError) as error:
+                raise MappingError(where, key, f"say: {error!r}: its reply is {form.source!r}") from None
+        for kind, outcome in row.outcomes.items():
+            if outcome not in OUTCOMES:
                 raise MappingError(where, key, f"outcome {outcome!r} is not one of {', '.join(OUTCOMES)}")
+            for word in kind.split():
+                if word.startswith(PRESENTED) and word.removeprefix(PRESENTED) not in self.all_traits:
+                    raise MappingError(where, key, f"outcome: no model of models.toml is {word!r}")
+        if list(row.outcomes)[-1:] != [ELSE]:
+            raise MappingError(where, key, f"the last kind of mount of an outcome is {ELSE!r}")
+        if "translated" in row.outcomes.values() and not row.operations:
+            raise MappingError(where, key, "what is translated needs ask, or call and asks")
         if self.commands[key].urgent in ("stop", "axis") and row.ask is None:
             raise MappingError(where, key, "a command that ends a motion needs ask, which names the operation")
         if row.given and row.ask is None:
             raise MappingError(where, key, "given is only for a row with ask")
-        if "refused" in (row.outcome, row.without) and not row.why:
+        if "refused" in row.outcomes.values() and not row.why:
             raise MappingError(where, key, "a refused row needs why")
 
     def _check_reply(self, where: str, key: str, names: set[str]) -> None:
@@ -201,7 +215,7 @@ class CommandSet:
                 raise MappingError(where, key, f"commands.toml has no [{name}]")
         if row.outcome not in OUTCOMES:
             raise MappingError(where, key, f"outcome {row.outcome!r} is not one of {', '.join(OUTCOMES)}")
-        if row.part is not None and row.part not in self._traits:
+        if row.part is not None and row.part not in self.all_traits:
             raise MappingError(where, key, f"part: no model of models.toml has {row.part!r}")
 
     def functions(self, file: str, *modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
@@ -225,7 +239,7 @@ class CommandSet:
         return {name: _given(function) for name, function in found.items()} if file == "surface" else found
 
     @cached_property
-    def _traits(self) -> frozenset[str]:
+    def all_traits(self) -> frozenset[str]:
         """The traits of all models, the words that rows may require."""
         return frozenset().union(*(self.traits(model, wedge) for model in self.models for wedge in (False, True)))
 
@@ -233,6 +247,14 @@ class CommandSet:
     def models(self) -> dict[str, Model]:
         """Model -> its row, and what it leaves to the model that it is ``like``."""
         rows = self._read("models.toml", Model)
+        forms = {reply.when for command in self.commands.values() for reply, _ in command.replies}
+        for name, row in rows.items():
+            if row.get("like", name) not in rows:
+                raise MappingError(self._where("models.toml"), name, f"like: there is no model {row['like']!r}")
+            spoken = row.get("dialect", "")
+            if spoken and spoken not in forms and not (self.folder / f"{spoken}.toml").exists():
+                reason = f"dialect: there is no {spoken}.toml, and no reply for it in commands.toml"
+                raise MappingError(self._where("models.toml"), name, reason)
         return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
 
     def lacking(self, model: str | None) -> frozenset[str]:

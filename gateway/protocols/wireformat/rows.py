@@ -38,6 +38,9 @@ URGENT = {
     "part": "something else, or a motion in its turn",
 }
 OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
+#: Words for kinds of mounts, besides the traits of their models (``CommandSet.traits``): one that is not aligned, one
+#: that can carry out none of the operations of the row, every one; and, before a trait, the presented model.
+UNALIGNED, UNABLE, ELSE, PRESENTED = "unaligned", "unable", "else", "as-"
 
 
 def parse_version(text: str) -> Version:
@@ -100,37 +103,28 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     read: int | None = None
 
 
-class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A row of ``surface.toml``: exactly one of the four verbs says what a surface does with a command.
 
     ask, given      perform this operation; its fields are those of the command, these, and the client's own settings
     tell            reply with these fields of the client's settings or the presented model
     say             reply with these values
     call            run this function (``module.function``)
+    asks            the operations that the function asks for: those that change the mount, or else the reads
+    outcome         a word of ``OUTCOMES``, or one for each kind of mount, the first that fits (``fits``)
     why             the remark in the generated tables
     passes          pass it on to a mount of the same protocol that has it; by default true if refused here
-    models          the presented models, or their traits, that it is for
-    apart           traits of mounts that it is not for
     after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
-
-    asks            the operations that a function asks for; of them, those that change the mount, if there are any
-    outcome         what becomes of it, if that does not follow from how a mount carries out the operations
-    without         the outcome on a mount that can do none of them
-    elsewhere       the outcome for a presented model, or a mount, that the row is not for
     """
 
+    outcome: str | dict[str, str]
     ask: str | None = None
     tell: list[str] | None = None
     say: dict[str, object] | None = None
     call: str | None = None
     given: dict[str, object] = {}
     asks: list[str] = []
-    outcome: str | None = None
-    without: str | None = None
     passes: bool | None = None
-    models: list[str] | None = None
-    elsewhere: str | None = None
-    apart: list[str] = []
     after: list[str] = []
     during: list[str] = []
     why: str | None = None
@@ -143,6 +137,11 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def handed_on(self) -> bool:
         """Whether it is passed on unchanged to a mount of the same protocol."""
         return self.outcome == "refused" if self.passes is None else self.passes
+
+    @property
+    def outcomes(self) -> dict[str, str]:
+        """Kind of mount -> outcome."""
+        return {ELSE: self.outcome} if isinstance(self.outcome, str) else self.outcome
 
     @property
     def operations(self) -> list[str]:

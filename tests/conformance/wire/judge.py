@@ -2,7 +2,8 @@
 
 The tables are taken literally: a *translated* command is seen on the wire, a *kept* one changes what is kept and sends
 nothing, a *refused* one is answered with its refusal, or logged if it has none. Everything that a command sends must be
-listed in its row, and everything logged about it must be in its remark. A difference is one line of text.
+listed in its row, and everything logged about it must be in its remark. What it asks the mount for must be in the
+``asks`` of its row. A difference is one line of text.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
-from gateway.diagnostics.rehearsal.play import Play
-from gateway.diagnostics.rehearsal.shown import changes, is_no, no_form
+from gateway.diagnostics.rehearsal.play import Play, changes, denies, is_no, no_form
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import SurfaceRow
+from gateway.protocols.wireformat.rows import OUTCOMES, SurfaceRow
+from tests.conformance.wire.watcher import Seen
 
 PRECISIONS = ("high", "low")
 #: The beginnings of notes that are about the mount or the site, not about a command.
@@ -48,7 +49,7 @@ class Case(NamedTuple):
     @property
     def said(self) -> str:
         """The outcome according to the tables."""
-        return outcome(self.row, self.driven, self.mount, face=self.face)
+        return outcome(self.row, self.driven, self.mount, self.face)
 
 
 def writes(row: SurfaceRow | None) -> bool:
@@ -56,8 +57,50 @@ def writes(row: SurfaceRow | None) -> bool:
     return row is not None and any(map(changes, row.operations))
 
 
-def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
-    """Yield all differences of a play from the tables; ``asked`` are the commands that were sent to the mount."""
+def differences(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -> list[str]:
+    """Return all differences of a play from the tables; ``asked`` are the commands that were sent to the mount."""
+    found = [*_by_bytes(case, seen, surface, asked), *_unlisted(case, seen)]
+    if not found and not case.lacking and case.said not in (shown := permitted(case, seen, surface)):
+        found.append(f"{case.said}, and what is seen is {' or '.join(sorted(shown))}")
+    return found
+
+
+def _unlisted(case: Case, seen: Seen) -> Iterator[str]:
+    listed = case.row.operations if case.row is not None else []
+    decides = changes if writes(case.row) else bool  # a row names the reads of a function that changes nothing
+    if unlisted := [name for name in seen.deciding if decides(name) and name not in listed]:
+        yield f"asks for {', '.join(unlisted)}, and asks does not list it"
+
+
+def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
+    """Return the outcomes that agree with what was seen. Where the mount is read, or an order changes nothing because
+    it is so already, the row of the driver that was taken says more than a play shows.
+    """
+    command, row, play = case.command, case.row, seen.play
+    asked = [*([row.ask] if row is not None and row.ask else []), *seen.asked]
+    if denies(play, command, surface) or (command.question and asked and not play.reply):
+        by_mount = bool(play.wire) and not case.mount.aligned  # as a mount that has just been switched on
+        return {"refused", "translated"} if by_mount else {"refused"}
+    if play.wire:
+        return {"translated"}
+    if not command.question and any(map(changes, asked)):
+        return set(OUTCOMES) - {"refused"} if not seen.kept or not case.mount.aligned else {"kept"}
+    if play.of("baud") or (seen.kept and not command.question):
+        return {"kept"}
+    if not case.mount.aligned and not command.question and asked:
+        return {"translated", "derived", "kept"}
+    if reads := [name for name in seen.deciding or asked if name in case.driven.driver]:
+        return set(OUTCOMES) - {"refused", "silent"} if command.question and reads else {"derived", "kept"}
+    if asked:
+        return {"derived", "kept"} if seen.tells or not command.question else {"derived"}
+    if not play.reply:
+        return {"silent"}
+    return {"kept"} if seen.tells else {"synthesised"}
+
+
+def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
+    """Yield what the bytes, the reply and the log show otherwise than the tables."""
+    play = seen.play
     if play.lines != b"".join(play.wire):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
@@ -73,15 +116,20 @@ def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str])
     elif unlisted:
         yield f"{', '.join(unlisted)} goes to the mount, and is not listed"
     if said == "translated":
-        if writes(case.row) and not changing:
+        if writes(case.row) and not changing and not _idle(case):
             yield "translated, and nothing that changes the mount is sent"
-        if not writes(case.row) and not asked.intersection(listed):
+        if not writes(case.row) and not asked.intersection(listed) and not _idle(case):
             yield "translated, and the mount has never been asked"
-    yield from _answered(case, play, surface, said)
+    yield from _answered(case, seen, surface, said)
     answers = _answers(play)
-    denied = bool(answers) and all(_mount_says_no(case.driven, *pair) for pair in answers)
+    denied = bool(answers) and all(_mount_says_no(case, *pair) for pair in answers)
     if denied and not is_no(case.command, play.reply, surface, play.frame) and not _notes(play):
         yield "the mount says no, and nobody is told"
+
+
+def _idle(case: Case) -> bool:
+    """Whether an order may change nothing: on a mount that is not aligned it may be so already, as its tracking off."""
+    return not case.mount.aligned and all(way.aligned is None for way in taken(case.row, case.driven, case.mount))
 
 
 def _answers(play: Play) -> list[tuple[bytes, bytes]]:
@@ -97,15 +145,17 @@ def _answers(play: Play) -> list[tuple[bytes, bytes]]:
     return found
 
 
-def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
+def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
     """Whether the mount has refused a request, by a refusal or by the reply for a device that does not respond."""
-    found = mount.find(request)
+    found = case.driven.find(request)
     if found is None:
         return False
     command, picture = found
     if any(reply.fault and form.matcher.fullmatch(answer) for reply, form in command.replies):
         return True
-    taken = framer_and_replies(mount.name)[1].take(Send(command.name, picture.decode(request)), answer)
+    taken = framer_and_replies(case.driven.name, case.mount.model)[1].take(
+        Send(command.name, picture.decode(request)), answer
+    )
     return taken is not None and isinstance(taken[0], NoDevice)
 
 
@@ -114,9 +164,9 @@ def _notes(play: Play) -> list[str]:
     return [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
 
 
-def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[str]:
+def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[str]:
     """Compare the reply and the log with the outcome."""
-    command, row = case.command, case.row
+    command, row, play = case.command, case.row, seen.play
     notes = _notes(play)
     no = is_no(command, play.reply, surface, play.frame)
     if said == "missing":
@@ -131,13 +181,13 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
     elif said == "silent":
         if play.reply:
             yield f"silent, and yet '{show(play.reply)}' is said"
-    elif no:
+    elif no and not (play.wire and not case.mount.aligned):
         yield f"{said}, and yet the reply is no: '{show(play.reply)}'"
     elif not play.reply and any(
         form.fault is None and form.when in (None, *case.face, *PRECISIONS) for form, _ in command.replies
     ):
         yield f"{said}, and yet there is no reply"
-    elif said == "kept" and not command.replies and not (play.kept or (play.learnt and writes(row))):
+    elif said == "kept" and not command.replies and not (seen.kept or (seen.learnt and writes(row))):
         yield "kept, and nothing is kept"
     ways = taken(row, case.driven, case.mount)
     if (notes or said == "refused") and not remarks(row, ways):

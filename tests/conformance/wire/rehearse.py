@@ -13,8 +13,8 @@ from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import Kind, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
-from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
-from gateway.diagnostics.rehearsal.samples import example
+from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, stage
+from gateway.diagnostics.rehearsal.samples import example, examples
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.registry import pairs as protocol_pairs
@@ -22,9 +22,8 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import SurfaceRow
 from tests.conformance.wire.judge import Case, differences, writes
+from tests.conformance.wire.watcher import Watcher
 
-#: The parts of a row that depend on a wedge.
-BUILDS = ("alt-az", "equatorial")
 #: Operations that wait for further settings before they are sent to the mount.
 SETTINGS = frozenset({"SetSite", "SetClock", "SetZone", "ClockFromGps"})
 
@@ -81,19 +80,31 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     found: list[Difference] = []
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
-    if asking:
-        async with stage(pair.face, pair.mount, sky()) as shared:
-            player = Player(shared)
+    for state in _states(driven, pair.mount.model or "") if asking else ():
+        async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as shared:
+            player = Watcher(shared)
             for command in asking:
                 plays += 1
-                found += await _one(pair, player, command, State(), GLANCE)
+                found += await _one(pair, player, command, state, GLANCE)
     for command in commands:
         row = protocol.surface.get(command.name)
-        for state in _states(row, driven, pair.mount.model or ""):
+        for state in _states(driven, pair.mount.model or "") if _alone(row) else ():
             plays += 1
             async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as own:
-                found += await _one(pair, Player(own), command, state, _long(row))
+                found += await _one(pair, Watcher(own), command, state, _long(row))
     return plays, found
+
+
+async def operations(pair: Pair, only: frozenset[str]) -> list[tuple[str, set[str]]]:
+    """Return the operations that some rows ask for, also with further values."""
+    found = []
+    for name in sorted(only):
+        command, row = load(pair.face.protocol).commands[name], load(pair.face.protocol).surface[name]
+        for frame in examples(command):
+            async with stage(pair.face, pair.mount, sky()) as own:
+                seen = await Watcher(own).watch(frame, before(pair.face, row), _long(row))
+            found.append((name, set(seen.asked)))
+    return found
 
 
 def _alone(row: SurfaceRow | None) -> bool:
@@ -106,24 +117,22 @@ def _long(row: SurfaceRow | None) -> float:
     return WATCHED_SETTING if row is not None and SETTINGS.intersection(row.operations) else WATCHED
 
 
-def _states(row: SurfaceRow | None, driven: CommandSet, model: str) -> Iterator[State]:
-    """Yield the states in which a row is played on a mount of its own: all for which the tables differ."""
-    ways = [way for name in (row.operations if row else ()) for way in driven.driver.get(name, ())]
-    if _alone(row):
-        yield State()
-        if any(way.aligned is not None for way in ways):
-            yield State(aligned=False)
-    if driven.traits(model) != driven.traits(model, wedge=True) and any(way.part in BUILDS for way in ways):
+def _states(driven: CommandSet, model: str) -> Iterator[State]:
+    """Yield the states in which a mount is played: aligned, not aligned, and a fork on a wedge."""
+    yield State()
+    if PROTOCOLS[driven.name].aligns:
+        yield State(aligned=False)
+    if driven.traits(model) != driven.traits(model, wedge=True):
         yield State(wedge=True)
 
 
-async def _one(pair: Pair, player: Player, command: Command, state: State, watched: float) -> list[Difference]:
+async def _one(pair: Pair, player: Watcher, command: Command, state: State, watched: float) -> list[Difference]:
     """Play and judge one row."""
     protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model), player.stage
     row, frame = protocol.surface.get(command.name), example(command)
     greeted = Before(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
     said = before(pair.face, row) if row is not None and _alone(row) else greeted
-    play: Play = await player.play(frame, said, watched)
+    seen = await player.watch(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface
     case = Case(
@@ -135,7 +144,7 @@ async def _one(pair: Pair, player: Player, command: Command, state: State, watch
         bool(surface.lacks(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
-    return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]
+    return [Difference(protocol.name, command.name, words, where) for words in differences(case, seen, surface, asked)]
 
 
 def report(found: list[Difference]) -> Iterator[str]:

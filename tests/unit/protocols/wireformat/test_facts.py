@@ -119,8 +119,8 @@ def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says
 @pytest.mark.parametrize(
     ("row", "says"),
     [
-        ("ZZ = { say = {}, given = { axis = 1 } }", "given is only for a row with ask"),
-        ("Q = { say = {} }", "needs ask, which names the operation"),
+        ('ZZ = { say = {}, outcome = "kept", given = { axis = 1 } }', "given is only for a row with ask"),
+        ('Q = { say = {}, outcome = "kept" }', "needs ask, which names the operation"),
     ],
 )
 def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: str) -> None:
@@ -142,7 +142,7 @@ def test_one_more_command_changes_one_line_of_the_table_of_each_mount(
     with (tmp_path / "lx200" / "commands.toml").open("a") as file:
         file.write('\n[ZZ]\nrequest = ":ZZ#"\nreply = "{ra:HH:MM:SS}#"\nhelp = "trial"\nanswer = "position"\n')
     with (tmp_path / "lx200" / "surface.toml").open("a") as file:
-        file.write('\nZZ = { ask = "Position" }\n')
+        file.write('\nZZ = { ask = "Position", outcome = "translated" }\n')
     sets = {name: load(name) for name in PROTOCOLS} | {"lx200": CommandSet("lx200", tmp_path / "lx200")}
     monkeypatch.setattr(command_tables, "load", sets.__getitem__)
     old, new = before.splitlines(), command_tables.text().splitlines()

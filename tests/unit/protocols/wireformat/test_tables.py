@@ -7,52 +7,36 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Iterator
-from datetime import date
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 import gateway
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes
 from gateway.diagnostics.rehearsal.explain import explain
+from gateway.diagnostics.rehearsal.samples import value
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS as SPECS
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
-from gateway.protocols.wireformat.fields import Codec
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.scripts import script
 
 PROTOCOLS = [load("lx200"), load("nexstar")]
 TABLES = script("docs/tools/command_tables.py")
-SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}
-
-
-def _sample(name: str, field: Codec) -> Any:
-    """Some value that the field can carry."""
-    for value in (SAMPLES.get(name), 5, 7.5, "A", "text", *"SEWTP0", "12", "HIGH PRECISION", "GD", "n"):
-        if value is None:
-            continue
-        try:
-            raw = field.encode(value)
-            field.decode(raw)
-        except (ValueError, TypeError, AttributeError):
-            continue
-        return value
-    raise AssertionError(f"no sample for {name}")
 
 
 @each("protocol", PROTOCOLS)
 def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
-            frame = picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+            frame = picture.encode({name: value(command, name, field) for name, field in picture.fields.items()})
             found = protocol.find(frame)
             assert found is not None, command
             # A frame may be written by a more general row, too; its own length and literal must win.
@@ -63,7 +47,10 @@ def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
 def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         wires = {  # several faults may have one form
-            (repr(reply.wire), picture.encode({name: _sample(name, field) for name, field in picture.fields.items()}))
+            (
+                repr(reply.wire),
+                picture.encode({name: value(command, name, field) for name, field in picture.fields.items()}),
+            )
             for reply, picture in command.replies
             if reply.when is None
         }
@@ -93,58 +80,75 @@ def test_no_function_that_a_row_might_call_is_left_over(spec: ProtocolSpec) -> N
         assert not {name for name in there - called if words[name.rpartition(".")[2]] < 2}
 
 
-@pytest.mark.parametrize(
-    ("protocol", "file", "row", "says"),
-    [
-        ("lx200", "driver.toml", '[[Goto]]\ncall = "pointing.gotoo"', r"\[Goto\]: call: .*'pointing.gotoo'"),
-        ("nexstar", "driver.toml", '[[Goto]]\ncall = "goto"', r"\[Goto\]: call: .*'goto'"),
-        ("lx200", "surface.toml", 'GD = { call = "accessories.linked_state" }', r"\[GD\]: .*linked_state"),
-        ("lx200", "surface.toml", 'GZ = { call = "_clear" }', r"\[GZ\]: .*_clear"),
-        ("nexstar", "surface.toml", 'J = { call = "devices.no_response" }', r"\[J\]: .* takes fault, frame"),
-        ("nexstar", "surface.toml", 'J = { tell = ["linkedd"] }', r"\[J\]: its reply has aligned, not linkedd"),
-        ("nexstar", "surface.toml", "J = { say = { alined = 1 } }", r"\[J\]: its reply has aligned, not alined"),
-        ("nexstar", "surface.toml", 'J = { keep = ["aligned"] }', r"\[J\]: .*keep"),
-        ("lx200", "surface.toml", 'GT = { ask = "Position", given = { axsis = 1 } }', r"\[GT\]: .*axsis"),
-        ("lx200", "surface.toml", 'GT = { ask = "Position", models = ["lx2000"] }', r"\[GT\]: models: .*lx2000"),
-        ("lx200", "driver.toml", '[[Goto]]\ncall = "pointing.goto"\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
-    ],
-)
-def test_a_name_that_does_not_exist_is_told_when_the_file_is_loaded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, protocol: str, file: str, row: str, says: str
+#: What somebody may type into a table: file, the row in place of all others or behind them, and what is said of it.
+MISTAKES = [
+    ("driver.toml", '[[Goto]]\ncall = "pointing.gotoo"', r"\[Goto\]: call: .*'pointing.gotoo'"),
+    ("driver.toml", '[[Goto]]\ncall = "goto"', r"\[Goto\]: call: .*'goto'"),
+    ("driver.toml", '[[Goto]]\ncall = "pointing.goto"\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
+    ("surface.toml", 'GD = { call = "accessories.linked_state" }', r"\[GD\]: .*linked_state"),
+    ("surface.toml", 'GZ = { call = "_clear" }', r"\[GZ\]: .*_clear"),
+    ("surface.toml", 'GR = { call = "objects.own_notes" }', r"\[GR\]: .*own_notes"),
+    ("surface.toml", 'GVP = { tell = ["produkt"] }', r"\[GVP\]: its reply has product, not produkt"),
+    ("surface.toml", "P = { say = { precison = 1 } }", r"\[P\]: its reply has precision, not precison"),
+    ("surface.toml", 'P = { say = { precision = "LOW" } }', r"\[P\]: say: .*its reply is"),
+    ("surface.toml", 'GT = { ask = "Position", given = { axsis = 1 } }', r"\[GT\]: .*axsis"),
+    ("surface.toml", 'GR = { ask = "Positoin" }', r"\[GR\]: no operation is called 'Positoin'"),
+    (
+        "surface.toml",
+        'GR = { call = "motion.menu", asks = ["Positoin"] }',
+        r"\[GR\]: no operation is called 'Positoin'",
+    ),
+    ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', r"\[GR\]: one verb"),
+    ("surface.toml", "QQQ = { say = {} }", r"\[QQQ\]: .*no such command"),
+    ("surface.toml", 'GR = { aks = "Position" }', r"\[GR\]: .*aks"),
+    ("surface.toml", 'GR = { call = "motion.menu", outcome = "translated" }', r"\[GR\]: what is translated needs ask"),
+    ("surface.toml", '"$QA+" = { call = "accessories.silence", outcome = "refused" }', r"\[\$QA\+\]: .*needs why"),
+    ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', r"\[Aa\]: outcome 'keept' is not one of"),
+    ("surface.toml", "Aa = { say = {}, outcome = { fork = 'kept' } }", r"\[Aa\]: the last kind of mount"),
+    (
+        "surface.toml",
+        "ED = { call = 'accessories.silence', outcome = { as-lx2000 = 'kept', else = 'kept' } }",
+        r"\[ED\]: .*'as-lx2000'",
+    ),
+    ("surface.toml", "GR = {", "surface.toml"),
+    ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', r"\[GR\]: .*nonsense"),
+    ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', r"\[GR\]: .*name:form"),
+    ("commands.toml", '[GR]\nhelp = "x"', r"\[GR\]: it needs a request"),
+    ("commands.toml", '[GR]\nrequest = ":GR#"', r"\[GR\]: .*`help`"),
+    ("commands.toml", '[GR]\nrequest = ":GR#"\nhelp = "x"\nmodels = ["lx2000"]', r"\[GR\]: models: there is no lx2000"),
+    ("commands.toml", '[GR]\nrequest = ":GR#"\nhelp = "x"\nreply = "{x:n}#"\nanswer = "stat"', r"\[GR\]: .*answer"),
+    ("models.toml", '+[mine]\nlike = "autostarr"', r"\[mine\]: like: there is no model 'autostarr'"),
+    ("models.toml", '+[mine]\ndialect = "onstepp"', r"\[mine\]: dialect: there is no onstepp.toml"),
+    ("onstep.toml", "has = ['Zz']", r"\[has\]: there is no Zz"),
+]
+
+
+@pytest.mark.parametrize(("file", "row", "says"), MISTAKES)
+def test_a_mistake_in_a_table_is_told_with_its_file_and_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, row: str, says: str
 ) -> None:
-    """By the check of the printed tables: it makes every part."""
-    folder = tmp_path / protocol
-    shutil.copytree(mappings_folder() / protocol, folder)
-    (folder / file).write_text(row)
-    changed = CommandSet(protocol, folder)
-    monkeypatch.setattr(f"gateway.protocols.{protocol}.spec.load", lambda name: changed)
-    with pytest.raises(MappingError, match=says) as raised:
-        list(TABLES.problems())
-    assert f"{protocol}/{file}" in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    ("file", "text", "says"),
-    [
-        ("surface.toml", 'GR = { ask = "Positoin" }', "GR"),
-        ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
-        ("surface.toml", "QQQ = { say = {} }", "no such command"),
-        ("surface.toml", 'GR = { aks = "Position" }', "aks"),
-        ("surface.toml", '"$QA+" = { call = "accessories.periodic_error", outcome = "refused" }', "needs why"),
-        ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', "keept"),
-        ("surface.toml", "GR = {", "surface.toml"),
-        ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
-        ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),
-        ("commands.toml", '[GR]\nhelp = "x"', "request"),
-    ],
-)
-def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) -> None:
+    """By the check of the printed tables: it makes every part of every protocol."""
     folder = tmp_path / "lx200"
     shutil.copytree(mappings_folder() / "lx200", folder)
-    (folder / file).write_text(text)
+    if file == "surface.toml" and "outcome" not in row:
+        row = row.replace(" }", ', outcome = "kept" }') if row.count("}") == 1 else row[:-2] + ', outcome = "kept" }'
+    before = (folder / file).read_text("utf-8") if row.startswith("+") else ""
+    (folder / file).write_text(before + row.removeprefix("+"), "utf-8")
+
+    def check() -> list[str]:
+        changed = CommandSet("lx200", folder)
+        monkeypatch.setattr("gateway.protocols.lx200.spec.load", lambda name: changed)
+        return list(TABLES.problems())
+
     with pytest.raises(MappingError, match=says) as raised:
-        _ = CommandSet("lx200", folder).surface
-    assert file in str(raised.value)
+        check()
+    assert f"lx200/{file}" in str(raised.value)
+
+
+def test_a_kind_of_mount_that_does_not_exist_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = replace(load("lx200").surface["Mg"], outcome={"germann": "refused", "else": "translated"})
+    monkeypatch.setitem(load("lx200").surface, "Mg", row)
+    assert "mappings/lx200/surface.toml: [Mg]: outcome: no mount is 'germann'" in TABLES.problems()
 
 
 def test_the_printed_tables_are_up_to_date() -> None:
@@ -192,8 +196,8 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
         (b":Gg#", "kept"),
         (b":GL#", "kept"),
         (b":Gt#", "kept"),
-        (b":hN#", "silent"),
-        (b":hW#", "silent"),
+        (b":hN#", "refused"),
+        (b":hW#", "refused"),
         (b":I#", "translated"),
         (b":Mgn0500#", "refused"),
         (b":RS#:Mn#", "translated"),

@@ -1,0 +1,55 @@
+"""Every row of every surface says what becomes of it on every kind of mount, aligned and not, and what it asks for.
+
+A row is played behind the default model on every kind, and behind every other kind of model on the first mount. The
+models of a kind differ in their version only, or in numbers; ``test_wire`` plays all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.app.config import parse_device
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.registry import pairs, surfaces
+from gateway.protocols.wireformat.command_set import load
+from tests.conformance.wire.rehearse import Pair, operations, rehearse, report
+
+#: Fork (on a wedge, too), German, of before version 2.3, of before 1.6, and other makers'.
+KINDS = {
+    "nexstar": ["cpc-deluxe/5.31", "cge-pro/5.31", "nexstar-gps/2.2", "gt/101.0", "synscan/4.39.05"],
+    "lx200": ["lx200gps", "autostar", "lx200", "onstep", "teenastro", "other"],
+    "alpaca": ["german", "altaz", "polar"],
+}
+#: The models that are presented, and differ in what rows say of them.
+PRESENTED = {"lx200": ["lx200gps", "autostar", "lx200"], "nexstar": KINDS["nexstar"]}
+
+
+def played(client: str) -> Iterator[Pair]:
+    faces = [parse_device(f"{client}:{model}") for model in PRESENTED.get(client, ())] or [parse_device(client)]
+    for _, driven in (pair for pair in pairs() if pair[0] == client):
+        first, *others = [parse_device(f"{driven}:{model}") for model in KINDS[driven]]
+        yield from (Pair(face, first) for face in faces)
+        yield from (Pair(faces[0], mount) for mount in others)
+
+
+PLAYED = {str(pair): pair for client in surfaces() for pair in played(client)}
+
+
+@pytest.mark.parametrize("name", PLAYED)
+def test_a_row_says_what_becomes_of_it(name: str) -> None:
+    plays, found = rehearse(PLAYED[name])
+    assert plays > 1
+    assert list(report(found)) == []
+
+
+@pytest.mark.parametrize("client", surfaces())
+def test_a_row_asks_for_everything_in_its_asks(client: str) -> None:
+    """On some mount: what it asks for elsewhere is in its ``asks`` by the test above."""
+    left = {name: set(row.asks) for name, row in load(client).surface.items() if row.asks}
+    for pair in played(client):
+        for name, asked in run(operations(pair, frozenset(left))):
+            left[name] -= asked
+        left = {name: unasked for name, unasked in left.items() if unasked}
+    assert left == {}

@@ -1,0 +1,109 @@
+"""A player that also notes what a surface asks the mount for, and what it keeps and reads for its clients."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from gateway.core.motion_kinds import ENDS
+from gateway.core.operations import Operation, Read, named
+from gateway.diagnostics.rehearsal.play import WATCHED_SETTING, Before, Play, Player, changes
+from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.protocols.base.session import Session
+from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relayed
+from gateway.protocols.registry import mounts
+from gateway.protocols.wireformat.command_set import load
+
+
+class Seen(NamedTuple):
+    """A play, and what was seen of it inside the gateway: the operations that were ``asked`` for, each once; whether
+    something ``kept`` for clients has changed, and what the driver knows (``learnt``); whether the reply was made of
+    what is kept (``tells``).
+    """
+
+    play: Play
+    asked: tuple[str, ...] = ()
+    kept: bool = False
+    learnt: bool = False
+    tells: bool = False
+
+    @property
+    def deciding(self) -> list[str]:
+        """The operations that decide what becomes of a command: those that change the mount, else the reads of it."""
+        can = {name for mount in mounts() for name in load(mount).driver}
+        return [name for name in self.asked if changes(name)] or [name for name in self.asked if name in can]
+
+
+class Watcher(Player):
+    def __init__(self, stage: Stage) -> None:
+        super().__init__(stage)
+        self._session: Session | None = None
+        self._before = self._known = ""
+        self._asked: dict[str, None] = {}
+        self._calling = self._tells = False
+        surface, self._call = self.surface, self.surface.call
+        handle, ending, perform = surface.handle, surface.ending, self.driver.perform
+        surface.session = self._noting(surface.session)
+        surface.handle = lambda session, frame: handle(self._begun(session), frame)
+        surface.call = self._called
+        surface.ending = lambda session, frame: self._ended(ending(session, frame))
+        self.driver.perform = lambda operation: perform(self._performed(operation))
+
+    async def watch(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Seen:
+        play = await self.play(frame, before, watching)
+        return Seen(play, tuple(self._asked), self._before != self._kept(), self._known != self._knows(), self._tells)
+
+    def begin(self) -> None:
+        self._session, self._before, self._known, self._tells = None, "", self._knows(), False
+        self._asked.clear()
+
+    def _kept(self) -> str:
+        """Return what is kept for this client and for all clients, as comparable text."""
+        return "" if self._session is None else repr((self._session.kept, self._session.shared))
+
+    def _knows(self) -> str:
+        """Return what the driver and the site clock know, as comparable text."""
+        return repr((vars(self.driver), vars(self.stage.site_clock)))
+
+    def _begun(self, session: Session) -> Session:
+        if self._session is None:
+            self._session, self._before = session, ""
+            self._before = self._kept()
+        return session
+
+    def _noting(self, kind: Any) -> type[Session]:
+        """Return the class of a session that notes when the function of a row reads what is kept."""
+        watcher = self
+
+        class Noting(kind):
+            def __getattribute__(self, name: str) -> object:
+                watcher._tells |= watcher._calling and name in ("kept", "common")
+                return super().__getattribute__(name)
+
+        return Noting
+
+    def _called(self, *given: Any) -> Handling:
+        self._calling = True
+        try:
+            return (yield from relayed(self._call(*given), self._requested))
+        finally:
+            self._calling = False
+
+    def _requested(self, wanted: SurfaceStep) -> bool:
+        """Note the operation of a request; return False, as it is carried out as well."""
+        operation = getattr(wanted, "operation", wanted)
+        if isinstance(operation, Operation) and not isinstance(wanted, CheckPossible):
+            self._asked[type(operation).__name__] = None
+        return False
+
+    def _ended(self, ending: Any) -> Any:
+        """Note the operation of a command that ends something on its arrival."""
+        if ending is not None:
+            self._asked[type(ending.operation).__name__] = None
+        return ending
+
+    def _performed(self, operation: Operation) -> Operation:
+        """Note an operation that changes the mount, also one made of another one; not the end of a pulse."""
+        name = type(operation).__name__
+        if not isinstance(operation, (Read, *ENDS)) and named(name) is not None:
+            self._asked[name] = None
+        return operation
