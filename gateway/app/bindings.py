@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
@@ -56,16 +56,14 @@ def make_driver(
     if make is None:
         raise UserError(f"{endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     settings = DriverSettings(
-        model=endpoint.model,
-        version=endpoint.version,
-        site=config.site,
-        mode=config.mode,
-        guide_rate=config.guide_rate,
-        park=config.park if isinstance(config.park, tuple) else None,
-        aux_home=config.aux_home,
-        reversed_axes=config.reversed_axes,
-        rates=tuple(config.rates or ()),
-        lowest=config.limits.lowest,
+        **_of_keys(config, DriverSettings)
+        | {
+            "model": endpoint.model,
+            "version": endpoint.version,
+            "park": config.park if isinstance(config.park, tuple) else None,
+            "rates": tuple(config.rates or ()),
+            "lowest": config.limits.lowest,
+        }
     )
     made = make(settings, now)
     made[0].speed_factor = _speed_factor(endpoint, config.speed, warn)
@@ -196,16 +194,12 @@ def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFra
 
 def policy(config: MountConfig) -> Policy:
     """Return the operator's settings in the form that the controller takes."""
-    return Policy(
-        config.limits,
-        config.site_time,
-        config.equinox,
-        own_park=config.park is not None,
-        unaligned=config.unaligned,
-        silence=config.dead_man,
-        silence_closed=config.dead_man_closed,
-        run_on=config.run_on,
-    )
+    return Policy(**_of_keys(config, Policy) | {"own_park": config.park is not None})
+
+
+def _of_keys(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, Any]:
+    """Return the values of the fields that have the name of a key."""
+    return {name: getattr(config, name) for name in settings.__struct_fields__ if hasattr(config, name)}
 
 
 def access(surface: SurfaceConfig, config: MountConfig) -> Access:

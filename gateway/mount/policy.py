@@ -100,8 +100,10 @@ class Limits(Struct, frozen=True):
 
 
 class Policy(Struct, frozen=True):
-    """The owner's settings. ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that
-    is not aligned may be sent to axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed``: for how
+    """The owner's settings; a field with the name of a key of ``[mount]`` has its value.
+
+    ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that is not aligned may be sent
+    to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how
     many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
     ``run_on``: for how many seconds at full speed the mount runs on after a stop.
     """
@@ -111,8 +113,8 @@ class Policy(Struct, frozen=True):
     equinox: str | None = None
     own_park: bool = False
     unaligned: str = "refuse"
-    silence: float = 30.0
-    silence_closed: float = 5.0
+    dead_man: float = 30.0
+    dead_man_closed: float = 5.0
     run_on: float = 0.5
 
 

@@ -199,7 +199,7 @@ class RequestHandler:
 
     async def _move(self, request: requests.Move, active: ActiveRequest) -> str:
         """Begin a motion by hand, wait, and end it. Raises Fault."""
-        controller, longest = self._controller, self._controller.policy.silence
+        controller, longest = self._controller, self._controller.policy.dead_man
         if not 0.0 < request.seconds <= longest or not 1 <= request.key <= 9:
             raise Invalid(f"An arrow may be pressed for up to {longest:g} s (--dead-man) at a rate of 1 to 9.")
         operation = op.Move(request.direction, op.Rate(key=request.key))

@@ -72,7 +72,9 @@ class Supervisor:
     def _check(self) -> None:
         self._watching = None
         motions, policy = supervised(self._state.value), self._context.policy
-        for motion, why in abandoned(motions, self._presence, self._loop.time(), policy.silence, policy.silence_closed):
+        for motion, why in abandoned(
+            motions, self._presence, self._loop.time(), policy.dead_man, policy.dead_man_closed
+        ):
             if motion not in self._ended:
                 self._ended.add(motion)
                 what = "the focuser" if isinstance(motion.ends, op.Focus) else "its motion"

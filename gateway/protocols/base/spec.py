@@ -53,7 +53,8 @@ class MadeSurface(Struct, frozen=True):
 
 
 class DriverSettings(Struct, frozen=True):
-    """The configuration of a mount that concerns its driver; a default of None leaves the choice to the driver."""
+    """The configuration of a mount that concerns its driver; a default of None leaves the choice to the driver. A field
+    with the name of a key of ``[mount]`` has its value."""
 
     model: str | None = None
     version: str | None = None

@@ -12,7 +12,7 @@ from gateway.app.config import Source, make_config, read_tables
 from gateway.app.config.describing import keys
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
-from gateway.app.config.showing import effective, example, table, toml
+from gateway.app.config.showing import effective, example, toml
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config, ConsoleConfig
 from gateway.cli import main
@@ -112,13 +112,6 @@ def test_every_key_is_described() -> None:
             assert key.right
             assert key.example is not None, key.name
             assert isinstance(key.default, bool) or key.shown, key.name
-
-
-def test_the_table_of_the_keys_is_fresh() -> None:
-    page = (ROOT / "docs" / "configuration.md").read_text("utf-8")
-    _, begin, rest = page.partition("<!-- keys: mount-gateway config --table -->\n")
-    assert begin
-    assert rest.partition("<!-- end of keys -->")[0] == table(), "put in what mount-gateway config --table prints"
 
 
 @each("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])

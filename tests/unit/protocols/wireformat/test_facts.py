@@ -136,7 +136,7 @@ def test_one_more_command_changes_one_line_of_the_table_of_each_mount(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two files by hand: what it looks like, and what is done with it."""
-    command_tables = script("docs/tools/command_tables.py")
+    command_tables = script("docs/tools/tables.py")
     before = command_tables.text()
     shutil.copytree(mappings_folder() / "lx200", tmp_path / "lx200")
     with (tmp_path / "lx200" / "commands.toml").open("a") as file:

@@ -29,7 +29,7 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.scripts import script
 
 PROTOCOLS = [load("lx200"), load("nexstar")]
-TABLES = script("docs/tools/command_tables.py")
+TABLES = script("docs/tools/tables.py")
 
 
 @each("protocol", PROTOCOLS)
