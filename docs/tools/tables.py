@@ -23,7 +23,7 @@ from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import ELSE, KEEPS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow
+from gateway.protocols.wireformat.rows import ELSE, KEEPS, LACKS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "mappings/README.md"
@@ -192,7 +192,7 @@ def problems() -> Iterator[str]:
     for client in surfaces():
         for name, row in load(client).surface.items():
             for word in {word for words in row.outcomes for word in words.split()} - traits:
-                if not word.startswith(PRESENTED):
+                if not word.startswith((PRESENTED, LACKS)):
                     yield f"mappings/{client}/surface.toml: [{name}]: outcome: no mount is {word!r}"
     for client, mount in pairs():
         for name in missing(client, mount):

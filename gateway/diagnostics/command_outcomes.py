@@ -8,7 +8,16 @@ from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import ELSE, PRESENTED, UNABLE, UNALIGNED, Implementation, SurfaceRow, Version
+from gateway.protocols.wireformat.rows import (
+    ELSE,
+    LACKS,
+    PRESENTED,
+    UNABLE,
+    UNALIGNED,
+    Implementation,
+    SurfaceRow,
+    Version,
+)
 
 MISSING = "missing"
 #: What each outcome means.
@@ -39,8 +48,7 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind, face: frozens
     if row is None:
         return MISSING
     ways = taken(row, mount, kind)
-    traits = _traits(mount, kind.model, kind.wedge)
-    word = next(word for words, word in row.outcomes.items() if _fits(words, traits, kind.aligned, not ways, face))
+    word = next(word for words, word in row.outcomes.items() if _fits(words, mount, kind, not ways, face))
     if word != "translated":
         return word
     return ways[0].outcome if ways else MISSING
@@ -51,17 +59,20 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _fits(words: str, traits: frozenset[str], aligned: bool, unable: bool, face: frozenset[str] | None) -> bool:
-    """Whether all these words are true of a mount with such traits, and of the presented model."""
-    true = {ELSE, *traits}
-    if unable:
-        true.add(UNABLE)
-    if not aligned:
-        true.add(UNALIGNED)
-    return all(
-        word in true or (word.startswith(PRESENTED) and (face is None or word.removeprefix(PRESENTED) in face))
-        for word in words.split()
-    )
+def _fits(words: str, mount: CommandSet, kind: Kind, unable: bool, face: frozenset[str] | None) -> bool:
+    """Whether all these words are true of such a mount, and of the presented model."""
+
+    def is_true(word: str) -> bool:
+        if word in (ELSE, UNABLE, UNALIGNED):
+            return word == ELSE or (unable if word == UNABLE else not kind.aligned)
+        if word.startswith(PRESENTED):
+            return face is None or word.removeprefix(PRESENTED) in face
+        if word.startswith(LACKS):
+            way = next(carried(word.removeprefix(LACKS), mount, kind), None)
+            return way is None or way.outcome == "refused"
+        return word in _traits(mount, kind.model, kind.wedge)
+
+    return all(map(is_true, words.split()))
 
 
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[Implementation]:

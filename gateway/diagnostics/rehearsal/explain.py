@@ -167,7 +167,9 @@ def play_one(
             said = outcome(row, driven, Kind(mount.model or "", counted(mount), aligned, wedge), presented)
             if denies(played, command, whole_gateway.face.surface):
                 return played, "refused", said
-            idle = said == "translated" and not played.of("act") and row and any(map(changes, row.operations))
+            idle = (
+                said in ("translated", "refused") and not played.of("act") and row and any(map(changes, row.operations))
+            )
             return played, NOTHING_TO_DO if idle else said, said
 
     result: tuple[Play, str, str] = run(play())

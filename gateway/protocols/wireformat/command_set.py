@@ -26,6 +26,7 @@ from gateway.protocols.wireformat.command import Command, FrameTemplate
 from gateway.protocols.wireformat.rows import (
     ELSE,
     KEEPS,
+    LACKS,
     OUTCOMES,
     PRESENTED,
     CommandRow,
@@ -163,6 +164,8 @@ class CommandSet:
             for word in kind.split():
                 if word.startswith(PRESENTED) and word.removeprefix(PRESENTED) not in self.all_traits:
                     raise MappingError(where, key, f"outcome: no model of models.toml is {word!r}")
+                if word.startswith(LACKS) and operations.named(word.removeprefix(LACKS)) is None:
+                    raise MappingError(where, key, f"outcome: no operation is called {word.removeprefix(LACKS)!r}")
         if list(row.outcomes)[-1:] != [ELSE]:
             raise MappingError(where, key, f"the last kind of mount of an outcome is {ELSE!r}")
         if "translated" in row.outcomes.values() and not row.operations:

@@ -39,8 +39,9 @@ URGENT = {
 }
 OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
 #: Words for kinds of mounts, besides the traits of their models (``CommandSet.traits``): one that is not aligned, one
-#: that can carry out none of the operations of the row, every one; and, before a trait, the presented model.
-UNALIGNED, UNABLE, ELSE, PRESENTED = "unaligned", "unable", "else", "as-"
+#: that can carry out none of the operations of the row, every one. Before an operation: a mount that cannot carry it
+#: out. Before a trait: the presented model.
+UNALIGNED, UNABLE, ELSE, LACKS, PRESENTED = "unaligned", "unable", "else", "no-", "as-"
 
 
 def parse_version(text: str) -> Version:

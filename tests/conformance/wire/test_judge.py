@@ -23,7 +23,7 @@ OVER_MEADE = Pair(Endpoint("nexstar", "-", "cge", "4.21"), Endpoint("lx200", "-"
     ("pair", "name", "row", "says"),
     [
         (CPC, "GD", {"outcome": "kept", "call": "accessories.silence"}, "kept, and yet there is no reply"),
-        (CPC, "GVP", {"outcome": "translated", "asks": ["Position"]}, "the mount has never been asked"),
+        (CPC, "GVP", {"outcome": "translated", "asks": ["GuideRate"]}, "the mount has never been asked"),
         (CPC, "GVP", {"outcome": "silent"}, "silent, and yet 'LX2001#' is said"),
         (CPC, "AL", {"outcome": "kept"}, "kept, and yet T goes to the mount"),
         (CPC, "B+", {"outcome": "kept"}, "kept, and nothing is kept"),

@@ -40,7 +40,7 @@ PLAYED = {str(pair): pair for client in surfaces() for pair in played(client)}
 @pytest.mark.parametrize("name", PLAYED)
 def test_a_row_says_what_becomes_of_it(name: str) -> None:
     plays, found = rehearse(PLAYED[name])
-    assert plays > 1
+    assert plays
     assert list(report(found)) == []
 
 
