@@ -29,6 +29,7 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
+from gateway.astro.ephemeris.keeper import calculated
 from gateway.cli.serve.console_and_broker import load_console
 from gateway.core.wire_log import WireLog
 from gateway.transport.web_server import WebServer
@@ -70,7 +71,7 @@ async def main() -> None:
         config = MountConfig(at="nexstar:cpc@sim", site=SITE, state=folder)
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
         gateway = Gateway(config, surfaces, clock=clock, wire_log=WireLog(clock))
-        await asyncio.to_thread(gateway.sky.load)
+        gateway.sky.use(calculated([int(EVENING // 86400)], []))
         with patch("gateway.app.simulated.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
         server = WebServer(partial(load_console, ConsoleConfig(), [gateway]))

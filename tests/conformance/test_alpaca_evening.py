@@ -16,6 +16,7 @@ import pytest
 from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.programs import Program as Lines
+from tests.support import exact_sky
 
 START = 1769634000.0
 #: N.I.N.A.'s reads at connecting, and what it asks again and again.
@@ -98,7 +99,7 @@ async def polling(nina: Program) -> None:
 def test_an_evening(mount: tuple[str, str]) -> None:
     async def program() -> None:
         async with Stage(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")
             for one in (nina, phd2):
                 await one.put("connect")

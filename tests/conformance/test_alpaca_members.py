@@ -12,6 +12,7 @@ import pytest
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.requests import signatures
+from tests.support import exact_sky
 from tests.support.each import each
 
 START = 1769634000.0
@@ -104,7 +105,7 @@ async def answer(program: Visitor, line: str) -> Any:
 def test_every_property_has_its_type(mount: tuple[str, str]) -> None:
     async def program() -> None:
         async with Stage(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await answer(client, "put connected Connected=true")
             for name, (parameters, kind) in READ.items():

@@ -19,6 +19,7 @@ from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180, 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
+from tests.support import exact_sky
 from tests.support.faces import FACES, Face, Refusal, face
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -396,7 +397,7 @@ async def evening(model: str, presented: str, south: bool = False) -> dict[str, 
         latency=0.02,
     )  # fmt: skip
     async with bridge:
-        bridge.controller.astrometry.sky.load()
+        exact_sky.load(bridge.controller.astrometry.sky)
         return await play(Evening(bridge, face(presented, bridge), driven), EVENING)
 
 

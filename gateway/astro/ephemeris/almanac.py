@@ -1,6 +1,6 @@
 """The almanac: the sky of many days in one file, which a process of its own calculates and every gateway reads.
 
-A day has a row every three hours for each part of the sky. Between the rows `interpolated` is within 0.004" of
+A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of
 astropy's own result (for the Moon; the others far less), in microseconds. The file also holds the sites that users
 wrote with minutes or letters, in decimals. It must have the name of the format and a right checksum, and no other user
 may be able to write it, because it says where the Sun is. `SHIPPED` is the one of the rehearsals, in the package.
@@ -12,7 +12,6 @@ import os
 import stat
 import struct
 import zlib
-from collections.abc import Callable
 from itertools import count
 from operator import mul
 from pathlib import Path
@@ -43,16 +42,6 @@ SHIPPED = Path(__file__).with_name("rehearsal.almanac")
 Row = tuple[float, ...]
 
 
-def interpolated(row: Callable[[int], Row], unix: float) -> Row:
-    """Return the values at a Unix time from the four nearest ``row``s of its day (Lagrange)."""
-    steps = unix % DAY / STEP
-    first = min(max(int(steps) - 1, 0), ROWS - 4)
-    a = steps - first
-    b, c, d = a - 1.0, a - 2.0, a - 3.0
-    weights = (-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0)
-    return tuple(sum(map(mul, weights, column)) for column in zip(*map(row, range(first, first + 4)), strict=True))
-
-
 class Almanac(msgspec.Struct, frozen=True):
     """``days``: the rows of each day since the Unix epoch, part after part; ``sites``: in degrees, east positive."""
 
@@ -60,12 +49,21 @@ class Almanac(msgspec.Struct, frozen=True):
     sites: dict[str, tuple[float, float]] = {}
 
     def at(self, part: str, unix: float) -> Row | None:
-        """Return the values of a part of the sky at a Unix time; None if the day is not in the almanac."""
+        """Return the values of a part of the sky at a Unix time, interpolated from the four nearest rows (Lagrange).
+
+        None if the day is not in the almanac.
+        """
         day = self.days.get(int(unix // DAY))
         if day is None:
             return None
         form, place = _PLACES[part]
-        return interpolated(lambda number: form.unpack_from(day, place + number * form.size), unix)
+        steps = unix % DAY / STEP
+        first = min(max(int(steps) - 1, 0), ROWS - 4)
+        a = steps - first
+        b, c, d = a - 1.0, a - 2.0, a - 3.0
+        weights = (-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0)
+        rows = [form.unpack_from(day, place + number * form.size) for number in range(first, first + 4)]
+        return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
     def days_from(self, first: int) -> int:
         """Return how many days it has from this one on, until the first that it has not."""

@@ -22,7 +22,7 @@ from astropy import units as u
 from astropy.coordinates import Latitude, Longitude, get_body_barycentric, get_sun
 from astropy.time import Time, TimeDelta
 
-from gateway.astro.ephemeris.almanac import DAY, PARTS, ROWS, STEP, Almanac, Row, interpolated
+from gateway.astro.ephemeris.almanac import DAY, PARTS, ROWS, STEP, Almanac
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5
@@ -35,16 +35,6 @@ def almanac(days: Collection[int], sites: Iterable[str] = ()) -> Almanac:
     parts = [_rows(part, tuple(days)).astype("<f8") for part in PARTS] if days else []
     rows = {day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)}
     return Almanac(rows, {site: place for site in sites if (place := in_decimals(site)) is not None})
-
-
-def at(part: str, unix: float) -> Row:
-    """Return what the almanac of that day says about a part (``frame``, ``Sun``, ``Moon`` or a planet)."""
-    return interpolated(_rows_of_day(part, int(unix // DAY)).__getitem__, unix)
-
-
-@lru_cache(512)  # shared by all gateways of a process
-def _rows_of_day(part: str, day: int) -> list[Row]:
-    return [tuple(row) for row in _rows(part, (day,))[0].tolist()]
 
 
 def in_decimals(site: str) -> tuple[float, float] | None:

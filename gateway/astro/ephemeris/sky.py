@@ -3,9 +3,8 @@
 Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
 refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
 Commands interpolate in the tables of an almanac, which a process of its own has calculated with astropy
-(``keeper.py``), or after `load` (tests) in those of astropy in this process. Where there is no table, and
-before 1973 and after 2099, the closed formulas are used, and the day is noted as missing. No call waits, no method
-raises for finite arguments.
+(``keeper.py``). Where there is no table, and before 1973 and after 2099, the closed formulas are used, and the day is
+noted as missing. No call waits, no method raises for finite arguments.
 
                       closed formulas     tables
     sidereal time     0.02 s + UT1-UTC    0.005 s
@@ -17,7 +16,6 @@ raises for finite arguments.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -25,7 +23,6 @@ from collections.abc import Callable
 from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, Row
 from gateway.astro.ephemeris.closed_forms import Frame
-from gateway.astro.offline import go_offline
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
     Vector,
@@ -47,39 +44,28 @@ class Sky:
     """Positions and times by astropy's tables if there are any, else by the closed formulas."""
 
     def __init__(self) -> None:
-        self._at: Callable[[str, float], Row | None] = Almanac().at
+        self._almanac = Almanac()
         self._frames: dict[float, Frame] = {}
-        #: Whether astropy's results are in use.
-        self.ready = False
         #: The last day that was needed and has no tables; ``ask`` is called when there is another one.
         self.missing: int | None = None
         self.ask: Callable[[], object] = lambda: None
 
     def use(self, almanac: Almanac) -> None:
         """Use the tables of this almanac from now on."""
-        self._from_now_on(almanac.at)
-        self.ready = bool(almanac.days)
+        self._almanac = almanac
+        self._frames.clear()
         self.missing = None if self.missing in almanac.days else self.missing
 
-    def load(self) -> None:
-        """Load astropy in this process; where that is not possible, the closed formulas remain."""
-        with contextlib.suppress(Exception):  # anything that a broken installation can raise
-            go_offline()
-            from gateway.astro.ephemeris import by_astropy
-
-            by_astropy.at("Moon", 0.0)  # so that an error shows here and not in a command
-            self._from_now_on(by_astropy.at)
-            self.ready = True
-
-    def _from_now_on(self, at: Callable[[str, float], Row | None]) -> None:
-        self._at = at
-        self._frames.clear()
+    @property
+    def ready(self) -> bool:
+        """Whether astropy's results are in use."""
+        return bool(self._almanac.days)
 
     def _values(self, part: str, unix: float) -> Row | None:
         """Return what the tables say, if they have the day; else note that it is missing."""
         if not FROM <= unix < TO:
             return None
-        values = self._at(part, unix)
+        values = self._almanac.at(part, unix)
         day = int(unix // DAY)
         if values is None and day != self.missing:
             self.missing = day

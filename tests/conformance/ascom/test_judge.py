@@ -11,6 +11,7 @@ from gateway.diagnostics.virtual_time import run
 from tests.conformance.ascom.methods import METHODS
 from tests.conformance.ascom.properties import CONNECTING, PROPERTIES, disconnect
 from tests.conformance.ascom.telescope import Ascom, Issue, Skipped, Telescope
+from tests.support import exact_sky
 
 START = 1769634000.0
 MOST = 2
@@ -54,7 +55,7 @@ async def judged(mount: Mount) -> dict[str, str]:
         config={"sun": 0.0},
     ) as own:  # fmt: skip
         own.sim.feed(mount.told)
-        own.controller.astrometry.sky.load()
+        exact_sky.load(own.controller.astrometry.sky)
         scope = Telescope(own)
         for name, check in CHECKS.items():
             try:

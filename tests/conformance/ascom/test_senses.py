@@ -12,6 +12,7 @@ from gateway.diagnostics.virtual_time import run
 from tests.conformance.ascom.properties import connect
 from tests.conformance.ascom.telescope import Telescope
 from tests.conformance.ascom.test_judge import START
+from tests.support import exact_sky
 
 NORTH, SOUTH = 45.0, -34.0
 #: Model, protocol, what its owner tells it, latitude, hour angle; and whether positive rates turn east, and north.
@@ -58,7 +59,7 @@ def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> No
             config={"sun": 0.0},
         ) as own:
             own.sim.feed(told)
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             scope = Telescope(own)
             await connect(scope)
             await scope.slew_to_hour_angle(hours)
@@ -73,7 +74,7 @@ def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> No
 def test_over_the_horizon(model: str, driven: str) -> None:
     async def program() -> None:
         async with Stage(model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             scope = Telescope(own)
             await connect(scope)
             await scope.slew_to_hour_angle(-3.0)

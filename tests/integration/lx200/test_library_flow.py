@@ -15,6 +15,7 @@ from gateway.astro.spherical import separation
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
+from tests.support import exact_sky
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -45,7 +46,7 @@ def through(program: Any, **settings: Any) -> None:
 
     async def whole() -> None:
         async with Bridge("cpc", **settings) as bridge:
-            bridge.controller.astrometry.sky.load()
+            exact_sky.load(bridge.controller.astrometry.sky)
             await program(bridge, bridge.client())
 
     run(whole())

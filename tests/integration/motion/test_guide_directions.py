@@ -13,6 +13,7 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
+from tests.support import exact_sky
 from tests.support.each import each
 
 START = 1769634000.0
@@ -40,7 +41,7 @@ async def declination_after(own: Stage, direction: int) -> float:
 def test_alpaca_north_raises_the_declination_on_both_sides(mount: str, site: tuple[float, float], hours: float) -> None:
     async def program() -> None:
         async with Stage(mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await ask(client, "put connect")
             ra = (await ask(client, "get siderealtime") - hours) % 24.0

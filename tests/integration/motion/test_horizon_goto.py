@@ -15,6 +15,7 @@ from gateway.astro.spherical import hour_angle_to_horizon, separation
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.simulated import Simulated
+from tests.support import exact_sky
 
 START = 1769634000.0
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 10.0)
@@ -54,7 +55,7 @@ def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> 
 def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: float) -> None:
     async def program() -> None:
         async with over(mount, "alpaca") as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await ask(client, "put connect")
             ra = (await ask(client, "get siderealtime") - hours) % 24.0
@@ -79,7 +80,7 @@ def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: float) -> 
 def test_an_lx200_program_too(mount: Any) -> None:
     async def program() -> None:
         async with over(mount, "lx200") as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             client.tell(b":AL#")
             await asyncio.sleep(1.0)
@@ -98,7 +99,7 @@ def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None:
 
     async def program() -> None:
         async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await ask(client, "put connect")
             ra, dec = await ask(client, "get rightascension"), await ask(client, "get declination")

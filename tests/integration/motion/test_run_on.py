@@ -13,6 +13,7 @@ import pytest
 
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
+from tests.support import exact_sky
 from tests.support.truth import moving
 
 START = 1769634000.0
@@ -28,7 +29,7 @@ async def ask(program: Visitor, line: str) -> Any:
 
 
 async def connected(own: Stage) -> Visitor:
-    own.controller.astrometry.sky.load()
+    exact_sky.load(own.controller.astrometry.sky)
     client = own.client()
     assert await ask(client, "put connected Connected=True") is None
     return client
@@ -70,7 +71,7 @@ def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: flo
 def test_an_aborted_goto_is_told_until_rest_on_every_surface(mount: tuple[str, str]) -> None:
     async def program(presented: str, goto: list[bytes], stop: bytes, slews: bytes, done: bytes) -> None:
         async with Stage(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             for frame in goto:
                 assert await client.ask(frame)

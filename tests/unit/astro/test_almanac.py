@@ -100,12 +100,10 @@ def exact() -> Almanac:
 
 
 @each("part", PARTS)
-def test_the_almanac_says_what_astropy_says(part: str, exact: Almanac) -> None:
-    from gateway.astro.ephemeris import by_astropy
-
+def test_a_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
     kept = decoded(exact.encoded())
     for moment in (TODAY * DAY, (TODAY + 1.3) * DAY, (TODAY + 2) * DAY - 1.0):
-        assert kept.at(part, moment) == by_astropy.at(part, moment)
+        assert kept.at(part, moment) == exact.at(part, moment) is not None
     assert kept.at(part, (TODAY + 2) * DAY) is None
 
 
@@ -149,7 +147,8 @@ def test_the_rehearsals_days_are_in_the_package() -> None:
     for day in shipped.days:
         for part in PARTS:  # other data on the Earth's rotation
             row = shipped.at(part, (day + 0.4) * DAY)
-            assert row == pytest.approx(by_astropy.at(part, (day + 0.4) * DAY), rel=1e-8, abs=1e-8)
+            now = by_astropy.almanac([day]).at(part, (day + 0.4) * DAY)
+            assert row == pytest.approx(now, rel=1e-8, abs=1e-8)
 
 
 # --- storing ----------------------------------------------------------------------------------------------------------

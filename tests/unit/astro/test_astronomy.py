@@ -18,6 +18,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.mount.site.astrometry import SiteAstrometry
+from tests.support import exact_sky
 from tests.support import sky_judge as judge
 from tests.support.sampling import as_a_rule
 
@@ -29,7 +30,7 @@ CORNERS = [(90, 0), (-90, 0), (90, 180), (-90, -180), (0, 180), (0, -180), (-45,
 @pytest.fixture(scope="module")
 def exact() -> Sky:
     sky = Sky()
-    sky.load()
+    exact_sky.load(sky)
     assert sky.ready
     return sky
 

@@ -18,12 +18,13 @@ from hypothesis import strategies as st
 from gateway.astro.ephemeris.by_astropy import earth_rotation
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
+from tests.support import exact_sky
 from tests.support import sky_judge as judge
 from tests.support.sampling import as_a_rule
 
 YEAR = 365.25 * 86400.0
 EXACT = Sky()
-EXACT.load()
+exact_sky.load(EXACT)
 ARCSECOND = 1.0 / 3600.0
 
 

@@ -12,6 +12,7 @@ import pytest
 from gateway.astro.ephemeris import closed_forms
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import from_vector, rotate, separation, transpose, wrap180, wrap360
+from tests.support import exact_sky
 from tests.support.sampling import as_a_rule
 
 UNIX_AT_DUBLIN = 2415020.0 - 2440587.5  # PyEphem counts days from 1899-12-31 noon
@@ -22,7 +23,7 @@ SITES = [(48.2, 16.4), (-33.9, 18.5), (0.3, -78.5), (64.1, -21.9), (-45.9, 170.5
 @pytest.fixture(scope="module")
 def sky() -> Sky:
     exact = Sky()
-    exact.load()
+    exact_sky.load(exact)
     assert exact.ready
     return exact
 

@@ -18,6 +18,7 @@ import pytest
 from gateway.astro.ephemeris import by_astropy
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
+from tests.support import exact_sky
 from tests.support.sampling import as_a_rule
 
 ARCSECOND = 1.0 / 3600.0
@@ -30,7 +31,7 @@ def unix(*date: int) -> float:
 @pytest.fixture(scope="module")
 def exact() -> Sky:
     sky = Sky()
-    sky.load()
+    exact_sky.load(sky)
     assert sky.ready
     return sky
 

@@ -18,6 +18,7 @@ from gateway.console.shown.publisher import MOVING, RESTING
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.controller import MountController
+from tests.support import exact_sky
 from tests.support.busy_computer import Busy, run_busy
 
 
@@ -136,7 +137,7 @@ def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> 
         page = Page(mounts)
         await asyncio.sleep(1.0)
         assert [body["name"] for body in page.told(0.0)[-1]["bodies"]] == ["Sun", "Moon"]
-        busy.gateway.sky.load()
+        exact_sky.load(busy.gateway.sky)
         await asyncio.sleep(1.2)
         assert [body["name"] for body in page.told(0.0)[-1]["bodies"]] == list(view.BODIES)
         await page.closes()
@@ -190,7 +191,7 @@ def test_a_defect_ends_every_page_and_the_next_one_begins_anew(tmp_path: Path, m
         busy.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
         with monkeypatch.context() as patch:
             patch.setattr(view, "bodies", lambda controller: 1 / 0)
-            busy.gateway.sky.load()  # so they are asked for anew
+            exact_sky.load(busy.gateway.sky)  # so they are asked for anew
             with pytest.raises(ConnectionError):
                 await page.task
         assert any("ZeroDivisionError" in note for note in notes)

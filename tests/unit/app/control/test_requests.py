@@ -20,6 +20,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.transport.web_server import WebServer
+from tests.support import exact_sky
 from tests.support.in_process_gateway import Bridge
 
 NORTH = requests.Move(Direction.NORTH, 7, 3.0, number="m")
@@ -378,7 +379,7 @@ def test_a_site_that_another_contradicts_is_told_once() -> None:
 def test_a_meade_takes_the_same_wishes() -> None:
     async def program() -> None:
         sky = Sky()
-        sky.load()
+        exact_sky.load(sky)
         async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
             owner = Owner(bridge)
             assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")

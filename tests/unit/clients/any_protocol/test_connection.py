@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import Connected
+from tests.support import exact_sky
 from tests.support.any_port import AnyBridge
 from tests.support.sampling import as_a_rule
 
@@ -174,7 +175,7 @@ def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
     """It counts in J2000; a program that says the same without the echo does not."""
 
     async def program(bridge: AnyBridge) -> None:
-        bridge.controller.astrometry.sky.load()
+        exact_sky.load(bridge.controller.astrometry.sky)
         mobile, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         for caller, said in ((mobile, [b"Ka", b"##", b"#\x06"]), (other, [b"##", b"#\x06"])):
             for words in said:

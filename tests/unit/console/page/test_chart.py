@@ -10,6 +10,7 @@ import pytest
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
+from tests.support import exact_sky
 from tests.support.each import each
 from tests.unit.console.page.node import ask
 
@@ -23,7 +24,7 @@ LEFT_OUT = 0.012
 @pytest.fixture(scope="module")
 def sky() -> Sky:
     exact = Sky()
-    exact.load()
+    exact_sky.load(exact)
     return exact
 
 

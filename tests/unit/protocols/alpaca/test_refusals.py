@@ -10,6 +10,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import empty_value
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.wireformat.command_set import load
+from tests.support import exact_sky
 from tests.support.each import each
 from tests.unit.protocols.alpaca.test_surface import CRAB, ask, connected, stage
 
@@ -58,7 +59,7 @@ def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
 
     async def program() -> None:
         async with stage("lx200gps", "lx200") as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = await connected(own)
             assert await ask(client, "put tracking Tracking=false") is None
             assert await ask(client, f"put slewtocoordinatesasync {CRAB}") == NOT_POSSIBLE

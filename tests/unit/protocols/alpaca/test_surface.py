@@ -13,6 +13,7 @@ from gateway.core import errors
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import NUMBERS, number
+from tests.support import exact_sky
 
 START = 1769634000.0
 CRAB = "RightAscension=5.5756 Declination=22.0145"
@@ -40,7 +41,7 @@ async def connected(own: Stage, host: str = "127.0.0.1") -> Visitor:
 def test_slewing_is_true_until_the_goto_is_over(mount: tuple[str, str]) -> None:
     async def program() -> None:
         async with stage(*mount) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client, other = await connected(own), await connected(own, "192.0.2.7")
             assert await ask(client, "get slewing") is False
             assert await ask(client, f"put slewtocoordinatesasync {CRAB}") is None
@@ -173,7 +174,7 @@ def test_who_may_only_look_changes_nothing() -> None:
 def test_gotos_over_the_horizon_take_a_mount_that_does_not_track() -> None:
     async def program() -> None:
         async with stage() as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = await connected(own)
             assert await ask(client, "put slewtoaltazasync Azimuth=200 Altitude=40") == -0x40B
             await ask(client, "put tracking Tracking=false")
@@ -231,7 +232,7 @@ def test_the_side_of_the_pier_is_the_one_that_was_foretold(mount: str, version: 
 
     async def program() -> None:
         async with stage(mount, version=version, site=(latitude, 10.0), speed=20.0) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = await connected(own)
             for hours, side in ((2.0, 0), (-2.0, 1)):
                 ra = (await ask(client, "get siderealtime") - hours) % 24.0

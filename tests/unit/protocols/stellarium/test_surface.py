@@ -14,6 +14,7 @@ from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import ConnectionRefused
+from tests.support import exact_sky
 
 START = 1769634000.0
 #: The Crab nebula, and what is below the horizon at the place of a simulated mount; J2000.
@@ -54,7 +55,7 @@ def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access
 def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
     async def program() -> None:
         async with stage(mount, driven) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await asyncio.sleep(2.1)
             told = heard(client)
@@ -133,7 +134,7 @@ def test_the_operators_limits_hold() -> None:
 
     async def program() -> None:
         async with stage(config={"lowest": 80.0}) as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             client.tell(goto(*CRAB))
             await asyncio.sleep(1.5)
@@ -164,7 +165,7 @@ def test_coordinates_are_of_j2000() -> None:
 
     async def program() -> None:
         async with stage() as own:
-            own.controller.astrometry.sky.load()
+            exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             client.tell(goto(*CRAB))
             await asyncio.sleep(2.0)

@@ -1,10 +1,9 @@
 // The WebSocket to the gateway: requests with answers, a beat twice a second, and reconnection after a loss.
-// A connection that is open but dead is detected by a request without an answer.
+// The gateway says something every second: a connection that is open but dead is detected by its silence.
 
 import { changed, state, take } from "./store.js";
 
 const BEAT = 500;
-const QUIET = 2000;
 const DEAD = 4000;
 /** Milliseconds in which the gateway must answer after the device has lost its network. */
 const OFFLINE = 500;
@@ -24,7 +23,6 @@ let attempts = 0;
 let timer = 0;
 let isUrgent = () => false;
 let heard = 0, spoke = 0;
-let asked = false;
 let beat = () => ({});
 /** @type {Map<number, (answer: any) => void>} */
 const waiting = new Map();
@@ -91,7 +89,6 @@ export function connect() {
   const mine = early?.ws ?? new WebSocket(`${scheme}//${location.host}/socket?token=${encodeURIComponent(token)}`);
   ws = mine;
   heard = performance.now();
-  asked = false;
   const begin = () => {
     attempts = 0;
     state.connected = true;
@@ -157,10 +154,6 @@ setInterval(() => {
     changed();
   }
   if (quiet > DEAD) lost();
-  else if (quiet > QUIET && !asked) {
-    asked = true;
-    ask({ do: "search", text: "" }).then(() => (asked = false));
-  }
 }, BEAT);
 
 addEventListener("online", () => {
