@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
+from ipaddress import IPv4Network
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -214,14 +215,23 @@ def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | No
     return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
-def exposure_warning(where: str, surface: SurfaceConfig) -> str:
-    """Return the warning for a port that other computers reach; empty if no stranger can move the mount through it."""
-    if not exposed(where) or surface.allow is not None or surface.read_only is True:
+def exposure_warning(where: str, surface: SurfaceConfig, reachable: Sequence[IPv4Network]) -> str:
+    """Return the warning for a port that other computers reach; empty if it is as safe and as open as it looks.
+
+    ``reachable``: the networks of the addresses that the gateway prints for phones.
+    """
+    if not exposed(where):
         return ""
+    if surface.allow is not None:
+        allowed = networks(surface.allow)
+        outside = [one for one in reachable if not any(one.overlaps(other) for other in allowed if other.version == 4)]
+        return f"{where}: allow shuts out the network {outside[0]}, where phones would connect" if outside else ""
+    if surface.read_only is True:
+        return ""
+    only = "".join(f"{one}," for one in reachable[:1])
     return (
-        f"{where}: there is no password, whoever can reach this port can move the mount; "
-        'allow = ["192.168.1.0/24", "127.0.0.1"] on this surface, or --allow 192.168.1.0/24,127.0.0.1, lets in only '
-        "those and this computer"
+        f"{where} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
+        f"{'that network and ' if only else ''}this computer"
     )
 
 

@@ -26,6 +26,7 @@ from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import with_needs
 from gateway.app.control.orders import halt
 from gateway.app.control.server import Control
+from gateway.app.discovery.offer import reachable_networks
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.state.file import MarkerContent
 from gateway.app.state.mount_claim import claim, taken
@@ -212,7 +213,7 @@ class Gateway:
     def cautions(self) -> Iterator[str]:
         """Yield what the user is told once the gateway serves; before, it would hide why it does not."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
-            if words := exposure_warning(port.where, surface):
+            if words := exposure_warning(port.where, surface, reachable_networks(port.where)):
                 yield words
         if self.store is not None and self.store.kept_by_another:
             yield self.store.kept_by_another

@@ -135,7 +135,8 @@ class MountState(Struct, frozen=True, dict=True):
             yield "it slews without an order from this gateway: perhaps by its hand control"
         yield from filter(None, (wanted.short, self.sun_ahead, self.doubt))
         for axis, moving in motion if isinstance(motion, ByHand) else ():
-            yield _arrow(moving.operation, axis) + asked(moving.by, moving.since)
+            tube = self.look.status is not None and not self.look.status.equatorial
+            yield _arrow(moving.operation, axis, tube) + asked(moving.by, moving.since)
         for order in wanted.pending:
             if not order.follow_up and order.number != wanted.active:
                 yield f"{order.operation.title()}, not begun yet{asked(order.by, order.since)}"
@@ -215,7 +216,13 @@ def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
     )
 
 
-def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
+#: What the arrows of an alt-azimuth mount do to its tube.
+_TUBE = {"north": "up", "south": "down", "east": "left", "west": "right"}
+
+
+def _arrow(operation: op.Move | op.MoveAxis, axis: int, tube: bool) -> str:
+    """Return an arrow in words: as it moves the ``tube`` of an alt-azimuth mount, else on the sky."""
     if isinstance(operation, op.Move):
-        return f"an arrow {operation.direction.word}"
+        word = operation.direction.word
+        return f"an arrow {_TUBE[word] if tube else word}"
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"

@@ -85,7 +85,7 @@ def completions(text: str, most: int) -> list[str]:
     If there are none, those that are similar.
     """
     typed = supplied.normalized(text)
-    bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]
+    bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]
     begun = list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
     return begun or ([text.strip()] if names.star(text) else names.suggestions(text, BODIES))
 
@@ -113,6 +113,8 @@ def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     if called is None:
         raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR")
     name = f"{called}{number}"
+    if (highest := _HIGHEST.get(called, number)) < number:
+        raise UserError(f"there is no {name}: {called} goes from 1 to {called}{highest}")
     if (entry := supplied.look_up(name)) is not None:
         return name, replace(entry, also=", ".join(one for one in (entry.name, *entry.also.split(", ")) if one != name))
     if called == "HIP" and number in supplied.stars():
@@ -124,9 +126,7 @@ def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
-        highest = _HIGHEST.get(called)
-        goes = f"; {called} goes from 1 to {highest}" if highest else ""
-        raise UserError(f"{name}: the library has no such object{goes}")
+        raise UserError(f"{name}: the library has no such object")
     return name, entry
 
 
@@ -153,8 +153,7 @@ def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
         ) from None
     except NotInstalled:
         raise NotSupplied(
-            f"{name}: it is not among the 2,800 objects and 3,200 stars that are always known, and the whole catalogues"
-            " (the object library) are not installed. Its RA and DEC work without them",
+            f"{name} is in the object library, which is not installed. Its RA and DEC work without it",
             how_to_add("library"),
         ) from None
     except Fault as fault:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import ipaddress
 import socket
 from collections.abc import Callable, Iterable
-from ipaddress import IPv4Address, IPv6Address
+from ipaddress import IPv4Address, IPv4Network, IPv6Address
 
 from msgspec import Struct
 
-from gateway.system.own_names import interface_addresses
+from gateway.system.own_names import interface_addresses, ipv4_networks
 from gateway.transport.listening import in_brackets, split_address
 
 EVERYWHERE = ("0.0.0.0", "::")
@@ -85,6 +85,15 @@ def reachable_addresses(
     new = [str(address) for address in outer if address.version == 6] if offer.host == "::" else []
     likeliest = first(_FAR)
     return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
+
+
+def reachable_networks(where: str) -> list[IPv4Network]:
+    """Return the IPv4 networks of the addresses at which other computers reach ``SCHEME://HOST:PORT``."""
+    if where.partition("://")[0] not in SCHEMES:
+        return []
+    addresses = reachable_addresses(Offer("", "", "", *split_address(where)))
+    known = {str(address): network for address, network in ipv4_networks()}
+    return [known[address] for address in addresses if address in known]
 
 
 def web_address(host: str, port: int) -> str:

@@ -190,7 +190,7 @@ def place(arguments: argparse.Namespace) -> requests.Where:
         try:
             return objects.find(" ".join(words))
         except objects.NotSupplied as missing:
-            raise UserError(f"{missing}. To install them, {missing.remedy}") from None
+            raise UserError(f"{missing}. To install it, {missing.remedy}") from None
     ra, dec = words
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)

@@ -200,6 +200,10 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     if alone is not None:
         if given is not None and given != alone:
             raise UserError(f"{alone} and --config {given}: write one file")
+        for flag, value in (("--mount", arguments.mount), *(("--surface", one) for one in arguments.surface)):
+            if value and "@" not in value:
+                place = re.sub(r"^(\w+):/(?=[^/])", r"\1://", str(alone))  # a path has lost its second slash
+                raise UserError(f"{flag} {value} {place}: write {flag} {value}@{place}")
         if "@" in str(alone) and not alone.exists():
             raise UserError(f"{alone}: write --mount before the mount, and --surface before where programs connect")
         given = alone

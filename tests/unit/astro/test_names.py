@@ -112,7 +112,8 @@ def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...])
     ("kaus", "did you mean Kaus Media or Kaus Borealis or Kaus Australis?"),
     ("nowhere", "'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"),
     ("", "'' is no place: write RA DEC"),
-    ("NGC99999", "NGC99999: the library has no such object; NGC goes from 1 to 7840"),
+    ("NGC99999", "NGC7840"),
+    ("M 999", "M110"),
     ("HIP0", "HIP0: the library has no such object"),
     ("the Sun", "the Sun is no goal here"),
 ])  # fmt: skip
@@ -130,9 +131,9 @@ def test_without_the_library_names_are_still_known(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("gateway.astro.catalog.stars.data_file", missing)
     assert spot("Vega").dec == pytest.approx(38.78, abs=0.02)
     assert spot("Ring", "Nebula").ra == pytest.approx(283.4, abs=0.01)
-    with pytest.raises(UserError, match=r"^NGC1: it is not among the 2,800 .* To install them, .*pip install"):
+    with pytest.raises(UserError, match=r"^NGC1.* library.*pip install"):
         spot("NGC1")
-    with pytest.raises(UserError, match=r"^HIP2: it is not among .* To install them, .*pip install"):
+    with pytest.raises(UserError, match=r"^HIP2.* library.*pip install"):
         spot("HIP2")
     with pytest.raises(UserError, match=r"did you mean Vega\?"):
         spot("Vegga")

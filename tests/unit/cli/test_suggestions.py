@@ -61,6 +61,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
         (["run", "--mount"], "--mount: write its value after it"),
         (["stop", "--hold", "--release"], "write --hold or --release, not both"),
+        (["run", "--mount", "nexstar", "/dev/ttyUSB0"], "write --mount nexstar@/dev/ttyUSB0"),
+        (["run", "--surface", "lx200", "tcp://127.0.0.1:4030"], "write --surface lx200@tcp://127.0.0.1:4030"),
         (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"], "write allow in gateway.toml"),
         (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"], "write read-only in gateway.toml"),
         (

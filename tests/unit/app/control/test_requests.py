@@ -195,7 +195,7 @@ def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
             wish = asyncio.ensure_future(owner.wish(NORTH))
             await asyncio.sleep(1.5)
             assert moves(bridge)
-            assert any(words.startswith("an arrow north, asked for") for words in (await owner.see()).wanted)
+            assert any(words.startswith("an arrow up, asked for") for words in (await owner.see()).wanted)
             assert await wish == "done it was moved north for 3.0 s"
             await asyncio.sleep(1)
             assert not moves(bridge)
