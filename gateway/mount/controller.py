@@ -124,11 +124,10 @@ class MountController:
 
     # --- start and end --------------------------------------------------------------------------------------------
 
-    def start(self, refresh: bool = True) -> None:
-        """Open the line and identify the mount; ``refresh`` the cache from then on."""
+    def start(self) -> None:
+        """Open the line, identify the mount, and keep the readings fresh from then on."""
         self.line.start()
-        if refresh:
-            self.poller.start()
+        self.poller.start()
 
     async def close(self) -> None:
         """End motion, resume tracking, cancel pending orders, close the line."""

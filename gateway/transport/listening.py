@@ -91,10 +91,5 @@ def split_address(where: str) -> tuple[str, int]:
     return host.strip("[]") or "127.0.0.1", int(number)
 
 
-def networked(where: str) -> bool:
-    """Whether clients connect there over the network."""
-    return where.startswith(LISTENING) or where == SERVED
-
-
 def in_brackets(host: str) -> str:
     return f"[{host}]" if ":" in host else host

@@ -103,16 +103,6 @@ class Side:
         words = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
         return Heard(frame, words, command.name, command.question)
 
-    def command_alone(self, frame: bytes) -> Heard:
-        """Describe a command on a line with one exchange at a time: when it has a reply, no earlier one is answered."""
-        earlier, self._due = self._due, deque(maxlen=DUE)
-        heard = self.command(frame)
-        if self._due or not heard.command:
-            self._rest = b""
-        else:  # a stop is sent in the middle of another exchange, and is not answered
-            self._due = earlier
-        return heard
-
     # --- replies ----------------------------------------------------------------------------------------------------
 
     def replies(self, data: bytes) -> Iterator[Heard]:

@@ -134,6 +134,8 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             assert not answer.done
             assert answer.words.startswith("not stopped: ") and answer.words.endswith("; it is held from now on")
             assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
+            logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
+            assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.words}"]
 
     run(program())
 
