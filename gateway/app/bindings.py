@@ -18,6 +18,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
+from gateway.clients.reply_pace import AS_HARDWARE, paced
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
@@ -91,7 +92,13 @@ def make_surface(
         raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
     made = spec.make_surface(
         SurfaceSettings(
-            endpoint.model, endpoint.version, config.precision, config.sync_text, limits, config.equinox or spec.equinox
+            endpoint.model,
+            endpoint.version,
+            config.precision,
+            config.sync_text,
+            limits,
+            config.equinox or spec.equinox,
+            config.degree or ("0xDF" if beside_hardware(endpoint.where) else "*"),
         )
     )
     directions = config.guide_directions or guides or spec.guide_directions
@@ -114,8 +121,16 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
     if endpoint.where == SERVED:
         return WebPort()
     if spec is None or spec.web is None:
-        return await open_port(endpoint.where, accept, surface.baud)
+        seconds = AS_HARDWARE if beside_hardware(endpoint.where) else 0.0
+        if surface.reply_after is not None:
+            seconds = surface.reply_after / 1000.0
+        return await open_port(endpoint.where, paced(accept, seconds), surface.baud)
     return await web.listen(endpoint.where)
+
+
+def beside_hardware(where: str) -> bool:
+    """Whether programs connect there as to a telescope's own serial port, not over a plain network connection."""
+    return not where.startswith("tcp://") and where not in (SERVED, "-")
 
 
 #: Accepts the connections of one surface.

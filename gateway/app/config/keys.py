@@ -324,4 +324,21 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
             "the program waits 1.2 s for that, because INDI's drivers do not read it; false: all at once"
         ),
     ] = True
+    degree: Annotated[
+        Literal["*", "0xDF"] | None,
+        key(
+            "lx200: the degree character in replies: the byte 0xDF, as Meades send it, or * (default: 0xDF on serial, "
+            "virtual and RFC 2217 ports, whose programs were written beside telescopes; * on tcp)",
+            example="0xDF",
+        ),
+    ] = None
+    reply_after: Annotated[
+        Annotated[float, Meta(ge=0.0, le=1000.0)] | None,
+        key(
+            "milliseconds from the last byte of a request to its reply: programs may discard their input after they "
+            "have written (default: 6 on serial, virtual and RFC 2217 ports, 0 on tcp)",
+            "MS",
+            6.0,
+        ),
+    ] = None
     max_clients: Annotated[int, key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400

@@ -30,6 +30,7 @@ class SurfaceSettings(Struct, frozen=True):
     """What a user may configure for a surface. ``limits`` are the altitude limits, which no client can widen.
 
     ``equinox`` is that of the programs' coordinates, ``jnow`` or ``j2000``: they are converted, and programs may ask.
+    ``degree`` is the degree character in replies that are text, ``*`` or ``0xDF``.
     """
 
     model: str | None
@@ -38,6 +39,7 @@ class SurfaceSettings(Struct, frozen=True):
     sync_text: str | None
     limits: AltitudeLimits
     equinox: str = "jnow"
+    degree: str = "*"
 
 
 class MadeSurface(Struct, frozen=True):

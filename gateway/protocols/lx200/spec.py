@@ -30,6 +30,8 @@ ACK, POSITION = b"\x06", b"#:GR#"
 ACK_ALONE = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 LONE = 0.1
+#: The degree character as the tables write it.
+_DEGREES = re.compile(rb"(\d)\*(?=\d\d|#)")
 _POSITION = rb"\d\d:\d\d(\.\d|:\d\d)#"
 #: What a program for a Meade may begin a connection with: bytes that are ignored, and whole commands.
 OPENING = rb"(?s)(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*"
@@ -48,6 +50,8 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
+    if settings.degree != "*":
+        surface.as_written = lambda name, reply: _DEGREES.sub(b"\\1\xdf", reply)
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},

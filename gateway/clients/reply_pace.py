@@ -1,0 +1,82 @@
+"""Answers at the pace of a serial line: a reply leaves some milliseconds after the last byte of its request.
+
+Programs that were written beside hardware write a command, discard what is left in their input, and then read. A real
+hand control never answers before that; over a pseudo-terminal the gateway would. Commands act when they arrive.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from msgspec.structs import replace
+
+from gateway.transport.handler import Connected, ConnectionHandler
+
+#: Seconds from the last byte of a request to its reply on ports of programs that were written beside hardware.
+AS_HARDWARE = 0.006
+
+
+class ReplyPace:
+    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the handler that gives them."""
+
+    def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
+        self._write, self._seconds = connected.write, seconds
+        self._loop = asyncio.get_running_loop()
+        self._due = 0.0
+        self._waiting = b""
+        self._timer: asyncio.TimerHandle | None = None
+        change = connected.change_rate
+        self._handler = accept(
+            replace(
+                connected,
+                write=self._send,
+                hand_over=None,
+                change_rate=None if change is None else lambda baud: self._change(change, baud),
+            )
+        )
+
+    def feed(self, data: bytes) -> None:
+        self._due = self._loop.time() + self._seconds
+        self._handler.feed(data)
+
+    def _send(self, data: bytes) -> int | None:
+        """Send a reply, once the line would have it. Return how many bytes are pending, if that is known."""
+        if data and (self._waiting or self._loop.time() < self._due):
+            self._waiting += data
+            if self._timer is None:
+                self._timer = self._loop.call_at(self._due, self.flush)
+        unsent = self._write(b"" if self._waiting else data)
+        return None if unsent is None else unsent + len(self._waiting)
+
+    def flush(self) -> None:
+        """Send what waits now."""
+        data, self._waiting = self._waiting, b""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if data:
+            self._write(data)
+
+    def _change(self, change: Callable[[int], int], baud: int) -> int:
+        """Change the baud rate: the acknowledgement leaves at the old one."""
+        self.flush()
+        return change(baud)
+
+    @property
+    def answered(self) -> bool:
+        return self._handler.answered and not self._waiting
+
+    def peer_closed(self) -> None:
+        self._handler.peer_closed()
+
+    def close(self) -> None:
+        """End the connection; what waits belongs to a program that has gone."""
+        self._waiting = b""
+        self.flush()
+        self._handler.close()
+
+
+def paced(accept: Callable[[Connected], ConnectionHandler], seconds: float) -> Callable[[Connected], ConnectionHandler]:
+    """Wrap ``accept`` so that replies wait so many seconds; 0: not at all."""
+    return (lambda connected: ReplyPace(connected, accept, seconds)) if seconds else accept
