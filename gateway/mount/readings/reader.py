@@ -104,7 +104,11 @@ class Reader:
         entry = self._cache.entries[kind]
         if entry.reading is None or entry.asked < self._cache.outdated:
             return NOT_CACHED
-        return self._going_on(kind, entry, self._instant()) if self._moves else entry.value
+        if not self._moves:
+            return entry.value
+        if self._now() - entry.reading.complete > SOONEST and not any(course_of(self._context, kind, entry).rates):
+            return NOT_CACHED  # nothing says how it goes on: a mount that moves is asked, rather than a value repeated
+        return self._going_on(kind, entry, self._instant())
 
     def peek_own(self, operation: op.Own, program: Program) -> bytes:
         """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
