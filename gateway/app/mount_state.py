@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.app.status import State, StatusLine, format_position
 from gateway.core import operations as op
@@ -21,6 +22,7 @@ from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.policy import Policy
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
+from gateway.mount.safety.hour_angle import NOT_KEPT, is_kept
 from gateway.mount.site.site_clock import Site, Time
 
 if TYPE_CHECKING:
@@ -34,6 +36,7 @@ class MountState(Struct, frozen=True, dict=True):
     """One mount at the loop time ``now`` and at ``clock`` by this computer.
 
     ``over`` is where it points over the horizon, ``goal`` where a goto under way leads; both None if not known.
+    ``pier_kept``: whether a limit of the hour angle can be kept.
     ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all that is told of them, best first.
     ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds; ``sky`` says what the
     sky at its time is calculated from.
@@ -45,6 +48,7 @@ class MountState(Struct, frozen=True, dict=True):
     title: str
     pier: str
     german: bool | None
+    pier_kept: bool
     over: op.Horizontal | None
     wanted: Wanted
     goal: op.Equatorial | op.Horizontal | None
@@ -143,7 +147,9 @@ class MountState(Struct, frozen=True, dict=True):
 
     def _allowed(self) -> Iterator[str]:
         limits = self.policy.limits
-        yield from limits.words()
+        yield from (limits if self.pier_kept else replace(limits, hour_angle=None)).words()
+        if limits.hour_angle is not None and not self.pier_kept:
+            yield NOT_KEPT
         if limits.by_page:
             yield "narrowed by a page of the console, until the gateway ends"
         yield f"syncs of up to {limits.sync:g}°"
@@ -187,6 +193,7 @@ def mount_state(
         title=driver.protocol.title(product, model),
         pier=readings.value(op.PierSide) or "",
         german=driver.german,
+        pier_kept=identity is None or is_kept(controller.context),
         over=astrometry.horizon(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal(controller),

@@ -15,6 +15,7 @@ from gateway.app.mount_state import LATELY, mount_state
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
+from gateway.mount.safety.hour_angle import NOT_KEPT
 
 
 class UserMessage(Struct, frozen=True):
@@ -49,6 +50,8 @@ def first_messages(controller: MountController, model: str | None, version: str 
         )
     if state.german and state.policy.limits.hour_angle is None:
         yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
+    if state.policy.limits.hour_angle is not None and not state.pier_kept:
+        yield UserMessage(NOT_KEPT, warns=True)
     if words := contradiction_warning(controller.context):
         yield UserMessage(words.removeprefix("WARNING: "), warns=True)
 

@@ -50,7 +50,6 @@ class Changes(Struct, frozen=True):
     """The speeds of these values from one position to the next, degrees a second, never negative."""
 
     altitudes: tuple[float, ...] = ()
-    hour_angle: float = 0.0
     suns: tuple[float, ...] = ()
 
 
@@ -98,7 +97,6 @@ def see(seen: Seen, sample: PositionSample) -> Seen:
     across = separation(before.place.ra, before.place.dec, sample.place.ra, sample.place.dec) / elapsed
     changes = Changes(
         tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
-        abs(wrap180((sample.hour_angle or 0.0) - (before.hour_angle or 0.0))) / elapsed,
         tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
     )
     return replace(seen, before=before, last=sample, changes=changes, earlier=seen.changes, across=across)

@@ -21,7 +21,7 @@ from gateway.mount.link.driver_runner import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import Entry, Kind, Pair, Reading, angles
-from gateway.mount.safety.hour_angle import meridian_known, past_meridian
+from gateway.mount.safety.hour_angle import past_meridian, turned_by_side
 
 Inside = Callable[[float, float], bool]
 
@@ -233,8 +233,8 @@ def _meridian(context: Context, limit: float | None) -> Callable[[float], bool]:
     driver, cache = context.driver, context.cache
     status = cache.value(op.GetStatus)
     side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
-    known = status is not None and status.equatorial and meridian_known(driver.german, side)
+    known = status is not None and status.equatorial and (side is not None or driver.german is False)
     if limit is None or not known or context.movement.slewing or context.sources.site() is None:
         return lambda _: True
     sidereal = context.astrometry.sidereal_time()
-    return lambda ra: past_meridian(sidereal - ra, side) <= limit
+    return lambda ra: past_meridian(turned_by_side(sidereal - ra, side), driver.german) <= limit

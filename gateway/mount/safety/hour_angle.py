@@ -1,8 +1,11 @@
 """How far the tube is past the meridian, where a German mount meets its pier and the cables of a fork tighten.
 
-If the mount reports its axes, the first axis tells it, whatever the mount believes about the sky. Otherwise it follows
-from the hour angle and, on a German mount, from the side of the pier that the mount has told at rest. During a goto
-neither is used: the tube may change sides, and the side that is told is already that of the goal. Angles are degrees.
+That is how far the first axis is turned from its middle, west positive: on a German mount from where the counterweight
+shaft points down, on a fork from the meridian. If the mount reports its axes, these tell it, whatever the mount
+believes about the sky. Otherwise it follows from the hour angle, and on a German mount from the pier side that is told.
+From then on each hour angle continues the last one: a tube that is driven over the pole changes its hour angle by 180
+degrees although the first axis rests, and mounts differ in the side that they tell there. During a goto nothing is
+told: the tube may change sides, and the side that is told is already that of the goal. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -17,16 +20,20 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
 from gateway.mount.context import Context
-from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.allow import PastNow
 
-#: Degrees past the meridian beyond which a tube has passed under the pole and no longer turns towards the pier.
-AROUND_THE_POLE = 90.0
+#: Degrees from the middle at which the counterweight shaft of a German mount is horizontal.
+LEVEL = 90.0
+#: Degrees between two positions up to which the second continues the first.
+CONTINUES = 45.0
 #: Seconds between two readings of the axes: while the mount moves, and while it tracks or rests.
 IN_MOTION, AT_REST = 0.45, 5.0
 #: Seconds for which a pier side is trusted at rest.
 SIDE_AGE = 5.0
+#: What the user is told where nothing shows how far the tube is past the meridian.
+NOT_KEPT = "hour-angle-limit is not kept on this mount: it does not tell on which side of the pier its tube is"
 
 
 def told_by_axes(mount: Context) -> bool:
@@ -34,113 +41,125 @@ def told_by_axes(mount: Context) -> bool:
     return mount.driver.implementation(op.AxisPosition) is not None
 
 
-def past_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
-    """Return how far these axis readings of an equatorial mount are past the meridian; None without a hemisphere.
+def is_kept(mount: Context) -> bool:
+    """Whether a limit of the hour angle can be kept: on forks, and on German mounts that tell axes or pier side."""
+    german = mount.driver.german
+    return told_by_axes(mount) or german is False or (german is True and mount.driver.tells_side)
 
-    The first axis of a German mount reads 90 with the counterweight shaft down. Past the meridian the shaft is above
-    horizontal. A fork on its wedge counts from north, and its hour angle in both directions.
+
+def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
+    """Return how far the first axis is turned from its middle by these readings; None without a hemisphere.
+
+    That of a German mount reads 90 with the counterweight shaft down; that of a fork on its wedge counts from north.
     """
-    if mount.driver.german:
-        return abs(wrap180(axes.az - 90.0)) - 90.0
     site = mount.sources.site()
+    if mount.driver.german:
+        return wrap180(axes.az - LEVEL) * (-1.0 if site is not None and site.latitude < 0.0 else 1.0)
     if site is None:
         return None
-    return abs(wrap180(axes.az - Geometry(Build.WEDGE, site.latitude).axes(0.0, 0.0, False)[0]))
+    geometry = Geometry(Build.WEDGE, site.latitude)
+    return geometry.pole * wrap180(axes.az - geometry.axes(0.0, 0.0, False)[0])
 
 
-def meridian_known(german: bool | None, side: str | None) -> bool:
-    """Whether the distance past the meridian is known. A German mount must have reported its pier side."""
-    return german is not None and (bool(side) or not german)
+def turned_by_side(hour_angle: float, side: str | None) -> float:
+    """Return how far the first axis is turned from its middle, with the tube on this ``side`` of the pier (E, W).
 
-
-def past_meridian(hour_angle: float, side: str | None) -> float:
-    """Return by how many degrees the tube is past the meridian, towards the pier; negative on the free side.
-
-    ``side`` is the side of the pier that the tube of a German mount is on. On the west side the tube looks east, and
-    the pier is in its way once the hour angle is positive; on the east side it is the other way round. Without a side
-    the mount is a fork on a wedge, and its hour angle counts in both directions.
+    From the east side the tube looks west, from the west side east. Without a side the mount is a fork.
     """
-    hour_angle = wrap180(hour_angle)
-    past = abs(hour_angle) if side is None else hour_angle if side == "W" else -hour_angle
-    return past if side is None or past <= AROUND_THE_POLE else past - 360.0
+    return wrap180(hour_angle - {"E": LEVEL, "W": -LEVEL, None: 0.0}[side])
 
 
-def check_hour_angle(limits: Limits, hour_angle: float) -> None:
-    """Raises PastMeridian if a target is too far from the meridian for a mount that cannot change the pier side."""
-    if limits.hour_angle is not None and abs(wrap180(hour_angle)) > limits.hour_angle + AT_LIMIT:
-        raise PastMeridian
+def past_meridian(turned: float, german: bool | None) -> float:
+    """Return by how many degrees the tube is past the meridian; negative on the free side.
 
-
-def check_shaft(limits: Limits, first: float) -> None:
-    """Like ``check_hour_angle``, by the reading of the first axis of a German mount. Raises PastMeridian.
-
-    The axis reads 90 degrees with the counterweight shaft down. Past the meridian the shaft is above horizontal.
+    The shaft of a German mount is above horizontal then. The hour angle of a fork counts to both sides.
     """
-    if limits.hour_angle is not None and abs(wrap180(first - 90.0)) - 90.0 > limits.hour_angle + AT_LIMIT:
+    return abs(wrap180(turned)) - (LEVEL if german else 0.0)
+
+
+def check_past(limits: Limits, turned: float, german: bool | None) -> None:
+    """Raises PastMeridian if the first axis of a mount would be turned too far from its middle."""
+    if limits.hour_angle is not None and past_meridian(turned, german) > limits.hour_angle + AT_LIMIT:
         raise PastMeridian
 
 
 class Reading(Struct, frozen=True):
-    """How far the tube was past the meridian at a loop time, by the first axis."""
+    """How far the tube was past the meridian at a loop time."""
 
     at: float
     past: float
 
 
 class HourAngleWatch:
-    """Follows the hour angle of one mount, as long as the owner has set a limit for it."""
+    """Follows the first axis of one mount, as long as the owner has set a limit for it."""
 
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side
-        #: The last three readings of the first axis since the last goto.
+        #: The last three readings since the last goto.
         self._readings: tuple[Reading, ...] = ()
+        #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
+        self._turned: float | None = None
 
     @property
-    def _watched(self) -> bool:
-        status = self._mount.cache.value(op.GetStatus)
-        return self._mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
-
-    @property
-    def _by_axes(self) -> bool:
-        return told_by_axes(self._mount)
+    def watched(self) -> bool:
+        """Whether a limit is set that can be kept on this mount."""
+        mount = self._mount
+        status = mount.cache.value(op.GetStatus)
+        limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
+        return limited and is_kept(mount)
 
     def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""
-        if not (self._watched and self._by_axes) or self._mount.movement.slewing:
+        if not (self.watched and told_by_axes(self._mount)) or self._mount.movement.slewing:
             return None
         return IN_MOTION if moves else AT_REST
 
+    def forget(self) -> None:
+        """Forget what was followed: positions before and after now cannot be compared."""
+        self._readings, self._turned = (), None
+
     def take_reading(self, axes: op.Horizontal, now: float) -> None:
         """Take an axis reading."""
-        past = past_by_axes(self._mount, axes) if self._watched and self._by_axes else None
-        if past is not None and not self._mount.movement.slewing:
-            self._readings = (*self._readings[-2:], Reading(now, past))
+        turned = turned_by_axes(self._mount, axes) if self.watched and told_by_axes(self._mount) else None
+        if turned is not None and not self._mount.movement.slewing:
+            self._add(now, turned)
 
     def look(self, seen: Seen) -> PastNow | None:
         """Return how far the tube is past the meridian at the last position; None if unknown or during a goto."""
         mount = self._mount
-        if not self._watched:
+        if not self.watched:
             return None
         if mount.movement.slewing:
-            self._readings = ()
+            self.forget()
             if mount.cache.value(op.PierSide) is not None:
                 mount.cache.forget(op.PierSide)  # it is that of the goal
             return None
-        return _by_readings(self._readings, mount.now()) if self._by_axes else self._by_side(seen)
+        if not told_by_axes(mount) and seen.last is not None:
+            self._follow(seen.last)
+        return _by_readings(self._readings, mount.now())
 
-    def _by_side(self, seen: Seen) -> PastNow | None:
-        """Judge by the hour angles of the last two positions."""
-        german, side = self._mount.driver.german, self._side()
-        before, last, earlier = seen.before, seen.last, seen.earlier
-        if not meridian_known(german, side) or before is None or last is None:
-            return None
-        if before.hour_angle is None or last.hour_angle is None:
-            return None
-        then, now = (past_meridian(hour_angle, side) for hour_angle in (before.hour_angle, last.hour_angle))
-        return PastNow(now, (now - then) / seen.elapsed, None if earlier is None else earlier.hour_angle)
+    def turned(self, hour_angle: float, side: str | None) -> float | None:
+        """Return how far the axis is turned at this hour angle: as followed until now, else by the side of the pier."""
+        german, before = self._mount.driver.german, self._turned
+        if before is not None:
+            first = turned_by_side(hour_angle, "E" if german else None)
+            nearest = min((first, wrap180(first + 180.0)), key=lambda way: abs(wrap180(way - before)))
+            if abs(wrap180(nearest - before)) <= CONTINUES:
+                return nearest
+        return None if german and side is None else turned_by_side(hour_angle, side if german else None)
+
+    def _follow(self, last: PositionSample) -> None:
+        """Continue with the last position, unless that was done."""
+        if last.hour_angle is not None and not (self._readings and last.at <= self._readings[-1].at):
+            self._turned = self.turned(last.hour_angle, self._side())
+            if self._turned is not None:
+                self._add(last.at, self._turned)
+
+    def _add(self, at: float, turned: float) -> None:
+        self._readings = (*self._readings[-2:], Reading(at, past_meridian(turned, self._mount.driver.german)))
 
     def _side(self) -> str | None:
-        """Return the pier side of a German mount from the cache, and start a new read if it is old."""
+        """Return the pier side that a German mount told last, and start a new read if that is old."""
         mount = self._mount
         if not mount.driver.german:
             return None

@@ -22,7 +22,7 @@ from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.ends import EndWatch, Sample
+from gateway.mount.motion.ends import DIGITS, EndWatch, Sample
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
@@ -57,6 +57,10 @@ FROM, AFTER, PART = 0.1, 3.0, 0.1
 WATCH_CLOSELY = 3.0
 #: Degrees from its calculated ways at which a goto is watched like a motion by hand.
 ASTRAY = 3.0 + APART / 2.0
+#: Degrees a second on the sky: guide pulses move the tube less, also at the pole, where right ascension changes fast.
+GUIDES = 0.01
+#: Seconds after a goto in which the mount may still settle.
+SETTLES = 2.0
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
 #: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
@@ -84,9 +88,9 @@ class LimitWatch:
         self.sky = SkyChange(mount)
         #: When a position last came while the mount may have been tracking.
         self.tracked_at = NEVER
-        self.altitude_axis, self._hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader.tube_side)
-        #: When the last motion ended.
-        self.at_rest_since = NEVER
+        self.altitude_axis, self.hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader.tube_side)
+        #: When the last motion ended, and when the last goto did.
+        self.at_rest_since = self._goto_ended_at = NEVER
         self.path = CheckedPath()
         #: Whether the path of the last motion that began is known to stay within all limits; its ways, if they are
         #: known, and the altitude below which it is lost.
@@ -98,6 +102,24 @@ class LimitWatch:
         """Whether the mount moves although no client told it to."""
         return self._mount.now() < self.others.until
 
+    def others_move(self, axis: int) -> bool:
+        """Whether the last two positions show that somebody else moves this axis faster than any tracking. What moves
+        soon after a goto is its end. Of an alt-azimuth mount both axes follow the sky, and either counts.
+        """
+        mount, before, last, now = self._mount, self.seen.before, self.seen.last, self._mount.now()
+        if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
+            return False
+        if before is None or last is None or before.at < mount.run_on.rested or now - last.at > WATCH_CLOSELY:
+            return False
+        if self.seen.across < GUIDES:
+            return False
+        then, there = (self._axes(one.at, one.place) for one in (before, last))
+        least = max(FASTER_THAN_TRACKING * self.seen.elapsed, DIGITS * there.digit)
+        status = mount.cache.value(op.GetStatus)
+        axes = (axis,) if status is None or status.equatorial else (1, 2)
+        turned = [abs(wrap180(there.axes[one - 1] - then.axes[one - 1])) for one in axes]
+        return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
+
     @property
     def found_moving(self) -> bool:
         """Whether the last position was the first that showed that."""
@@ -107,7 +129,7 @@ class LimitWatch:
     def axes_interval(self) -> float | None:
         """How often to read the axes for the limits, seconds; None if that is not needed."""
         moves = self._mount.movement.anything or self.moved_by_others
-        return self.altitude_axis.interval(moves) or self._hour_angle.interval(moves)
+        return self.altitude_axis.interval(moves) or self.hour_angle.interval(moves)
 
     @property
     def fastest(self) -> float:
@@ -146,6 +168,7 @@ class LimitWatch:
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
+            self.hour_angle.forget()
         self.seen = fold.begin(
             self.seen, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
         )
@@ -157,6 +180,7 @@ class LimitWatch:
 
     def goto_ended(self, _: None = None) -> None:
         """A goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
+        self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.seen = replace(self.seen, upright=True)
@@ -193,6 +217,7 @@ class LimitWatch:
         if self.sky.has_changed(now, self.moved_by_others):
             last = None
             self.altitude_axis.forget()
+            self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
             self.seen = fold.first(self.seen, last)
@@ -219,7 +244,7 @@ class LimitWatch:
     def check_altitude_axis(self, axes: op.Horizontal) -> None:
         """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""
         now, last = self._mount.now(), self.seen.last
-        self._hour_angle.take_reading(axes, now)
+        self.hour_angle.take_reading(axes, now)
         if last is None or last.altitude is None or now < self._coasts_until:
             return
         change = self.altitude_axis.take_reading(
@@ -281,7 +306,7 @@ class LimitWatch:
 
     def _view(self, now: float, moving: Moving) -> View:
         mount, limits = self._mount, self._limits
-        past = None if mount.policy.limits.hour_angle is None else self._hour_angle.look(self.seen)
+        past = None if mount.policy.limits.hour_angle is None else self.hour_angle.look(self.seen)
         if self.moved_by_others and not moving.ordered:
             limits = limits.for_keys()
             if now - mount.cache.age(op.Slewing, now) < self.others.since:
@@ -297,8 +322,7 @@ class LimitWatch:
         if self._ends.ending is None and not by_hand:
             self._stalls.clear()
             return
-        status = mount.cache.value(op.GetStatus)
-        here = fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
+        status, here = mount.cache.value(op.GetStatus), self._axes(now, place)
         self._ends.look(here)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
@@ -308,6 +332,12 @@ class LimitWatch:
                 f"stopped: axis {stalled} was told to move, but its position does not change; check the "
                 "mount (a stalled motor, a cable?)"
             )
+
+    def _axes(self, now: float, place: op.Equatorial) -> Sample:
+        """Return a position as readings of the two axes."""
+        mount = self._mount
+        status = mount.cache.value(op.GetStatus)
+        return fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
 
     # --- acting -----------------------------------------------------------------------------------------------------
 

@@ -143,6 +143,8 @@ class Driver:
     sync_aligns = True
     #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.
     german: bool | None = None
+    #: Whether a German mount tells on which side of the pier its tube is.
+    tells_side = True
     protocol: CommandSet
     #: A monotonic clock, seconds.
     now: Callable[[], float]

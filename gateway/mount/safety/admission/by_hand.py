@@ -16,16 +16,17 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Fault, Invalid, PastMeridian
+from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.contradictions import check_synced, too_near
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import MIN_INTERVAL, leaving
-from gateway.mount.safety.hour_angle import meridian_known, past_by_axes, past_meridian, told_by_axes
+from gateway.mount.safety.hour_angle import past_meridian, told_by_axes, turned_by_axes
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift, Sun
+from gateway.protocols.base.driver import BY_HAND
 
 #: Degrees of axis motion between two points of a stretch that are checked.
 STEP = 2.0
@@ -39,29 +40,20 @@ class Start(NamedTuple):
     """Where a stretch begins.
 
     ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude; ``shifts`` are what syncs
-    have turned where the axes do not tell. ``side`` is the side of the pier (E, W) that the tube is on, None if it is
-    unknown or there is no pier. ``axes`` are the axis readings, None if the mount reports none or no hour angle is
-    limited. ``suns`` are those to avoid.
+    have turned where the axes do not tell. ``turned`` is how far the first axis is turned west from its middle, None if
+    that is unknown or no hour angle is limited. ``suns`` are those to avoid.
     """
 
     seen: op.Equatorial
     status: op.Status
     tilt: float = 0.0
-    side: str | None = None
-    axes: op.Horizontal | None = None
+    turned: float | None = None
     suns: tuple[Sun, ...] = ()
     shifts: tuple[Shift, ...] = ()
 
-    def past(self, mount: Context, place: op.Equatorial, turned: float) -> float | None:
-        """Return how far the tube is past the meridian after the first axis has ``turned`` west; None if unknown."""
-        if not self.status.equatorial:
-            return None
-        if self.axes is not None:
-            pole = -1 if mount.astrometry.place().latitude < 0 else 1
-            return past_by_axes(mount, replace(self.axes, az=self.axes.az + pole * turned))
-        if not meridian_known(mount.driver.german, self.side):
-            return None
-        return past_meridian(mount.astrometry.sidereal_time() - place.ra, self.side)
+    def past(self, mount: Context, west: float) -> float | None:
+        """Return how far the tube is past the meridian after the first axis has turned ``west``; None if unknown."""
+        return None if self.turned is None else past_meridian(self.turned + west, mount.driver.german)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -102,7 +94,7 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
                 raise too_near(mount.sources, sun)
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
-            now, then = start.past(mount, here, turned), start.past(mount, soon, west)
+            now, then = start.past(mount, turned), start.past(mount, west)
             if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
                 raise PastMeridian
         here, turned = soon, west
@@ -157,7 +149,10 @@ class HandAdmission:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
 
         Of the Suns only those count that the mount's own coordinates or axes show: a wrong clock must not end guiding.
+        Raises Refused while somebody else moves the axis: the pulse would end that motion.
         """
+        if self._watch.others_move(pulse.axis if isinstance(pulse, op.PulseAxis) else pulse.direction.axis):
+            raise Refused(BY_HAND)
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
@@ -175,8 +170,8 @@ class HandAdmission:
         try:
             _check_altitudes(mount, limits, start, seen, soon, only_beyond=True)
             if limits.hour_angle is not None:
-                now = start.past(mount, seen, 0.0)
-                then = start.past(mount, soon, SIDEREAL_RATE * TRACKING_AHEAD)
+                now = start.past(mount, 0.0)
+                then = start.past(mount, SIDEREAL_RATE * TRACKING_AHEAD)
                 if now is not None and then is not None and now > limits.hour_angle and then > now:
                     raise PastMeridian
         except Fault as fault:
@@ -206,12 +201,18 @@ class HandAdmission:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             seen = await self._ask.read_now(op.Position())
-        watched = mount.policy.limits.hour_angle is not None and status.equatorial
-        axes = await self._ask.read(op.AxisPosition()) if watched and told_by_axes(mount) else None
-        side = await self._ask.tube_side() if watched and mount.driver.german and axes is None else None
         axis = self._watch.altitude_axis
         tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
-        return Start(seen, status, tilt, side, axes, tuple(mount.suns.up()), axis.shifts)
+        turned = await self._turned(seen) if self._watch.hour_angle.watched else None
+        return Start(seen, status, tilt, turned, tuple(mount.suns.up()), axis.shifts)
+
+    async def _turned(self, seen: op.Equatorial) -> float | None:
+        """Return how far the first axis is turned from its middle, west positive; None if unknown."""
+        mount = self._mount
+        if told_by_axes(mount):
+            return turned_by_axes(mount, await self._ask.read(op.AxisPosition()))
+        side = await self._ask.tube_side() if mount.driver.german else None
+        return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - seen.ra, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""

@@ -29,7 +29,7 @@ from gateway.mount.safety.admission.contradictions import check_altitude, check_
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, paths_of, within
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
-from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft
+from gateway.mount.safety.hour_angle import LEVEL, check_past
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
@@ -204,8 +204,8 @@ class Admission:
             for shift in self._watch.altitude_axis.shifts:  # if the syncs were wrong, the tube goes elsewhere
                 check_synced(written, mount.suns.altitude(goal, shift), shift)
             status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
-            if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
-                check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+            if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
+                check_past(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
         check_contradictions(mount.sources, mount.astrometry.sky, written, goal)
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
@@ -222,10 +222,8 @@ class Admission:
             self._note_once("site unknown: axis gotos are not checked")
             return
         limits.check_altitude(mount.astrometry.horizon(goal).alt)
-        if mount.driver.german:
-            check_shaft(limits, wanted.az)
-        else:
-            check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+        turned = wanted.az - LEVEL if mount.driver.german else mount.astrometry.sidereal_time() - goal.ra
+        check_past(limits, turned, mount.driver.german)
         await self._check_path(limits, goal, (wanted.az, wanted.alt))
 
     async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:

@@ -174,6 +174,10 @@ class AlpacaDriver(Driver):
             return None
         return Unsupported(f"The server of this mount reports that {missing}.")
 
+    @property
+    def tells_side(self) -> bool:  # type: ignore[override]
+        return not self.side_untold
+
     def tube_side(self, told: str) -> str | None:
         return (told or None) if self.german else None
 

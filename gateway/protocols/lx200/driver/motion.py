@@ -261,6 +261,6 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
         return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
     count_motion(mount, axis)
+    mount.pulsing[axis] = letter  # a stop that comes meanwhile must know
     yield from ask(mount, f"M{letter}")
-    mount.pulsing[axis] = letter
     return op.Pulsed(max(0.0, ms / 1000.0 - PACE), ends=False)  # the line has paused since the command

@@ -246,7 +246,8 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
     if not mount.german:
         return False
     if (side := (yield from told_side(mount))) is not None:
-        return (side == "W") is not mount.southern
+        mount.beyond_pole = (side == "W") is not mount.southern
+        return mount.beyond_pole
     if mount.beyond_pole is None:
         if mount.side_by is None:
             note_chosen_side(mount, (yield from ask(mount, "GR"))["ra"])

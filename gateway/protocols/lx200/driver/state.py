@@ -294,8 +294,18 @@ class Lx200Driver(Driver):
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """True for the letter G, False for A; of a Meade P is a fork on a wedge or a German mount."""
-        return {"G": True, "A": False}.get(self.home_letter, False if self.dialect else None)
+        """True for the letter G, False for A; P is a fork on a wedge, but of some Meades perhaps a German mount."""
+        return {"G": True, "A": False}.get(self.home_letter, False if self.dialect or self.facts.get("fork") else None)
+
+    @property
+    def tells_side(self) -> bool:  # type: ignore[override]
+        return bool(self.dialect) and self.tells_status
+
+    def tube_side(self, told: str) -> str | None:
+        """Return the true side: where the second axis reads beyond the pole (W), the east one in the south."""
+        if not (self.german and self.tells_side and told):
+            return None
+        return {"E": "W", "W": "E"}[told] if self.southern else told
 
     def speed(self, rate: Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""

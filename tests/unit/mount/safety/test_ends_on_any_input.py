@@ -32,7 +32,7 @@ from gateway.mount.safety.admission.contradictions import contradictions, likely
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, points, within
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import altitude_of, corrected, corrected_azimuth
-from gateway.mount.safety.hour_angle import check_hour_angle, check_shaft, past_meridian
+from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.unattended import SunAhead
 from gateway.mount.safety.watch import StallWatch
@@ -86,7 +86,7 @@ def test_the_rules(n: list[float], suns: int, slewing: bool) -> None:
             PositionSample(at, op.Equatorial(n[7], n[8]), n[9 + step], n[10 - step], tuple(n[:suns]), unsynced=(n[11],))
             for step, at in enumerate((n[5], n[6]))
         )
-        changes = Changes((n[0], n[1]), n[2], tuple(n[:suns]))
+        changes = Changes((n[0], n[1]), tuple(n[:suns]))
         seen = see(Seen(before, before, changes, None, n[3], n[4], n[5], tuple(n[:suns])), last)
         view = View(seen, limits, timing, Moving(slewing, {}), n[0], op.Status(True, False, op.Tracking.OFF))
         allow(view), farthest(view), first_stretch(view, n[1], n[2])
@@ -106,9 +106,8 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
         lambda: altitude_of(n[0]),
         lambda: corrected(n[0], n[1], n[2], n[3]),
         lambda: corrected_azimuth(n[0], n[1], n[2], n[3], n[4]),
-        lambda: past_meridian(n[0], "W"),
-        lambda: check_hour_angle(limits, n[1]),
-        lambda: check_shaft(limits, n[1]),
+        lambda: past_meridian(turned_by_side(n[0], "W"), german=True),
+        lambda: check_past(limits, n[1], german=False),
         lambda: check_sync(n[0], SyncSum(n[1], n[2]), [[(n[3], n[4]), (n[5], n[6])]], here, there, True, "pole"),
         lambda: ahead(n[0], n[1], n[2], n[3], n[4]),
         lambda: [watch.find_stalled(Sample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],

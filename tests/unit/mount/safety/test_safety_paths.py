@@ -14,7 +14,7 @@ from gateway.core.errors import PastMeridian
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.slew_paths import STEP, clear, one_rests
 from gateway.mount.safety.allow import leaving
-from gateway.mount.safety.hour_angle import check_hour_angle, past_meridian
+from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from tests.support.each import each
 from tests.support.examples import some
 
@@ -70,22 +70,25 @@ def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: P
     ("hour_angle", "side", "past"),
     [
         (10.0, "W", 10.0), (-10.0, "W", -10.0), (-10.0, "E", 10.0), (10.0, "E", -10.0),  # German: towards the pier
-        (-100.0, "E", -260.0), (100.0, "W", -260.0),  # under the pole, not against the pier
+        (170.0, "E", -10.0), (-170.0, "E", 10.0), (-170.0, "W", -10.0), (170.0, "W", 10.0),  # under the pole, too
         (10.0, None, 10.0), (-100.0, None, 100.0), (350.0, None, 10.0),  # a fork: both ways
     ],
 )  # fmt: skip
 def test_how_far_past_the_meridian(hour_angle: float, side: str | None, past: float) -> None:
-    assert past_meridian(hour_angle, side) == pytest.approx(past)
+    assert past_meridian(turned_by_side(hour_angle, side), german=side is not None) == pytest.approx(past)
 
 
 def test_an_hour_angle_exactly_at_the_limit_is_allowed() -> None:
     limits = Limits(hour_angle=75.0)
-    check_hour_angle(limits, 75.0)
-    check_hour_angle(limits, 285.0)
-    check_hour_angle(Limits(), 170.0)
+    check_past(limits, 75.0, german=False)
+    check_past(limits, 285.0, german=False)
+    check_past(limits, 165.0, german=True)
+    check_past(Limits(), 170.0, german=False)
     for beyond in (75.2, -75.2):
         with pytest.raises(PastMeridian):
-            check_hour_angle(limits, beyond)
+            check_past(limits, beyond, german=False)
+        with pytest.raises(PastMeridian):
+            check_past(limits, beyond + 90.0 if beyond > 0.0 else beyond - 90.0, german=True)
 
 
 @some
