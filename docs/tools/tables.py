@@ -17,7 +17,7 @@ from pathlib import Path
 from gateway.app.config.showing import table as keys
 from gateway.core.errors import MappingError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, kinds, missing, outcome, remarks, sent
+from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, Kind, outcome, remarks, taken, versions
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
@@ -68,6 +68,18 @@ reply is sent as long as no other command has arrived. A goto, a sync or an arro
 are still carried out.
 """
 )
+#: What becomes of the commands that a presented model does not have.
+BEHIND = {
+    "lx200": """\
+The commands that each model has according to its manual. Commands that it lacks (*beyond*) are answered as on the
+models that have them, because programs do not check the model, or ignored without a reply.
+""",
+    "nexstar": """\
+The commands that each version has by its manual. A command it lacks (*beyond*) is answered only if the
+version is newer than the manual, or by a device behind the hand control's pass-through command; otherwise the whole
+command is ignored.
+""",
+}
 _SHARED = """
 ## A mount shared with programs of its own kind
 
@@ -121,11 +133,7 @@ def _pair(client: str, mount: str) -> str:
     lines.append("\n### Models of the mount\n")
     lines += _models(driven, driven.models)
     if protocol.models:
-        lines += [
-            "\n### Presented models\n",
-            PROTOCOLS[client].presented_remark,
-            *_models(protocol, protocol.presented),
-        ]
+        lines += ["\n### Presented models\n", BEHIND.get(client, ""), *_models(protocol, protocol.presented)]
     return "\n".join(lines) + "\n"
 
 
@@ -175,6 +183,30 @@ def _remarks(command: Command, row: SurfaceRow | None) -> str:
     if command.beyond:
         about.append(f"beyond the manual ({command.beyond})")
     return "; ".join(about + remarks(row, []))
+
+
+def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[str]:
+    """Return the mount commands that a row may send, each once; only those that this model and version has."""
+    has = mount.commands
+    commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
+    return list(dict.fromkeys(commands))
+
+
+def kinds(protocol: CommandSet) -> Iterator[Kind]:
+    """Yield every kind of mount that speaks a protocol, the newest versions first."""
+    made = sorted(versions(protocol), key=lambda model: model[2] or (), reverse=True)
+    for model, _, version in made:
+        wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
+        states = (True, False) if PROTOCOLS[protocol.name].aligns else (True,)
+        yield from (Kind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
+
+
+def missing(client: str, mount: str) -> list[str]:
+    """Return the commands without an outcome on some kind of mount."""
+    protocol, driven = load(client), load(mount)
+    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
+    rows = protocol.surface
+    return [name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING for one in every)]
 
 
 def _cell(words: str) -> str:

@@ -7,7 +7,7 @@ from functools import cache
 from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
-from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import (
     ELSE,
     LACKS,
@@ -91,30 +91,6 @@ def carried(operation: str, mount: CommandSet, kind: Kind) -> Iterator[Implement
         used = [mount.commands[command].known_to(kind.model, kind.version) for command in way.uses]
         if all(needed) and (needed or not used or any(used)):
             yield way
-
-
-def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[str]:
-    """Return the mount commands that a row may send, each once; only those that this model and version has."""
-    has = mount.commands
-    commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
-    return list(dict.fromkeys(commands))
-
-
-def kinds(protocol: CommandSet) -> Iterator[Kind]:
-    """Yield every kind of mount that speaks a protocol, the newest versions first."""
-    made = sorted(versions(protocol), key=lambda model: model[2] or (), reverse=True)
-    for model, _, version in made:
-        wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
-        states = (True, False) if PROTOCOLS[protocol.name].aligns else (True,)
-        yield from (Kind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
-
-
-def missing(client: str, mount: str) -> list[str]:
-    """Return the commands without an outcome on some kind of mount."""
-    protocol, driven = load(client), load(mount)
-    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
-    rows = protocol.surface
-    return [name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING for one in every)]
 
 
 def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:

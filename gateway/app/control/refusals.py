@@ -36,8 +36,6 @@ NARROWED = errors.BelowHorizon | errors.TooHigh | errors.WayBlocked | errors.Nea
 BY_PAGE = (
     "A page of the console has narrowed the limits until the gateway ends ({limits}); it can take that back under More."
 )
-#: The explanation of an ``Unsupported`` without words of its own.
-UNSUPPORTED = "This model or version has no command for it."
 
 
 def explain(fault: Fault, limits: Limits) -> str:
@@ -47,6 +45,4 @@ def explain(fault: Fault, limits: Limits) -> str:
     means = next((words for kind, words in MEANS if isinstance(fault, kind)), "")
     if limits.by_page and isinstance(fault, NARROWED):
         means = BY_PAGE
-    if isinstance(fault, errors.Unsupported) and str(fault) == errors.Unsupported.words:
-        means = UNSUPPORTED
     return f"{fault} {means.format(limits=limits)}" if means else str(fault)

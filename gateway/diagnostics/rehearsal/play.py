@@ -77,11 +77,6 @@ class Play(NamedTuple):
     wire: tuple[bytes, ...]
     refused: bool = False
 
-    @property
-    def lines(self) -> bytes:
-        """The commands shown by ``explain`` that change the mount."""
-        return b"".join(event.data for event in self.of("act"))
-
     def of(self, kind: str) -> tuple[PlayedStep, ...]:
         return tuple(event for event in self.events if event.kind == kind)
 

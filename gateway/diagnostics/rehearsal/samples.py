@@ -43,21 +43,6 @@ _BY_COMMAND: dict[tuple[str, str], object] = {
 _ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28), "HIGH PRECISION", "GD")
 
 
-#: Further values, at which a command asks for something else.
-_ALSO: dict[tuple[str, str], object] = {
-    ("LS", "number"): 903, ("moveaxis", "rate"): 0.0,
-    **{(f"slew_{axis}_{sense}", "rate"): 0 for axis in ("azm", "alt") for sense in ("pos", "neg")},
-    **{(f"rate_{axis}_{sense}", "rate"): 0xFFFF for axis in ("azm", "alt") for sense in ("pos", "neg")},
-}  # fmt: skip
-
-
-def examples(command: Command) -> list[bytes]:
-    """Return requests of this command that differ in what is asked for. Raises MappingError."""
-    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
-    also = [values | {field: value} for (name, field), value in _ALSO.items() if name == command.name]
-    return [command.request.encode(each) for each in (values, *also)]
-
-
 def example(command: Command) -> bytes:
     """Return a request of this command. Raises MappingError if no value fits a field."""
     values = {name: value(command, name, field) for name, field in command.request.fields.items()}

@@ -224,8 +224,6 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     required_requests: tuple[str, ...] = ()
     #: Explains what may be wrong with an unknown command; without it a similar command is suggested.
     hint: Callable[[bytes], str] | None = None
-    #: A remark for the generated tables, above the models that it presents.
-    presented_remark: str = ""
 
     @property
     def commands(self) -> CommandSet:

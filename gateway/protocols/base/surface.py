@@ -152,11 +152,9 @@ class Surface:
         row = self.protocol.surface.get(name)
         if row is None or row.call is None:
             return
-        with suppress(Fault):
-            steps = self.handlers[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
-            if isinstance(steps, Generator):
-                with closing(steps):  # it must not request anything of the mount
-                    next(steps, None)
+        steps = self.call(row.call, session, self.protocol.commands[name], {"fault": Invalid()})
+        with suppress(Fault, StopIteration), closing(steps):  # it must not request anything of the mount
+            next(steps)
 
     def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
         """Run the handler of a row with ``call``; return the reply's values."""

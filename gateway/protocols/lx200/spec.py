@@ -145,8 +145,4 @@ SPEC = ProtocolSpec(
     first_answer_seconds=(4, 9),
     target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
     hint=_hint,
-    presented_remark="""\
-The commands that each model has according to its manual. Commands that it lacks (*beyond*) are answered as on the
-models that have them, because programs do not check the model, or ignored without a reply.
-""",
 )

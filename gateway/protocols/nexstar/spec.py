@@ -152,9 +152,4 @@ SPEC = ProtocolSpec(
     j2000_by="Celestron's own driver",
     unknown_model=_unknown_model,
     slowest="a hand control",
-    presented_remark="""\
-The commands that each version has by its manual. A command it lacks (*beyond*) is answered only if the
-version is newer than the manual, or by a device behind the hand control's pass-through command; otherwise the whole
-command is ignored.
-""",
 )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
+from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, taken
 from gateway.diagnostics.rehearsal.play import Play, changes, denies, is_no, no_form
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
@@ -22,7 +22,9 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import OUTCOMES, SurfaceRow
 from tests.conformance.wire.watcher import Seen
+from tests.support.scripts import script
 
+sent = script("docs/tools/tables.py").sent
 PRECISIONS = ("high", "low")
 #: The beginnings of notes that are about the mount or the site, not about a command.
 _ASIDE = (
@@ -101,7 +103,7 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
 def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
     """Yield what the bytes, the reply and the log show otherwise than the tables."""
     play = seen.play
-    if play.lines != b"".join(play.wire):
+    if b"".join(event.data for event in play.of("act")) != b"".join(play.wire):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
         if play.wire or play.reply not in (b"", no_form(surface, play.frame)):

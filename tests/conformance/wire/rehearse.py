@@ -14,7 +14,7 @@ from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import Kind, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, stage
-from gateway.diagnostics.rehearsal.samples import example, examples
+from gateway.diagnostics.rehearsal.samples import example, value
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.registry import pairs as protocol_pairs
@@ -26,6 +26,13 @@ from tests.conformance.wire.watcher import Watcher
 
 #: Operations that wait for further settings before they are sent to the mount.
 SETTINGS = frozenset({"SetSite", "SetClock", "SetZone", "ClockFromGps"})
+
+#: Further values, at which a command asks for something else.
+ALSO: dict[tuple[str, str], object] = {
+    ("LS", "number"): 903, ("moveaxis", "rate"): 0.0,
+    **{(f"slew_{axis}_{sense}", "rate"): 0 for axis in ("azm", "alt") for sense in ("pos", "neg")},
+    **{(f"rate_{axis}_{sense}", "rate"): 0xFFFF for axis in ("azm", "alt") for sense in ("pos", "neg")},
+}  # fmt: skip
 
 
 class Pair(NamedTuple):
@@ -93,6 +100,13 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
             async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as own:
                 found += await _one(pair, Watcher(own), command, state, _long(row))
     return plays, found
+
+
+def examples(command: Command) -> list[bytes]:
+    """Return requests of this command that differ in what is asked for."""
+    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
+    also = [values | {field: further} for (name, field), further in ALSO.items() if name == command.name]
+    return [command.request.encode(each) for each in (values, *also)]
 
 
 async def operations(pair: Pair, only: frozenset[str]) -> list[tuple[str, set[str]]]:

@@ -157,7 +157,7 @@ def test_the_printed_tables_are_up_to_date() -> None:
 
 @each(("client", "mount"), pairs())
 def test_no_row_is_missing(client: str, mount: str) -> None:
-    assert command_outcomes.missing(client, mount) == []
+    assert TABLES.missing(client, mount) == []
 
 
 def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,7 +181,7 @@ def test_an_explanation_is_of_the_model_that_was_named() -> None:
 def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
     monkeypatch.setattr(load("nexstar"), "driver", kept)
-    assert command_outcomes.missing("lx200", "nexstar") == ["CL", "CM"]
+    assert TABLES.missing("lx200", "nexstar") == ["CL", "CM"]
 
 
 @each(
