@@ -87,7 +87,7 @@ MISTAKES = [
     ("driver.toml", '[[Goto]]\ncall = "pointing.goto"\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
     ("surface.toml", 'GD = { call = "accessories.linked_state" }', r"\[GD\]: .*linked_state"),
     ("surface.toml", 'GZ = { call = "_clear" }', r"\[GZ\]: .*_clear"),
-    ("surface.toml", 'GR = { call = "objects.own_notes" }', r"\[GR\]: .*own_notes"),
+    ("surface.toml", 'GR = { call = "clock.printable" }', r"\[GR\]: call: .*printable takes offset"),
     ("surface.toml", 'GVP = { tell = ["produkt"] }', r"\[GVP\]: its reply has product, not produkt"),
     ("surface.toml", "P = { say = { precison = 1 } }", r"\[P\]: its reply has precision, not precison"),
     ("surface.toml", 'P = { say = { precision = "LOW" } }', r"\[P\]: say: .*its reply is"),
@@ -153,6 +153,15 @@ def test_a_kind_of_mount_that_does_not_exist_is_told(monkeypatch: pytest.MonkeyP
 
 def test_the_printed_tables_are_up_to_date() -> None:
     assert list(TABLES.problems()) == []
+
+
+@pytest.mark.parametrize("page", ["TARGET", "KEYS"])
+def test_an_old_page_is_told(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = TABLES.ROOT / "docs" / f"old-{page}.md"
+    monkeypatch.setattr(TABLES, "ROOT", tmp_path)
+    monkeypatch.setattr(TABLES, page, tmp_path / old.name)
+    (tmp_path / old.name).write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
+    assert f"{old.name} is old: run python docs/tools/tables.py" in list(TABLES.problems())
 
 
 @each(("client", "mount"), pairs())
