@@ -140,14 +140,14 @@ class FakeConnection:
 
     def __init__(self, gateway: FakeGateway, host: str) -> None:
         self._heard = b""
-        self._guest = gateway.acceptor.accept(Connected(f"{host}:1", host, self._hear))
+        self.guest = gateway.acceptor.accept(Connected(f"{host}:1", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self._heard += data
 
     async def ask(self, data: bytes) -> bytes:
         """Send bytes and return everything that comes back for them."""
-        self._guest.feed(data)
+        self.guest.feed(data)
         await asyncio.sleep(0.01)
         heard, self._heard = self._heard, b""
         return heard
@@ -155,9 +155,9 @@ class FakeConnection:
     async def dribble(self, data: bytes, seconds: float) -> bytes:
         """Like `ask`, but send one byte after the other."""
         for byte in data:
-            self._guest.feed(bytes((byte,)))
+            self.guest.feed(bytes((byte,)))
             await asyncio.sleep(seconds)
         return await self.ask(b"")
 
     def close(self) -> None:
-        self._guest.close()
+        self.guest.close()

@@ -26,7 +26,7 @@ class Wire:
 
     def __init__(self, acceptor: Any, host: str) -> None:
         self.heard, self._more = b"", TimedEvent()
-        self._guest = acceptor.accept(Connected(f"{host}:50000", host, self._hear))
+        self.guest = acceptor.accept(Connected(f"{host}:50000", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self.heard += data
@@ -35,7 +35,7 @@ class Wire:
     async def ask(self, data: bytes, length: int = 1, end: bytes = b"", seconds: float = 10.0) -> bytes:
         """Send bytes and return the reply: so many bytes at least, up to ``end``."""
         self.heard = b""
-        self._guest.feed(data)
+        self.guest.feed(data)
         until = asyncio.get_running_loop().time() + seconds
         while len(self.heard) < length or not self.heard.endswith(end):
             self._more.clear()
@@ -44,7 +44,7 @@ class Wire:
         return self.heard
 
     def close(self) -> None:
-        self._guest.close()
+        self.guest.close()
 
 
 class ThreePrograms(Bridge):

@@ -34,21 +34,21 @@ class SurfaceTransport:
 
     def __init__(self, acceptor: ConnectionAcceptor) -> None:
         self._acceptor = acceptor
-        self._guest: ConnectionHandler | None = None
+        self.guest: ConnectionHandler | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
         connected = Connected("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
-        self._guest = self._acceptor.accept(connected)
+        self.guest = self._acceptor.accept(connected)
 
     def write(self, data: bytes) -> None:
-        assert self._guest is not None
-        self._guest.feed(data)
+        assert self.guest is not None
+        self.guest.feed(data)
 
     async def close(self) -> None:
-        if self._guest is not None:
-            self._guest.close()
-            self._guest = None
+        if self.guest is not None:
+            self.guest.close()
+            self.guest = None
 
 
 class TwoGateways:
