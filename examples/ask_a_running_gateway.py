@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import sys
 
-from gateway import BlockingConnectedGateway, Fault, UserError, connect_blocking, open_blocking_gateway
+from gateway import BlockingMount, Fault, UserError, connect_blocking, open_blocking_gateway
 
 
-def point(mount: BlockingConnectedGateway) -> None:
+def point(mount: BlockingMount) -> None:
     print(f"{mount.name}: {'; '.join(mount.status().allowed)}")
     try:
         mount.goto(37.95, 89.26, j2000=True)  # Polaris

@@ -22,13 +22,13 @@ async def main() -> None:
         sun=0,  # for the simulation only: nothing keeps the tube from the Sun
         speed=20,  # a simulated mount that slews 20 times faster than a real one
         warn=lambda text: print(f"note: {text}", file=sys.stderr),
-    ) as gateway:
-        await gateway.ready()
-        print("programs connect to", *gateway.addresses)
-        ra, dec = await gateway.position()
+    ) as mount:
+        await mount.ready()
+        print("programs connect to", *await mount.addresses())
+        ra, dec = await mount.position()
         try:
-            await gateway.goto(ra + 20.0, dec / 2)
-            there = await gateway.arrived(seconds=60)
+            await mount.goto(ra + 20.0, dec / 2)
+            there = await mount.arrived(seconds=60)
         except (Fault, TimeoutError) as error:  # refused, ended before its goal, or not there in time
             print(error)
             return

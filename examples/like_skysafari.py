@@ -44,7 +44,7 @@ async def alone() -> None:
 
     async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], speed=20, sun=0.0) as gateway:
         await gateway.ready()
-        host, _, port = gateway.addresses[0].rpartition("tcp://")[2].rpartition(":")
+        host, _, port = (await gateway.addresses())[0].rpartition("tcp://")[2].rpartition(":")
         await point((host, int(port)), "09:57:58", "+68*56:10")
 
 

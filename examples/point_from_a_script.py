@@ -10,8 +10,7 @@ from __future__ import annotations
 import sys
 from datetime import UTC, datetime
 
-from gateway import Fault, UserError, open_blocking_gateway
-from gateway.core import operations as op
+from gateway import Fault, UserError, op, open_blocking_gateway
 
 #: Right ascension and declination of date, degrees.
 PLACES = {"Messier 81": (149.49, 68.94), "Polaris": (46.6, 89.37), "nowhere": (float("nan"), 20.0)}
@@ -24,15 +23,15 @@ def main() -> None:
         lowest=-90,  # for the simulation only: no lowest altitude, so that every place is allowed at any time of day
         sun=0,  # for the simulation only: nothing keeps the tube from the Sun
         speed=20,  # a simulated mount that slews 20 times faster than a real one
-    ) as gateway:
-        gateway.ready()
-        identity = gateway.perform(op.GetIdentity())
-        site, now = gateway.site(), datetime.fromtimestamp(gateway.time().unix, UTC)
+    ) as mount:
+        mount.ready()
+        identity = mount.perform(op.GetIdentity())
+        site, now = mount.site(), datetime.fromtimestamp(mount.time().unix, UTC)
         print(f"{identity.product} {identity.version} at {site.latitude:.2f}, {site.longitude:.2f}; {now:%H:%M} UTC")
         for name, (ra, dec) in PLACES.items():
             try:
-                gateway.goto(ra, dec)
-                there = gateway.arrived(seconds=60)
+                mount.goto(ra, dec)
+                there = mount.arrived(seconds=60)
             except (Fault, TimeoutError) as error:  # refused, stopped, or not there in time: go on with the next one
                 print(f"{name}: {error}")
                 continue

@@ -40,7 +40,7 @@ async def main() -> None:
         return
     async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], watch=show) as gateway:
         await gateway.ready()
-        host, _, port = gateway.addresses[0].partition("://")[2].rpartition(":")
+        host, _, port = (await gateway.addresses())[0].partition("://")[2].rpartition(":")
         print(await ask(host, int(port)))
 
 

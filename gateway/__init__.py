@@ -12,9 +12,7 @@ TYPE_CHECKING = False
 
 __all__ = [
     "BelowHorizon",
-    "BlockingConnectedGateway",
-    "BlockingGateway",
-    "ConnectedGateway",
+    "BlockingMount",
     "Entry",
     "Fault",
     "Frame",
@@ -22,12 +20,13 @@ __all__ = [
     "Held",
     "Invalid",
     "Moment",
+    "Mount",
     "NearSun",
     "NoAnswer",
     "Place",
     "Refused",
-    "RunningGateway",
     "Splitter",
+    "State",
     "Stopped",
     "SyncTooFar",
     "TooHigh",
@@ -40,16 +39,19 @@ __all__ = [
     "decode_reply",
     "encode",
     "encode_reply",
+    "op",
     "open_blocking_gateway",
     "open_gateway",
 ]
 
 if TYPE_CHECKING:
     __version__: str
-    from gateway.app.api.blocking import BlockingGateway, open_blocking_gateway
-    from gateway.app.api.connected import BlockingConnectedGateway, ConnectedGateway, connect, connect_blocking
-    from gateway.app.api.embedding import RunningGateway, open_gateway
+    from gateway.app.api.blocking import BlockingMount, connect_blocking, open_blocking_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
+    from gateway.app.api.mount import Mount
+    from gateway.app.api.opening import connect, open_gateway
+    from gateway.app.status import State
+    from gateway.core import operations as op
     from gateway.core.errors import (
         BelowHorizon,
         Fault,
@@ -76,8 +78,11 @@ def __getattr__(name: str) -> object:
         return version()
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gateway.app.api import blocking, connected, embedding, frames
+    from gateway.app.api import blocking, frames, mount, opening
+    from gateway.app.status import State
     from gateway.core import errors, operations, wire_log
 
-    modules = (embedding, blocking, connected, frames, errors, operations, wire_log)
+    if name in ("op", "State"):
+        return operations if name == "op" else State
+    modules = (mount, opening, blocking, frames, errors, operations, wire_log)
     return next(getattr(module, name) for module in modules if hasattr(module, name))

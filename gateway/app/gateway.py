@@ -250,6 +250,12 @@ class Gateway:
         return taken(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
 
     @property
+    def unopened(self) -> str:
+        """Why the mount's port cannot be opened, or which other gateway has it; empty if neither is so."""
+        why = self.controller.line.unopened
+        return why and (self.taken or f"{self.title}: {why}")
+
+    @property
     def busy(self) -> bool:
         """Whether the mount moves or is about to move by an order of this gateway."""
         return self.prepared and self.controller.reconciler.busy

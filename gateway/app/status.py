@@ -73,7 +73,7 @@ class State(Struct, frozen=True):
 
     Texts are for the user, and empty if nothing is known. ``reply`` is the typical reply time in seconds, ``answers``
     the number of replies so far; ``lately`` is what was refused, or done by the gateway itself, in the last minute.
-    ``folder`` is the gateway's state folder.
+    ``folder`` is the gateway's state folder; ``unopened`` says why the mount's port cannot be opened.
     """
 
     look: StatusLine
@@ -91,6 +91,7 @@ class State(Struct, frozen=True):
     lately: tuple[str, ...] = ()
     served: tuple[Served, ...] = ()
     folder: str = ""
+    unopened: str = ""
     #: What people call a mount that names itself otherwise.
     title: str = ""
     #: What the sky at its time is calculated from: ``almanac of`` that date, or ``closed form``.

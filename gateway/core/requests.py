@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct
@@ -144,6 +144,13 @@ class Narrow(Base, frozen=True, tag="narrow"):
     hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None
 
 
+class Perform(Base, frozen=True, tag="perform"):
+    """Carry out an operation of ``core/operations``, by its name and fields; the words of the answer are JSON."""
+
+    operation: str
+    fields: dict[str, Any] = {}
+
+
 class Look(Struct, frozen=True, tag="look"):
     """Ask the mount for what is polled for nobody: the side of its pier and its drive rate, a multiple of sidereal."""
 
@@ -167,21 +174,27 @@ class See(Struct, frozen=True, tag="see"):
 
 
 class Stop(Struct, frozen=True, tag="stop"):
-    """End every motion; done when the mount is seen at rest."""
+    """End every motion; done when the mount is seen at rest. ``who`` asks for it, empty for the command."""
+
+    who: str = ""
 
 
 class Hold(Struct, frozen=True, tag="hold"):
     """Stop, and let nothing move the mount until ``Release``, over restarts too."""
 
+    who: str = ""
+
 
 class Release(Struct, frozen=True, tag="release"):
     """End the hold."""
+
+    who: str = ""
 
 
 Halt = Stop | Hold | Release
 Request = (
     Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Guide | Track | TellTime | TellSite | TellGuideRate
-    | Narrow | Look | Follow | End | See | Halt
+    | Narrow | Perform | Look | Follow | End | See | Halt
 )  # fmt: skip
 
 #: The outcome of a request: carried out, still in progress, not carried out.

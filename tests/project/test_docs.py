@@ -18,8 +18,9 @@ from gateway.app.control import stop_command
 from gateway.cli import main
 from gateway.cli.command_line import COMMANDS, parser
 from tests.support.each import each
-from tests.support.pages import PAGES, ROOT, blocks, commands, installed, spans
+from tests.support.pages import PAGES, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
+from tests.unit.app.test_python_api import PROGRAMS
 
 SERVING = ("run", "demo", "sim")
 #: What a reader has, and what it is here.
@@ -96,10 +97,8 @@ def test_every_block_is_run_or_says_why_not() -> None:
     for block in blocks():
         if block.language == "powershell":
             assert block.reason, f"{block.page.name}: {block.text}"
-        elif block.language == "python":  # the examples are run by a test of their own
-            examples = (path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py"))
-            written = [{line.strip() for line in example.splitlines()} for example in examples]
-            assert any(lines.issuperset(block.lines) for lines in written), f"{block.page.name}: {block.text}"
+        elif block.language == "python":
+            assert f"{block.text.strip()}\n" in PROGRAMS, f"{block.page.name}: {block.text}"
         elif block.language == "mermaid":
             assert block.page.name == "architecture.md", "a picture that no test compares with the code"
         elif block.language not in ("sh", "toml"):

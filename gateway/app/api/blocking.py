@@ -1,8 +1,8 @@
-"""A gateway for programs without an event loop: the methods of ``RunningGateway``, each of which waits for its result.
+"""``BlockingMount``: the methods of ``Mount`` for programs without an event loop, each of which waits for its result.
 
-The gateway runs on an event loop in a thread of its own, with nothing left out: other programs are served while this
-one waits or calculates. The methods are those of ``RunningGateway``, passed on to that thread; their signatures are
-derived, so that type checkers know them. Several threads may use one gateway.
+A gateway inside the program runs on an event loop in a thread of its own, with nothing left out: other programs are
+served while this one waits or calculates. The signatures are derived, so that type checkers know them. Several threads
+may use one mount.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import functools
 import threading
 from collections.abc import Callable, Coroutine, Iterator
 from queue import Empty, SimpleQueue
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from gateway.app.api.embedding import RunningGateway, open_gateway, shown
-from gateway.core.errors import NoAnswer, UserError
+from gateway.app.api.mount import Mount
+from gateway.app.api.opening import connect, open_gateway
+from gateway.core.errors import NoAnswer
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -26,49 +27,51 @@ LOOK = 0.2
 CLOSED = "The gateway is closed."
 
 
+class Run(Protocol):
+    """Begins a coroutine, waits for it, and returns its result."""
+
+    def __call__(self, begin: Callable[[], Coroutine[object, object, _T]], /) -> _T: ...
+
+
 def _waits(
-    method: Callable[Concatenate[RunningGateway, _P], Coroutine[object, object, _T]],
-) -> Callable[Concatenate[BlockingGateway, _P], _T]:
-    """Return a method of ``RunningGateway`` as one of ``BlockingGateway`` that waits for its result."""
+    method: Callable[Concatenate[Mount, _P], Coroutine[object, object, _T]],
+) -> Callable[Concatenate[BlockingMount, _P], _T]:
+    """Return a method of ``Mount`` as one of ``BlockingMount`` that waits for its result."""
 
     @functools.wraps(method)
-    def waits(self: BlockingGateway, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
-        return self._thread.result(lambda gateway: method(gateway, *arguments, **named))
+    def waits(self: BlockingMount, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
+        return self._run(lambda: method(self._mount, *arguments, **named))
 
     return waits
 
 
-class BlockingGateway:
-    """One mount whose surfaces are open, and whose methods wait. Made by ``open_blocking_gateway``.
+class BlockingMount:
+    """One mount whose methods wait; all is as in ``Mount``. Made by ``open_blocking_gateway`` and ``connect_blocking``.
 
-    Everything is as in ``RunningGateway``. Ctrl-C ends the wait, and as it leaves the block, it stops the mount.
+    Ctrl-C ends the wait, and as it leaves the block of ``open_blocking_gateway``, it stops the mount.
     """
 
-    def __init__(self, thread: _Thread) -> None:
-        self._thread = thread
+    def __init__(self, mount: Mount, run: Run) -> None:
+        self._mount, self._run, self.name = mount, run, mount.name
 
-    ready = _waits(RunningGateway.ready)
-    position = _waits(RunningGateway.position)
-    goto = _waits(RunningGateway.goto)
-    goto_object = _waits(RunningGateway.goto_object)
-    park = _waits(RunningGateway.park)
-    arrived = _waits(RunningGateway.arrived)
-    moving = _waits(RunningGateway.moving)
-    sync = _waits(RunningGateway.sync)
-    site = _waits(RunningGateway.site)
-    time = _waits(RunningGateway.time)
-    stop = _waits(RunningGateway.stop)
-    perform = _waits(RunningGateway.perform)
-
-    @property
-    def addresses(self) -> list[str]:
-        """As in ``RunningGateway``."""
-        return self._thread.gateway.addresses
-
-    @property
-    def ended_short(self) -> str:
-        """As in ``RunningGateway``."""
-        return self._thread.gateway.ended_short
+    ready = _waits(Mount.ready)
+    addresses = _waits(Mount.addresses)
+    status = _waits(Mount.status)
+    position = _waits(Mount.position)
+    moving = _waits(Mount.moving)
+    site = _waits(Mount.site)
+    time = _waits(Mount.time)
+    goto = _waits(Mount.goto)
+    goto_object = _waits(Mount.goto_object)
+    park = _waits(Mount.park)
+    unpark = _waits(Mount.unpark)
+    arrived = _waits(Mount.arrived)
+    sync = _waits(Mount.sync)
+    move = _waits(Mount.move)
+    stop = _waits(Mount.stop)
+    hold = _waits(Mount.hold)
+    release = _waits(Mount.release)
+    perform = _waits(Mount.perform)
 
 
 class _Thread(threading.Thread):
@@ -76,9 +79,9 @@ class _Thread(threading.Thread):
     thread no daemon, Python would wait for the thread before that, for ever.
     """
 
-    gateway: RunningGateway
+    mount: Mount
 
-    def __init__(self, opening: contextlib.AbstractAsyncContextManager[RunningGateway]) -> None:
+    def __init__(self, opening: contextlib.AbstractAsyncContextManager[Mount]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
         self._opening, self._asked = opening, False
         #: These get an item when the gateway is open, and when it is closed (``_over``). They are no Future: Ctrl-C in
@@ -105,7 +108,7 @@ class _Thread(threading.Thread):
         self._loop = asyncio.get_running_loop()
         with contextlib.suppress(asyncio.CancelledError):
             if not self._asked:
-                async with self._opening as self.gateway:
+                async with self._opening as self.mount:
                     self._opened.put(None)
                     await asyncio.Event().wait()
         self._served = True
@@ -125,8 +128,8 @@ class _Thread(threading.Thread):
                 return queue.get(timeout=LOOK)
         raise NoAnswer(CLOSED)
 
-    def result(self, call: Callable[[RunningGateway], Coroutine[object, object, _T]]) -> _T:
-        """Carry out a call on the thread, wait for it, and return its result. Raises what it raises."""
+    def result(self, begin: Callable[[], Coroutine[object, object, _T]]) -> _T:
+        """Begin a coroutine on the thread, wait for it, and return its result. Raises what it raises."""
         if threading.current_thread() is self:
             raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
         if self._asked:
@@ -134,15 +137,12 @@ class _Thread(threading.Thread):
         calling: list[asyncio.Task[_T]] = []
         answers = SimpleQueue[asyncio.Task[_T]]()
 
-        async def called() -> _T:
-            return await call(self.gateway)
-
-        def begin() -> None:
-            calling.append(self._loop.create_task(called()))
+        def start() -> None:
+            calling.append(self._loop.create_task(begin()))
             calling[0].add_done_callback(answers.put)
 
         try:
-            self._call(begin)
+            self._call(start)
             return self._get(answers).result()
         except asyncio.CancelledError:  # another thread has left the block meanwhile
             raise NoAnswer(CLOSED) from None
@@ -171,13 +171,13 @@ class _Thread(threading.Thread):
 
 
 def _in_a_thread(
-    opens: Callable[_P, contextlib.AbstractAsyncContextManager[RunningGateway]],
-) -> Callable[_P, contextlib.AbstractContextManager[BlockingGateway]]:
+    opens: Callable[_P, contextlib.AbstractAsyncContextManager[Mount]],
+) -> Callable[_P, contextlib.AbstractContextManager[BlockingMount]]:
     """Return ``open_gateway``, with all that can be set there, for programs without an event loop."""
 
     @functools.wraps(opens, assigned=())
     @contextlib.contextmanager
-    def open_blocking_gateway(*arguments: _P.args, **settings: _P.kwargs) -> Iterator[BlockingGateway]:
+    def open_blocking_gateway(*arguments: _P.args, **settings: _P.kwargs) -> Iterator[BlockingMount]:
         """Open a mount as ``open_gateway`` does, for a program without an event loop: ``with``, not ``async with``.
 
         ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block stops the mount and closes
@@ -187,11 +187,8 @@ def _in_a_thread(
         thread.start()
         atexit.register(thread.end)
         try:
-            try:
-                thread.wait_until_open()
-            except UserError as error:
-                raise UserError(str(error).replace("open_gateway:", "open_blocking_gateway:", 1)) from None
-            yield BlockingGateway(thread)
+            thread.wait_until_open()
+            yield BlockingMount(thread.mount, thread.result)
         finally:
             thread.end()
 
@@ -199,4 +196,8 @@ def _in_a_thread(
 
 
 open_blocking_gateway = _in_a_thread(open_gateway)
-shown(open_blocking_gateway, "AbstractContextManager[BlockingGateway]")
+
+
+def connect_blocking(mount: str | None = None, *, state: str | None = None) -> BlockingMount:
+    """Find a gateway as ``connect`` does, for a program without an event loop."""
+    return BlockingMount(connect(mount, state=state), lambda begin: asyncio.run(begin()))

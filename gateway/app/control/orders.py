@@ -25,30 +25,31 @@ LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
 
 async def halt(request: Halt, controller: MountController, store: StateStore) -> Answer:
     """Stop, hold or release the mount."""
-    answer = await _answer(request, controller, store)
-    controller.wire_log.put(WHO, "*", note=f"{type(request).__name__}: {answer.words}")
+    who = request.who or WHO
+    answer = await _answer(request, who, controller, store)
+    controller.wire_log.put(who, "*", note=f"{type(request).__name__}: {answer.words}")
     return answer
 
 
-async def _answer(request: Halt, controller: MountController, store: StateStore) -> Answer:
+async def _answer(request: Halt, who: str, controller: MountController, store: StateStore) -> Answer:
     if isinstance(request, Release):
         trouble = await _on_disk(store, held=False)
         controller.hold.on = False
         return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
     if not isinstance(request, Hold):
-        return await stopped(controller)
+        return await stopped(controller, who)
     controller.hold.on = True
-    answer, trouble = await asyncio.gather(stopped(controller), _on_disk(store, held=True))
+    answer, trouble = await asyncio.gather(stopped(controller, who), _on_disk(store, held=True))
     if not answer.done:
         return Answer(FAILED, f"not stopped: {answer.words}; it is held from now on{trouble}")
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 
-async def stopped(controller: MountController) -> Answer:
-    """Stop the mount and watch it until it is at rest."""
+async def stopped(controller: MountController, who: str = WHO) -> Answer:
+    """Stop the mount and watch it until it is at rest. ``who`` asks for it."""
     try:
         async with asyncio.timeout(ACKNOWLEDGED):
-            await controller.stop(WHO)
+            await controller.stop(who)
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED  # a hibernating mount is at rest, and does not answer

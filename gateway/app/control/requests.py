@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from msgspec.structs import replace
 
+from gateway.app.control.operations import unpacked
 from gateway.app.control.orders import halt
 from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
@@ -33,6 +34,9 @@ PATIENCE = 10.0
 SIGHT = 1.5
 #: So many requests are remembered, the newest.
 REMEMBERED = 64
+#: Operations that need the site.
+NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
+_T = TypeVar("_T")
 
 
 class ActiveRequest:
@@ -56,8 +60,15 @@ TITLES = {
 
 def title(request: object) -> str:
     """Return the kind of a request in words, to begin a line of the log."""
+    if (kind := _operation(request)) is not None:
+        return kind.title()
     name = type(request).__name__
     return TITLES.get(name, name)
+
+
+def _operation(request: object) -> type[op.Operation] | None:
+    """Return the kind of operation that is asked for; None for every other request."""
+    return op.named(request.operation) if isinstance(request, requests.Perform) else None
 
 
 async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:
@@ -65,6 +76,7 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
     if isinstance(where, requests.Named):
         raise Invalid(f"The position of {where.name} has not been looked up.")
     if isinstance(where, requests.Body):
+        await _know_site(controller)
         reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
     elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
         raise Invalid("There is no such place on the sky.")
@@ -73,6 +85,12 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
     else:
         return op.Equatorial(where.ra % 360.0, where.dec)
     return await controller.perform(reads)
+
+
+async def _know_site(controller: MountController) -> None:
+    """Wait for the mount's site if none is known yet; what needs one says so if there is none."""
+    with contextlib.suppress(Fault):
+        await controller.perform(op.GetSite())
 
 
 class RequestHandler:
@@ -88,7 +106,7 @@ class RequestHandler:
         surfaces = [f"{port.name} {port.at}" for port in ports]
         state = self._gateway.state().drawn(surfaces)
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
-        return replace(state, served=ports, folder=folder)
+        return replace(state, served=ports, folder=folder, unopened=self._gateway.unopened)
 
     async def take(self, request: requests.Request) -> Answer:
         """Carry out a request. A name becomes a position before."""
@@ -102,7 +120,7 @@ class RequestHandler:
             try:
                 request = replace(request, where=await asyncio.to_thread(objects.find, request.where.name))
             except UserError as error:
-                return Answer(FAILED, str(error))
+                return Answer(FAILED, str(error), UserError.__name__)
             if self._controller.stops != stops:
                 return Answer(FAILED, explain(Stopped(), self._controller.policy.limits), Stopped.__name__)
         match request:
@@ -120,19 +138,24 @@ class RequestHandler:
         what, wire_log = title(request), self._controller.wire_log
         active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
         kept_alive = isinstance(request, requests.Press) and active.pressed is not None
+        asks = issubclass(_operation(request) or op.Operation, op.Read)
         try:
             words = await self._do(request, active)
         except Fault as fault:
             words = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
-            wire_log.refused(active.activity.who, words)
+            if not asks:
+                wire_log.refused(active.activity.who, words)
             return Answer(FAILED, explain(fault, self._controller.policy.limits), type(fault).__name__)
-        if not kept_alive:
-            wire_log.put(active.activity.who, "*", note=f"{what}: {words}")
+        if not (asks or kept_alive):
+            answer = "" if isinstance(request, requests.Perform) else f": {words}"
+            wire_log.put(active.activity.who, "*", note=f"{what}{answer}")
         return Answer(DONE, words)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
-        active, presence = self._active.get(number), self._controller.presence
-        if active is None:
+        active, presence = self._active.pop(number, None), self._controller.presence
+        if active is not None:
+            self._active[number] = active  # the newest
+        else:
             active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
             if len(self._active) > REMEMBERED:
                 oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)
@@ -185,15 +208,27 @@ class RequestHandler:
             case requests.Unpark():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"
+            case requests.Perform():
+                return await self._carry_out_operation(unpacked(request), active)
         return await self._move(request, active)
 
-    async def _perform(self, operation: op.Operation, active: ActiveRequest) -> None:
-        """Perform an operation for a request. Raises Fault."""
+    async def _carry_out_operation(self, operation: op.Operation[object], active: ActiveRequest) -> str:
+        """Carry out an operation, and return its answer as JSON. Raises Fault."""
+        active.activity.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
+        active.stops = self._controller.stops
+        active.goal = op.Equatorial(operation.ra, operation.dec) if isinstance(operation, op.Goto) else None
+        active.is_park = isinstance(operation, op.Park)
+        if isinstance(operation, NEEDS_SITE):
+            await _know_site(self._controller)
+        return msgspec.json.encode(await self._perform(operation, active)).decode()
+
+    async def _perform(self, operation: op.Operation[_T], active: ActiveRequest) -> _T:
+        """Perform an operation for a request, and return its answer. Raises Fault."""
         if active.cancelled.is_set():
             raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
-                await self._controller.perform(operation, active.stops, active.activity, PATIENCE)
+                return await self._controller.perform(operation, active.stops, active.activity, PATIENCE)
         except TimeoutError:
             raise Busy from None
 
@@ -279,12 +314,16 @@ class RequestHandler:
         )  # after parking, its tracking is still to be turned off
         if self._in_motion(active) or follows:
             return Answer(UNDER_WAY, format_position(look.position) if look.position else "")
+        at = f", at {format_position(look.position)}" if look.position else ""
         if controller.wanted.value.short:
-            return Answer(FAILED, controller.wanted.value.short, "Stopped")
+            return Answer(FAILED, f"{controller.wanted.value.short}{at}", "Stopped")
         if controller.stops != active.stops:
-            return Answer(FAILED, "it was stopped on the way", "Stopped")
+            by = controller.wanted.stopped_by
+            return Answer(FAILED, f"it was stopped on the way{f' by {by}' if by else ''}{at}", "Stopped")
         if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):
-            return Answer(FAILED, f"{short}, or another goto came", "Stopped")
+            slew = controller.wanted.value.motion
+            other = f"another goto came from {slew.by.who}" if isinstance(slew, Slew) and slew.by else ""
+            return Answer(FAILED, f"{other or f'{short}, or another order came'}{at}", "Stopped")
         if active.is_park:
             return Answer(DONE, "it is parked")
         return Answer(DONE, f"it is there{': ' + format_position(look.position) if look.position else ''}")

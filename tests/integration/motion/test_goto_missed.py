@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.api.embedding import RunningGateway
+from gateway.app.api.opening import inside
 from gateway.app.mount_state import mount_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Stopped
@@ -112,20 +112,19 @@ def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> N
     async def program() -> None:
         async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
             controller = bridge.controller
-            embedding = RunningGateway(bridge.gateway)
+            telescope = inside(bridge.gateway)
             await ended(bridge, driven, how)
-            words = embedding.ended_short
+            words = (await telescope.perform(op.GetActivity())).short
             assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
-            assert (await controller.perform(op.GetActivity())).short == words
             assert (words in mount_state(controller).drawn().wanted) is bool(words)
             assert state(bridge.gateway)["goto_ended_short"] == (words or None)
             if words:
                 with pytest.raises(Stopped, match="the goto ended"):
-                    await embedding.arrived()
+                    await telescope.arrived()
             else:
-                await embedding.arrived()
-            await embedding.perform(op.StopAxis(1))
-            assert embedding.ended_short == ""
+                await telescope.arrived()
+            await telescope.perform(op.StopAxis(1))
+            assert (await telescope.perform(op.GetActivity())).short == ""
 
     run(program())
 
@@ -138,7 +137,7 @@ def test_stellarium_reads_it_in_the_status(how: str) -> None:
             await ended(bridge, "nexstar", how)
             [status] = struct.unpack("<i", client.heard[-4:])
             assert status == (-2 if ENDS[how] else 0)
-            await RunningGateway(bridge.gateway).goto(121.0, 30.0)
+            await inside(bridge.gateway).goto(121.0, 30.0)
             await asyncio.sleep(2.0)
             assert client.heard[-4:] == b"\0\0\0\0"
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import assert_type
 
-from gateway import BlockingGateway, RunningGateway
-from gateway.core import operations as op
+from gateway import BlockingMount, Mount, op
 from gateway.core.operations.values import Chosen, Pulsed, Values
 
 
-async def answers(gateway: RunningGateway) -> None:
+async def answers(gateway: Mount) -> None:
     assert_type(await gateway.perform(op.Position()), op.Equatorial)
     assert_type(await gateway.perform(op.HorizontalPosition()), op.Horizontal)
     assert_type(await gateway.perform(op.Slewing()), bool)
@@ -23,7 +22,7 @@ async def answers(gateway: RunningGateway) -> None:
     assert_type(await gateway.site(), op.Place)
 
 
-def answers_without_an_event_loop(gateway: BlockingGateway) -> None:
+def answers_without_an_event_loop(gateway: BlockingMount) -> None:
     assert_type(gateway.perform(op.Position()), op.Equatorial)
     assert_type(gateway.perform(op.GetSite()), op.Place)
     assert_type(gateway.perform(op.Goto(80.0, 20.0)), None)

@@ -31,7 +31,7 @@ def read(do: str, **fields: Any) -> Any:
         ({"do": "wake"}, requests.Unpark(**MINE)),
         ({"do": "track", "on": False}, requests.Track(on=False, **MINE)),
         ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite(48.0, 11.0, **MINE)),
-        ({"do": "stop"}, requests.Stop()),
+        ({"do": "stop"}, requests.Stop(ME)),
         ({"do": "let_go", "direction": "north", "press": 3}, messages.LetGo("north", 3)),
     ],
 )
@@ -43,8 +43,7 @@ def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeyp
 def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
     def gateway(answer: requests.Answer) -> Any:
         async def take(wish: object) -> requests.Answer:
-            assert wish == requests.Stop()
-            return answer
+            return answer if wish == requests.Stop(ME) else requests.Answer("failed", str(wish))
 
         return SimpleNamespace(controller=None, request_handler=SimpleNamespace(take=take))
 
@@ -61,7 +60,7 @@ def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
         gateways = [gateway(requests.Answer("done", "stopped")), gateway(requests.Answer("failed", "it is silent"))]
         mounts: Any = SimpleNamespace(gateways=gateways, arrows=[[], []])
         PageSession(mounts, Browser(), "10.0.0.9", acts=False).take('{"do":"stop","mount":-1,"id":5}')
-        assert await told == {"id": 5, "ok": False, "words": "stopped; it is silent"}
+        assert await asyncio.wait_for(told, 60.0) == {"id": 5, "ok": False, "words": "stopped; it is silent"}
 
     told: asyncio.Future[Any]
     asyncio.run(work())

@@ -36,6 +36,7 @@ class Owner:
             state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
             names=lambda: surfaces,
             web=WebServer(),
+            unopened="",
             store=None,
         )
         self.request_handler = RequestHandler(bridge.controller, serving)
@@ -267,7 +268,7 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
             await owner.wish(requests.Goto(CRAB, number="g"))
             await asyncio.sleep(2)
             client.tell(b":Q#")
-            assert await owner.outcome("g") == "failed it was stopped on the way"
+            assert (await owner.outcome("g")).startswith("failed it was stopped on the way by 127.0.0.1")
             wish = asyncio.ensure_future(owner.wish(requests.Move(Direction.WEST, 9, 20.0, number="m")))
             await asyncio.sleep(2)
             client.tell(b":Q#")

@@ -1,0 +1,210 @@
+"""``Mount``: one mount for Python programs, whether its gateway is in this process or runs already.
+
+Every method is one request, or one request after the other; ``send`` has them carried out, by the gateway in this
+process or through the control endpoint of another one. So limits, checks and errors are the same.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import cast
+
+import msgspec
+from msgspec.structs import replace
+
+from gateway.app.control.operations import answer_of, checked, packed
+from gateway.app.discovery.served import CONSOLE
+from gateway.app.status import State
+from gateway.core import errors, requests
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, Stopped, UserError
+from gateway.core.motion_kinds import GOTOS
+from gateway.core.operations import AnswerT
+
+#: Has a request carried out; the number is the seconds that it lasts itself.
+Send = Callable[[requests.Request, float], Awaitable[requests.Answer]]
+#: Seconds between two questions whether a motion has ended, and whether the mount has answered.
+LOOK, SOON = 0.25, 0.1
+#: Seconds that a mount may take to identify itself, and without an answer of it after which its motion is not waited
+#: for any longer.
+FIND_MOUNT, LOST = 20.0, 10.0
+#: What to look at if a mount is silent.
+SILENT = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
+
+
+class Mount:
+    """One mount. Made by ``open_gateway`` and ``connect``; ``name`` is the mount's name, or its port if it has none.
+
+    Positions are right ascension and declination of the equinox of date, in degrees. Every method raises ``Fault`` if
+    the gateway or the mount refuses, whose text is one sentence for the user, and ``NoAnswer``, which is one, if either
+    does not answer. ``BlockingMount`` has the same methods for programs without an event loop.
+    """
+
+    def __init__(self, name: str, send: Send, who: str) -> None:
+        self.name = name
+        self._send, self._who = send, who
+        #: The number of all operations but gotos: with each of them a motion by hand goes on.
+        self._number = requests.new_number()
+        #: The number of the last request for a motion towards a goal; empty before, and once it has arrived.
+        self._goal = ""
+
+    # --- what is known ------------------------------------------------------------------------------------------------
+
+    async def ready(self, seconds: float = FIND_MOUNT) -> None:
+        """Wait until the mount has identified itself.
+
+        Raises NoAnswer if it has not within ``seconds``, and UserError at once if its port cannot be opened.
+        """
+        now = asyncio.get_running_loop().time
+        end = now() + seconds
+        while (state := await self._state(fresh=False)).look.status is None or not state.look.online:
+            if state.unopened:
+                raise UserError(state.unopened)
+            if now() >= end:
+                raise NoAnswer(f"{self.name} has not answered within {seconds:g} s. {SILENT}")
+            await asyncio.sleep(min(SOON, max(0.0, end - now())))
+
+    async def addresses(self) -> list[str]:
+        """Return the surfaces as ``PROTOCOL:MODEL@WHERE``, each with the TCP port that was really opened."""
+        return [f"{one.name}@{one.at}" for one in (await self._state(fresh=False)).served if one.name != CONSOLE]
+
+    async def status(self) -> State:
+        """Return all that is known of the mount, newly read: what ``mount-gateway status --json`` shows."""
+        return await self._state(fresh=True)
+
+    async def position(self) -> tuple[float, float]:
+        """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
+        position = await self.perform(op.Position())
+        return position.ra, position.dec
+
+    async def moving(self) -> bool:
+        """Return whether the mount moves for any reason but tracking and guiding, until its position shows it at rest.
+
+        Raises NoAnswer if that is not known, because it has not reported its position since a motion was ended.
+        """
+        look = (await self._state(fresh=False)).look
+        if look.unknown:
+            raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
+        return look.moves
+
+    async def site(self) -> op.Place:
+        """Return the site that counts, of the mount, a program or the settings. Raises Unsupported if none is known."""
+        return await self.perform(op.GetSite())
+
+    async def time(self) -> op.Moment:
+        """Return the time by the clock that counts: that of the mount, of a program, or of this computer."""
+        return await self.perform(op.GetClock())
+
+    # --- motion -------------------------------------------------------------------------------------------------------
+
+    async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
+        """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
+
+        ``j2000``: the position is one of a catalogue. Raises Invalid for what is no number, or no declination.
+        """
+        await self._ask(requests.Goto(_spot(op.Goto(ra, dec), j2000)))
+
+    async def goto_object(self, name: str) -> None:
+        """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
+        await self._ask(requests.Goto(checked(requests.Named(name))))
+
+    async def park(self) -> None:
+        """Slew to the park position and turn tracking off; return when the mount has accepted it."""
+        await self._ask(requests.Park())
+
+    async def unpark(self) -> None:
+        """Take a parked or sleeping mount up again, so that it tracks."""
+        await self._ask(requests.Unpark())
+
+    async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
+        """Wait until the goto, park or home of this program has ended, or if it has none under way until no program has
+        one; return the position.
+
+        Raises Stopped with the reason if the motion ended before its goal, also if it did before this was called,
+        TimeoutError if it has not ended within ``seconds``, and NoAnswer if the mount is lost meanwhile.
+        """
+        now = asyncio.get_running_loop().time
+        heard, gone = now(), ""
+        try:
+            async with asyncio.timeout(seconds):
+                while await self._under_way():
+                    look = (await self._state(fresh=False)).look
+                    if look.online:
+                        heard, gone = now(), ""
+                    else:
+                        gone = look.reason or "the mount does not answer"
+                    if now() - heard > LOST:
+                        raise NoAnswer(f"It is not known whether the motion goes on: {gone}.")
+                    await asyncio.sleep(LOOK)
+        except TimeoutError:
+            ending = f", and it is not known whether it goes on: {gone}." if gone else "; it goes on."
+            raise TimeoutError(f"The motion has not ended within {seconds:g} s{ending}") from None
+        if not self._goal and (short := (await self.perform(op.GetActivity())).short):
+            raise Stopped(short)
+        self._goal = ""
+        return await self.position()
+
+    async def _under_way(self) -> bool:
+        if self._goal:
+            return (await self._answer(requests.Follow(self._goal))).outcome == requests.UNDER_WAY
+        return await self.perform(op.Slewing())
+
+    async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
+        """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
+        await self._ask(requests.Sync(_spot(op.Sync(ra, dec), j2000)))
+
+    async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
+        """Press an arrow for so long, at the rate of the hand control's key 1 to 9; the gateway itself releases it."""
+        await self._ask(requests.Move(direction=direction, key=key, seconds=seconds), seconds)
+
+    async def stop(self) -> None:
+        """End every motion, whoever began it, ahead of all else; return when the mount is seen at rest."""
+        await self._answer(requests.Stop(self._who))
+
+    async def hold(self) -> None:
+        """Stop the mount, and let nothing move it until it is released, over restarts of the gateway too."""
+        await self._answer(requests.Hold(self._who))
+
+    async def release(self) -> None:
+        """End ``hold``."""
+        await self._answer(requests.Release(self._who))
+
+    # --- any operation ------------------------------------------------------------------------------------------------
+
+    async def perform(self, operation: op.Operation[AnswerT]) -> AnswerT:
+        """Carry out any operation of ``gateway.op`` and return its answer; see its docstring.
+
+        A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds. Raises
+        Invalid for what is no operation, and for a field of a wrong type.
+        """
+        towards = isinstance(operation, GOTOS)
+        request = packed(operation, requests.new_number() if towards else self._number)
+        words = await self._ask(request)
+        if towards:
+            self._goal = request.number
+        return answer_of(operation, words)
+
+    # --- requests -----------------------------------------------------------------------------------------------------
+
+    async def _state(self, fresh: bool) -> State:
+        return msgspec.json.decode((await self._answer(requests.See(fresh))).words, type=State)
+
+    async def _ask(self, request: requests.Base, lasts: float = 0.0) -> str:
+        """Have a request carried out, and return the gateway's words. Raises Fault."""
+        named = cast(requests.Request, checked(replace(request, who=self._who)))
+        words = (await self._answer(named, lasts)).words
+        if isinstance(request, requests.Goto | requests.Park):
+            self._goal = request.number
+        return words
+
+    async def _answer(self, request: requests.Request, lasts: float = 0.0) -> requests.Answer:
+        answer = await self._send(request, lasts)
+        if answer.outcome == requests.FAILED:
+            raise getattr(errors, answer.fault or NoAnswer.__name__, Fault)(answer.words)
+        return answer
+
+
+def _spot(place: op.Goto | op.Sync, j2000: bool) -> requests.Spot:
+    place = checked(place)
+    return requests.Spot(place.ra % 360.0, place.dec, bool(j2000))

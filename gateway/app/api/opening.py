@@ -1,0 +1,136 @@
+"""A gateway inside another Python program, and one that runs already: where a program gets its ``Mount``.
+
+``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, starts
+the watchdog process for a real mount, and stops the mount at the end. Everything runs on the caller's event loop; only
+the tables of the sky are calculated by a process of their own. ``connect`` finds a gateway as ``mount-gateway goto``
+does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gateway.app.api.mount import Mount
+from gateway.app.config import Source, make_config, parse_endpoint
+from gateway.app.control.exchange import ControlEndpoint
+from gateway.app.control.reach import ANSWERED, request, running
+from gateway.app.watchdog.client import Watchdog, available
+from gateway.astro.ephemeris.keeper import AlmanacKeeper
+from gateway.astro.ephemeris.sky import Sky
+from gateway.core import requests
+from gateway.core.errors import UserError
+from gateway.core.wire_log import Entry, WireLog
+from gateway.transport.web_server import WebServer
+
+if TYPE_CHECKING:
+    from gateway.app.gateway import Gateway
+
+#: Keys that only ``mount-gateway run`` honours -> what does it here.
+ONLY_RUN = {
+    "wait": "ready(seconds) waits for the mount",
+    "record": "mount-gateway run --record FILE records; watch is called with every command and reply",
+    "record_keep": "mount-gateway run --record FILE records; watch is called with every command and reply",
+}
+
+
+@contextlib.asynccontextmanager
+async def open_gateway(
+    mount: str,
+    surfaces: str | Sequence[str | Mapping[str, object]] = (),
+    *,
+    warn: Callable[[str], None] | None = None,
+    watch: Callable[[Entry], None] | None = None,
+    watchdog: bool = True,
+    **settings: object,
+) -> AsyncIterator[Mount]:
+    """Open a mount (``"nexstar@/dev/ttyUSB0"``, ``"nexstar@sim"``) and the surfaces on which programs reach it, if any.
+
+    ``settings`` are the keys of ``[mount]`` in docs/configuration.md with ``_`` for ``-``: ``site=(48.1, 11.6)``,
+    ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0: any free port), or a
+    mapping of the keys of ``[[surface]]``. ``warn`` is called with whole sentences for the user, and ``watch`` with
+    every entry of the wire log. Both are called on the event loop and must return quickly. Raises UserError for an
+    invalid setting and for a surface that cannot be opened; the mount's port is waited for in ``ready``. Leaving the
+    block stops the mount and closes everything.
+    """
+    for name in settings.keys() & ONLY_RUN:
+        raise UserError(f"open_gateway: {name} is no setting of this function: {ONLY_RUN[name]}.")
+    tables: dict[str, object] = {
+        "mount": [_keys({"at": mount, **settings})],
+        "surface": [
+            _keys(surface if isinstance(surface, Mapping) else {"at": surface})
+            for surface in ([surfaces] if isinstance(surfaces, str) else surfaces)
+        ],
+    }
+    config = make_config(tables, Source("open_gateway"), served=False)
+    from gateway.app.gateway import Gateway
+    from gateway.app.site import load_site
+
+    sky, wire_log = Sky(), WireLog(time.time)
+    if watch is not None:
+        wire_log.sinks.append(watch)
+    real = parse_endpoint(mount).where != "sim"
+    guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
+    opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
+    opened.web = WebServer(lambda: load_site([opened]))
+
+    almanac = AlmanacKeeper(sky, opened.warn, quiet=lambda: not opened.busy)
+    almanac.open()
+    keeping: asyncio.Task[None] | None = None
+    try:
+        await opened.open()
+        if guard is not None:
+            guard.start()
+        for caution in opened.cautions():
+            opened.warn(caution)
+        keeping = asyncio.ensure_future(almanac.keep())
+        yield inside(opened)
+    finally:
+        if keeping is not None:
+            keeping.cancel()
+        await opened.close()
+        if guard is not None:
+            guard.close()
+
+
+def inside(gateway: Gateway) -> Mount:
+    """Return the mount of a gateway in this process."""
+
+    async def send(wish: requests.Request, _: float) -> requests.Answer:
+        return await gateway.request_handler.take(wish)
+
+    return Mount(gateway.config.name or str(gateway.mount), send, "the program that embeds the gateway")
+
+
+def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
+    """Find a gateway that runs on this computer, as a service or in another program, and return its mount.
+
+    ``mount`` is its name, or its port; it may be left out where only one runs. ``state`` is a gateway's state folder,
+    where that was named. Nothing stays open between two requests, and nothing ends with the program that asks: what it
+    has begun goes on. Raises UserError if none runs, or several do.
+    """
+    found = running(mount, state)
+    if not found:
+        raise UserError(f"no gateway runs here{f' for {mount}' if mount else ''}; mount-gateway run starts one")
+    if len(found) > 1:
+        names = ", ".join(sorted(endpoint.title for endpoint in found))
+        raise UserError(f"{len(found)} mounts run here; say which one is meant: {names}")
+    return connected(found[0])
+
+
+def connected(endpoint: ControlEndpoint) -> Mount:
+    """Return the mount of a gateway by its control endpoint."""
+
+    async def send(wish: requests.Request, lasts: float) -> requests.Answer:
+        return await request(endpoint, wish, ANSWERED + lasts)
+
+    return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
+
+
+def _keys(settings: Mapping[str, object]) -> dict[str, object]:
+    """Return keyword arguments under the key names of ``gateway.toml``."""
+    return {name.replace("_", "-"): value for name, value in settings.items()}

@@ -1,0 +1,92 @@
+"""Operations as values of a request: checked, packed as name and fields, unpacked, and their answers as JSON.
+
+A Python program checks what it hands over before it is sent, so that the mistake is told where it was made; the gateway
+checks what it receives, because not only Python programs send requests.
+"""
+
+from __future__ import annotations
+
+import functools
+from math import isfinite
+from numbers import Integral, Real
+from typing import Any, TypeVar, cast, get_args
+
+import msgspec
+from msgspec import Struct, ValidationError, convert
+
+from gateway.core import operations as op
+from gateway.core import requests
+from gateway.core.errors import Invalid
+from gateway.core.operations import AnswerT
+
+_S = TypeVar("_S", bound=Struct)
+#: Types of fields -> one of their values.
+EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
+
+
+def packed(operation: op.Operation[AnswerT], number: str) -> requests.Perform:
+    """Return the request for an operation. Raises Invalid for what is no operation, and for a wrong field."""
+    if not isinstance(operation, op.Operation):
+        raise Invalid(f"{repr(operation)[:40]} is no operation; write one like op.Position().")
+    fields: dict[str, Any] = msgspec.to_builtins(_in_range(checked(operation)), enc_hook=_plain)
+    return requests.Perform(number=number, operation=type(operation).__name__, fields=fields)
+
+
+def unpacked(request: requests.Perform) -> op.Operation[Any]:
+    """Return the operation of a request. Raises Invalid."""
+    if (kind := op.named(request.operation)) is None:
+        raise Invalid(f"There is no operation {request.operation[:40]!r}.")
+    return _in_range(_converted(request.fields, kind))
+
+
+def answer_of(operation: op.Operation[AnswerT], words: str) -> AnswerT:
+    """Return the answer to an operation from its JSON."""
+    return cast(AnswerT, msgspec.json.decode(words, type=answer_type(type(operation))))
+
+
+@functools.cache
+def answer_type(kind: type[op.Operation]) -> Any:
+    """Return the type of the answers to operations of a kind; None for those without."""
+    return get_args(kind.__orig_bases__[0])[0]  # type: ignore[attr-defined]
+
+
+def checked(value: _S) -> _S:
+    """Return a value whose fields have the types that are declared, and are finite. Raises Invalid."""
+    kind = type(value)
+    fields = {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
+    for name, field in fields.items():
+        if isinstance(field, float) and not isfinite(field):
+            raise Invalid(f"{kind.__name__}: {name}: Expected a number, got {field}.")
+    return _converted(fields, kind)
+
+
+def _converted(fields: dict[str, Any], kind: type[_S]) -> _S:
+    try:
+        return convert(fields, kind)
+    except ValidationError as error:
+        why, _, field = str(error).strip("`").partition(" - at `$.")
+        raise Invalid(f"{kind.__name__}: {field}: {why}{_right(kind, field)}.") from None
+
+
+def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
+    """Return an operation whose values make sense. Raises Invalid."""
+    if isinstance(operation, op.SetGuideRate) and not 0.0 <= operation.rate <= 1.0:
+        raise Invalid(f"The guide rate must be from 0 to 1, a fraction of sidereal, not {operation.rate:g}.")
+    if isinstance(operation, op.Pulse | op.PulseAxis) and operation.ms < 0:
+        raise Invalid(f"The duration of a pulse must not be negative, as {operation.ms} is.")
+    if operation == op.SetSite():
+        raise Invalid("A site needs a latitude, a longitude, or both.")
+    return operation
+
+
+def _right(kind: type[Struct], field: str) -> str:
+    """Return what to write for a field whose type is one of those that programs seldom get right at first."""
+    hint = str(kind.__annotations__.get(field, ""))
+    return next((f"; write op.{right}" for name, right in EXAMPLES.items() if name in hint), "")
+
+
+def _plain(value: object) -> object:
+    """Return a number of another library as one of Python's own, and everything else as it is."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
