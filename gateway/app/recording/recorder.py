@@ -15,6 +15,7 @@ import os
 import stat
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,7 @@ import msgspec
 from gateway.app.recording.format import FORMAT, LONGEST_LINE, MARK, RECORDER, STOPPED, escape, is_recording, part_path
 from gateway.core.about import commit, version
 from gateway.core.errors import UserError, about_file, told
-from gateway.core.waiting import TimedEvent, in_thread
+from gateway.core.waiting import TimedEvent, in_thread, mark_retrieved
 from gateway.core.wire_log import MOUNT, Entry
 from gateway.system.files import open_plain, plain_file
 
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
 #: Bytes after which a new file is begun, and how many files are kept, including the one being written.
 LONGEST, KEPT = 10_000_000, 20
-#: Seconds from an event until it is written, and how many may wait for a disk that hangs.
-PAUSE, WAITING = 0.1, 100_000
+#: Seconds from an event until it is written, and between two looks at a disk that hangs; how many may wait for it.
+PAUSE, LOOK, WAITING = 0.1, 1.0, 100_000
 #: How many lines are made at a time: meanwhile the event loop waits.
 PORTION = 32
 #: Only the owner may read a recording: the site's coordinates are in it.
@@ -44,7 +45,8 @@ ROOM = 300
 
 
 class Recorder:
-    """Writes a recording whose header holds ``settings``. ``now`` returns seconds, ``warn`` gets messages for the user.
+    """Writes a recording whose header holds ``settings``. ``clock`` returns the Unix time
+    of entries, ``now`` seconds that no one sets; ``warn`` gets messages for the user.
 
     Raises UserError for a file that cannot be written.
     """
@@ -56,96 +58,97 @@ class Recorder:
         longest: int = LONGEST,
         keep: int = KEPT,
         warn: Callable[[str], object] = lambda text: None,
+        clock: Callable[[], float] = time.time,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._path, self._longest, self._keep, self._warn, self._now = path, longest, keep, warn, now
-        self._began = now()
+        self._path, self._longest, self._keep, self._warn = path, longest, keep, warn
+        self._clock, self._now, self._began = clock, now, now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        #: What is not written yet, each with its time, and the task that has it written; whether no more is taken,
-        #: and whether that is so because it cannot be written.
-        self._waiting: list[tuple[float, Entry]] = []
-        self._writing: asyncio.Task[None] | None = None
-        self._ended = self._lost = False
-        self._hurry = TimedEvent()
+        self._waiting: deque[Entry] = deque(maxlen=WAITING)
+        #: Takes an entry of the wire log. Nothing more is done then: a program waits for its reply.
+        self.put = self._waiting.append
+        self._lock, self._hurry = asyncio.Lock(), TimedEvent()
+        self._closing = self._lost = False
         # What follows belongs to the thread that writes; there is one at a time.
         self._file, self._size = -1, 0
-        self._warned = False
+        self._at, self._warned = 0.0, False
         try:
             _rotate(path, keep)
             self._open(0.0)
         except OSError as error:
             self._close_file()
             raise UserError(f"cannot record to {path}: {about_file(path, error)}") from None
+        self._writing = asyncio.get_running_loop().create_task(self._write())
 
     # --- on the event loop --------------------------------------------------------------------------------------------
 
-    def put(self, entry: Entry) -> None:
-        """Take an entry of the wire log."""
-        if self._ended:
-            return
-        self._waiting.append((self._now(), entry))
-        if self._writing is None:
-            self._writing = asyncio.get_running_loop().create_task(self._write())
-        elif len(self._waiting) > WAITING:
-            self._end("the disk does not answer")
-
     async def _write(self) -> None:
-        while self._waiting:
+        while not (self._closing or self._lost):
             await self._hurry.within(PAUSE)
-            entries, self._waiting = self._waiting, []
-            try:
-                full = await in_thread(self._write_out, entries)
-            except (OSError, UserError) as error:  # a full disk must not end the night
-                self._end(told(error) if isinstance(error, OSError) else str(error))
-                break
-            if full:
+            await self.flush()
+
+    async def flush(self) -> None:
+        """Write what was put so far, and wait until that is done."""
+        async with self._lock:
+            if self._waiting and not self._lost:
+                await self._write_entries([self._waiting.popleft() for _ in range(len(self._waiting))])
+
+    async def _write_entries(self, entries: list[Entry]) -> None:
+        ahead, until = self._clock() - self._now(), self._now() - self._began
+        work = asyncio.ensure_future(in_thread(self._write_out, entries, ahead + self._began, until))
+        while not (await asyncio.wait((work,), timeout=LOOK))[0]:
+            if len(self._waiting) == WAITING:
+                work.add_done_callback(mark_retrieved)
+                self._end("the disk does not answer")
+                return
+        try:
+            if work.result():
                 self._warn(
                     f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
                     "whenever a new one begins; record-keep says how many files are kept"
                 )
-        self._writing = None
+        except Exception as error:  # neither a full disk nor a defect may end the night
+            self._end(told(error) if isinstance(error, OSError) else str(error))
 
     def _end(self, reason: str) -> None:
         """End a recording that cannot be written any more."""
-        if self._lost:
-            return
-        self._ended = self._lost = True
-        self._waiting = []
+        self._lost = True
         self._warn(
             f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
             "continues without it; make room on the disk and restart the gateway to record again"
         )
 
-    async def flush(self) -> None:
-        """Write what was put so far now, and wait until that is done."""
-        self._hurry.set()
-        if self._writing is not None:
-            await asyncio.wait((self._writing,))
-        self._hurry.clear()
-
     async def close(self) -> None:
         """Write what is left and the last line, and close the file."""
-        self.put(Entry(0.0, RECORDER, "!", b"", "ends here"))
-        self._ended = True
+        self.put(Entry(self._clock(), RECORDER, "!", b"", "ends here"))
+        self._closing = True
+        self._hurry.set()
+        await asyncio.wait((self._writing,))
         await self.flush()
         await in_thread(self._close_file)
 
     # --- on a thread --------------------------------------------------------------------------------------------------
 
-    def _write_out(self, entries: list[tuple[float, Entry]]) -> bool:
+    def _write_out(self, entries: list[Entry], began: float, until: float) -> bool:
         """Write entries; return whether the oldest file was deleted for the first time.
 
-        Raises OSError after the end of a file that cannot be written any more.
+        ``began`` is when the recording began by the clock of the entries, which may have been set meanwhile, and
+        ``until`` the second of the recording that it is now. Raises OSError after the end of a file that cannot be
+        written any more.
         """
         full = False
         for start in range(0, len(entries) if self._file >= 0 else 0, PORTION):
-            portion = entries[start : start + PORTION]
-            at = portion[-1][0] - self._began
+            lines = []
+            for entry in entries[start : start + PORTION]:
+                self._at = min(max(self._at, entry.time - began), until)
+                lines.append(_line(self._at, entry))
             try:
-                self._append("".join(_line(moment - self._began, entry) for moment, entry in portion))
-                full |= self._size >= self._longest and self._next_file(at)
+                self._append("".join(lines))
+                full |= self._size >= self._longest and self._next_file()
             except OSError as error:
-                self._end_early(f"{at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n")
+                self._end_early(
+                    f"{self._at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n"
+                )
                 raise
         return full
 
@@ -162,12 +165,12 @@ class Recorder:
             data = data[written:]
             self._size += written
 
-    def _next_file(self, at: float) -> bool:
+    def _next_file(self) -> bool:
         """Begin the next file; return whether the oldest was deleted for the first time. Raises OSError."""
         self._close_file()
         first = _rotate(self._path, self._keep) and not self._warned
         self._warned |= first
-        self._open(at)
+        self._open(self._at)
         return first
 
     def _end_early(self, line: str) -> None:
@@ -212,7 +215,8 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:
         "version": version(),
         "commit": commit(),
     }
-    recorder = Recorder(path, msgspec.to_builtins(settings), longest, gateway.config.record_keep, gateway.warn)
+    keep, clock = gateway.config.record_keep, gateway.wire_log.clock
+    recorder = Recorder(path, msgspec.to_builtins(settings), longest, keep, gateway.warn, clock)
     gateway.wire_log.sinks.append(recorder.put)
     return recorder
 

@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def _recorded(path: Path, times: int = 0, settings: dict[str, Any] = SETTINGS, *
     """A recording of so many replies, from its beginning to its end."""
 
     async def work() -> None:
-        recorder = Recorder(path, settings, now=iter(range(1_000_000)).__next__, **more)
+        recorder = Recorder(path, settings, **more)
         await _say(recorder, times)
         await recorder.close()
 
@@ -45,7 +46,7 @@ def _recorded(path: Path, times: int = 0, settings: dict[str, Any] = SETTINGS, *
 async def _say(recorder: Recorder, times: int) -> None:
     """As many replies, each of which is written before the next."""
     for number in range(times):
-        recorder.put(Entry(0.0, "10.0.0.1:1", "<", b"reply %d#" % number))
+        recorder.put(Entry(time.time(), "10.0.0.1:1", "<", b"reply %d#" % number))
         await recorder.flush()
 
 
@@ -158,6 +159,7 @@ def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
 ) -> None:
     path, said, hangs, write = tmp_path / "night.rec", list[str](), threading.Event(), os.write
     monkeypatch.setattr(recorder_module, "WAITING", 1000)
+    monkeypatch.setattr(recorder_module, "LOOK", 0.05)
 
     async def work() -> None:
         recorder = Recorder(path, SETTINGS, warn=said.append)
@@ -238,3 +240,20 @@ def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_pat
     asyncio.run(work())
     assert path.read_text() == "a letter"
     assert len(said) == 1 and "there is a file that is no recording" in said[0]
+
+
+def test_times_are_right_although_the_clock_of_the_computer_is_set(tmp_path: Path) -> None:
+    path, clock, now = tmp_path / "night.rec", [1e9], [50.0]
+
+    async def work() -> None:
+        recorder = Recorder(path, SETTINGS, clock=lambda: clock[0], now=lambda: now[0])
+        for step, passed in ((0.0, 1.0), (3600.0, 1.0), (-7200.0, 2.0), (0.0, 0.5)):
+            clock[0] += step
+            now[0], clock[0] = now[0] + passed, clock[0] + passed
+            recorder.put(Entry(clock[0], "mount", ">", b":GR#"))
+            await recorder.flush()
+        recorder.put(Entry(clock[0] + 900.0, "mount", ">", b":GR#"))  # from before the clock was set back
+        await recorder.close()
+
+    asyncio.run(work())
+    assert [event.at for event in read(path)] == [1.0, 2.0, 4.0, 4.5, 4.5, 4.5]
