@@ -37,7 +37,7 @@ PAPER, INK = "#0d1117", "#e6edf3"
 def main() -> None:
     command = " ".join(["mount-gateway", *WORDS]).replace(":0", ":4030")
     told = session()
-    lines = [f"$ {command}", *told[told.index("ready ") :].splitlines()]
+    lines = [f"$ {command}", *told[told.index("found ") :].splitlines()]
     PICTURE.write_text(drawn(lines), "utf-8")
     print(PICTURE.name, PICTURE.stat().st_size)
 

@@ -45,11 +45,11 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
             "tcp://HOST:PORT puts it elsewhere"
         )
         return
-    screen.say(f"ready console {web_address(*split_address(web.where))}")
     for line in phone.news(console_offers(web)):
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)
+    screen.say(f"ready console {web_address(*split_address(web.where))}")
 
 
 async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:

@@ -6,7 +6,7 @@ A message says what was asked, what was received, what that means, and what to d
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
 from gateway.app.state.mount_claim import MountTaken
@@ -36,7 +36,11 @@ SAID_AFTER = 1.0
 
 
 async def serve(
-    gateway: Gateway, patient: bool, longest: float, ready: Callable[[Gateway], None], warn: Callable[[str], None]
+    gateway: Gateway,
+    patient: bool,
+    longest: float,
+    ready: Callable[[Gateway], Awaitable[None]],
+    warn: Callable[[str], None],
 ) -> None:
     """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
 
@@ -45,7 +49,7 @@ async def serve(
     if not patient:
         await find(gateway, warn, longest)
     found = not patient or await gateway.wait_identified(QUICK)
-    ready(gateway)
+    await ready(gateway)
     if not found and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)

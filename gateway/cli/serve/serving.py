@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     #: Somebody inside this process who uses the mount of a gateway for a while.
     Guest: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
+#: How long the ready lines wait for site and clock of a mount that was found, seconds.
+SETTLED_WITHIN = 3.0
 #: Seconds between two looks at the addresses of this computer.
 LOOK_EVERY = 3.0
 #: Timeout in seconds for a stop before the process is suspended.
@@ -151,16 +153,19 @@ async def serve_mounts(
 
         to_be_ready = list(gateways)
 
-        def ready(gateway: Gateway) -> None:
+        async def ready(gateway: Gateway) -> None:
             if watchdog is not None:
                 watchdog.start()
-            for name in gateway.names():
-                screen.say(f"ready {name}")
-            for line in phone.news(network_offers(gateway.names())):
-                screen.say(line)
+            first = asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1))
+            status_tasks.append(first)
+            if gateway.controller.identified.is_set():
+                await asyncio.wait([first], timeout=SETTLED_WITHIN)
             for caution in gateway.cautions():
                 screen.warn(caution)
-            status_tasks.append(asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1)))
+            for line in phone.news(network_offers(gateway.names())):
+                screen.say(line)
+            for name in gateway.names():
+                screen.say(f"ready {name}")
             to_be_ready.remove(gateway)
             if not to_be_ready:
                 notify("READY=1")

@@ -54,7 +54,7 @@ def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list
     while not heard.endswith(b"#"):
         heard += os.read(device, 100)
     os.close(device)
-    assert re.fullmatch(rb"[+-]\d\d\*\d\d:\d\d#", heard)
+    assert re.fullmatch(rb"[+-]\d\d\xdf\d\d:\d\d#", heard)
     assert demo.end(number) == 0
     assert not pty.is_symlink()
 

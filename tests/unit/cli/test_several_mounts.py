@@ -79,3 +79,17 @@ def test_one_port_that_is_taken_ends_the_program_before_it_is_ready(
     assert out == ""
     assert f":{port}: the port is in use" in error
     assert len(error.splitlines()) == 1
+
+
+def test_ready_is_the_last_thing_that_a_start_prints(started: list[Running]) -> None:
+    one = Running(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"
+    )
+    started.append(one)
+    assert one.process.stdout is not None
+    words: list[str] = []
+    for line in one.process.stdout:
+        words.append(line.split()[0])
+        if line.startswith("ready console"):
+            break
+    assert words[-2:] == ["ready", "ready"] and {"found", "site"} <= set(words[:-2])
