@@ -11,6 +11,9 @@ from random import Random, SystemRandom
 
 import pytest
 
+#: The folder whose modules share a browser and a gateway while they are run in a row, and how many of them are.
+SHARING, IN_A_ROW = "tests/programs/console/", 3
+
 
 def seed() -> str:
     """Return the seed of this run, which its worker processes inherit."""
@@ -22,7 +25,12 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
     chance, modules = Random(seed()), dict[str, list[pytest.Item]]()
     for item in items:
         modules.setdefault(item.nodeid.partition("::")[0], []).append(item)
-    groups = list(modules.values())
-    for group in (groups, *groups):
-        chance.shuffle(group)
-    return [item for group in groups for item in group]
+    for tests in modules.values():
+        chance.shuffle(tests)
+    paths = list(modules)
+    chance.shuffle(paths)
+    sharing = [path for path in paths if path.startswith(SHARING)]
+    rows = [sharing[at : at + IN_A_ROW] for at in range(0, len(sharing), IN_A_ROW)]
+    rows += [[path] for path in paths if path not in sharing]
+    chance.shuffle(rows)
+    return [item for row in rows for path in row for item in modules[path]]
