@@ -152,10 +152,8 @@ class RequestHandler:
         return Answer(DONE, words)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
-        active, presence = self._active.pop(number, None), self._controller.presence
-        if active is not None:
-            self._active[number] = active  # the newest
-        else:
+        active, presence = self._active.get(number), self._controller.presence
+        if active is None:
             active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
             if len(self._active) > REMEMBERED:
                 oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)

@@ -217,8 +217,9 @@ def test_every_question_has_the_same_answer_both_ways(tmp_path: Path) -> None:
 def test_numbers_of_other_libraries_are_numbers(way: str, tmp_path: Path) -> None:
     async def program() -> None:
         async with opened(way, tmp_path) as (mount, _):
+            await mount.position()
             await mount.goto(numpy.float32(20.0), numpy.int64(10))  # type: ignore[arg-type]
-            await mount.stop()
+            await mount.stop()  # what is asked after it is not ended by it
             await mount.perform(op.Move("n", op.Rate(key=numpy.int8(2))))  # type: ignore[arg-type]
             assert await mount.moving()
 
