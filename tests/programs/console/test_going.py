@@ -186,7 +186,7 @@ def test_below_the_horizon_is_refused_in_words(console: Console, visit: Callable
     page = visit()
     page.find("18:37:00 -70:00:00")
     assert not page.page.locator("#go").is_enabled()
-    assert "lower than the 10 degrees that are allowed" in page.text("#place .why")
+    assert "below the lowest altitude, 10°" in page.text("#place .why")
     with console.program() as program:  # and what another program is refused stands among the readings
         program.say(b":Sr18:37:00#:Sd-70*00:00#", 2)
         assert program.say(b":MS#", 1) != b"0"
