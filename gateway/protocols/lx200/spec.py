@@ -94,7 +94,7 @@ def _answered_ack(heard: bytes, still: float) -> str | None:
     """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes what it was
     sent before for a command, and refuses that first.
     """
-    heard = heard.removeprefix(b"0").strip()
+    heard = heard.removeprefix(b"0").strip().removesuffix(b"#")
     if len(heard) != 1 or still < LONE:
         return None
     return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None

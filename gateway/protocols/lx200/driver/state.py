@@ -270,7 +270,8 @@ class Lx200Driver(Driver):
         driven = {"driven": True} if self.drive_changed else {}
         guides = {"guides": self.guide_rate} if self.guide_rate_asked else {}
         corrects = {"corrects": sorted(self.corrects)} if self.corrects else {}
-        return {**stands, **({"parked": True} if self.parked else {}), **driven, **guides, **corrects}
+        sent = {"rates": [self.rate_sent, self.pulses_before, self.keys_rate]} if moving and self.rate_sent else {}
+        return {**stands, **({"parked": True} if self.parked else {}), **driven, **guides, **corrects, **sent}
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
         self.parked, self.drive_changed = saved.get("parked") is True, saved.get("driven") is True
@@ -279,6 +280,8 @@ class Lx200Driver(Driver):
         if isinstance(guides := saved.get("guides"), float) and 0.0 < guides <= 1.0:
             self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN)
             self.guide_rate_chosen = self.guide_rate_asked = True
+        if moving and isinstance(rates := saved.get("rates"), list) and len(rates) == 3:
+            self.rate_sent, self.pulses_before, self.keys_rate = (str(one) if one else None for one in rates)
         if isinstance(corrects := saved.get("corrects"), list):
             self.corrects = frozenset({1, 2}.intersection(corrects))
 
