@@ -69,6 +69,8 @@ class Reader:
         self._stopped_after = 0
         #: Clients get the last known position, because the mount has not replied in time.
         self.gives_last_position = False
+        #: The last reading that was given to a client as it was, by the time when it was complete, and when that was.
+        self._given: dict[Kind, tuple[float, float]] = {}
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()
         self.status: Signal[op.Status] = Signal()
@@ -106,9 +108,18 @@ class Reader:
             return NOT_CACHED
         if not self._moves:
             return entry.value
-        if self._now() - entry.reading.complete > SOONEST and not any(course_of(self._context, kind, entry).rates):
+        if not any(course_of(self._context, kind, entry).rates) and self._was_given(kind, entry.reading.complete):
             return NOT_CACHED  # nothing says how it goes on: a mount that moves is asked, rather than a value repeated
         return self._going_on(kind, entry, self._instant())
+
+    def _was_given(self, kind: Kind, complete: float) -> bool:
+        """Whether the reading that was complete at this time was given to a client, longer ago than a moment."""
+        now = self._now()
+        reading, at = self._given.get(kind, (0.0, 0.0))
+        if reading != complete:
+            self._given[kind] = complete, now
+            return False
+        return now - max(at, complete) > SOONEST
 
     def peek_own(self, operation: op.Own, program: Program) -> bytes:
         """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
