@@ -179,7 +179,7 @@ def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: 
         async with shown(tmp_path, orders=["goto"]) as there:
             there.broker.say(COMMAND, b"goto Acrux")  # never rises at the simulated site
             await until(lambda: there.happened("failed"))
-            assert "Below Horizon" in there.happened("failed")[0]
+            assert "below the horizon" in there.happened("failed")[0]
             there.broker.say(COMMAND, b"goto Vegaa")
             await until(lambda: len(there.happened("failed")) == 2)
             assert "there is no object 'Vegaa'" in there.happened("failed")[1]
