@@ -228,8 +228,8 @@ def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> N
         (b"Connected=%ff", 400),
         (b"&".join([b"a=1"] * 200), 400),
         (b'{"Connected": true}', 400),
-        (MULTIPART[:-8], 400),
         (MULTIPART[:-60], 400),
+        (MULTIPART.removesuffix(b"\r\n--xY7--\r\n"), 400),  # the number may have been longer
         (MULTIPART.replace(b"-3", b"\xff"), 400),
         (b"--", 400),
         (b"x" * 9000, 413),
