@@ -117,6 +117,8 @@ class Mount:
             )
         elif isinstance(operation, op.SetClock):
             self.clock = op.Moment(operation.unix, operation.offset)
+        if isinstance(operation, op.Read) and type(operation) not in answers:
+            raise Unsupported  # as a mount that does not report it
         return answers.get(type(operation))
 
     def of(self, kind: type[op.Operation]) -> list[Any]:

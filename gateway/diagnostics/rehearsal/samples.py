@@ -40,7 +40,7 @@ _BY_COMMAND: dict[tuple[str, str], object] = {
     ("set_guideratedeclination", "rate"): 0.001, ("set_guideraterightascension", "rate"): 0.001,
     **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
 }  # fmt: skip
-_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28), "HIGH PRECISION", "GD")
+_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
 
 
 def example(command: Command) -> bytes:
@@ -51,7 +51,8 @@ def example(command: Command) -> bytes:
 
 def value(command: Command, name: str, field: Codec) -> object:
     """Return a value that the field can encode and decode."""
-    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING)
+    words = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
+    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING, *words)
     for value in (value for value in wanted if value is not None):
         try:
             field.decode(field.encode(value))

@@ -157,11 +157,11 @@ def test_the_printed_tables_are_up_to_date() -> None:
 
 @pytest.mark.parametrize("page", ["TARGET", "KEYS"])
 def test_an_old_page_is_told(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    old = TABLES.ROOT / "docs" / f"old-{page}.md"
-    monkeypatch.setattr(TABLES, "ROOT", tmp_path)
-    monkeypatch.setattr(TABLES, page, tmp_path / old.name)
-    (tmp_path / old.name).write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
-    assert f"{old.name} is old: run python docs/tools/tables.py" in list(TABLES.problems())
+    old = tmp_path / "old.md"
+    old.write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
+    monkeypatch.setattr(TABLES, "ROOT", Path("/"))
+    monkeypatch.setattr(TABLES, page, old)
+    assert any("old.md is old: run python docs/tools/tables.py" in problem for problem in TABLES.problems())
 
 
 @each(("client", "mount"), pairs())
