@@ -17,10 +17,11 @@ from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
 ABOUT = ("-h", "--help", "--version")
-#: Flags that mean ``all`` without a value -> the values that may also follow as a word of their own.
+#: Flags that may have no value -> the values that may also follow as a word of their own; what they mean without one.
 _SIDES = ("program", "mount", "changes", "refusals")
 LOG = ("all", "true", "false", *_SIDES, "json", *(f"json-{side}" for side in _SIDES))
 ALONE = {"--log": LOG, "--read-only": ("all", "true")}
+BARE = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
 POINTING = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
@@ -91,7 +92,7 @@ def _protected(argv: list[str]) -> list[str]:
 
     ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
     A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
-    ``--log=all`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is the name
+    ``--log=true`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is the name
     of a file. Raises UserError if there is no such file behind ``--log``: a word of it was meant.
     """
     words: list[str] = []
@@ -103,7 +104,7 @@ def _protected(argv: list[str]) -> list[str]:
         if alone == "--log" and re.fullmatch(r"\w[\w-]*", word) and not os.path.exists(word):
             raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG)}")
         alone = word if word in ALONE else ""
-        word = f"{word}=all" if alone else word
+        word = f"{word}={BARE[word]}" if alone else word
         if words and re.fullmatch(r"--[a-z-]+", words[-1]) and re.match(r"-[\d.]", word):
             words[-1] += f"={word}"
         elif words and words[0] in POINTING and re.match(r"-[\d.]", word):

@@ -137,8 +137,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
             "json-refusals",
         ],
         key(
-            "show the conversation in words: all, or only program, mount, changes or refusals; json, json-changes and "
-            "so on print one JSON object a line",
+            "show the conversation in words; all counts repeated requests, too; program, mount, changes, refusals show "
+            "only these; json, json-changes and so on print one JSON object a line",
             "WHAT",
             common=True,
         ),

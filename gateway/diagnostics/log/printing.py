@@ -67,8 +67,8 @@ class _Party:
 class Folding:
     """Filters all lines, in order.
 
-    ``kept`` is the user's choice: "changes" leaves out every query that is answered, "refusals" everything that
-    succeeds.
+    ``kept`` is the user's choice: "all", "normal" without lists of what was asked again, "changes" without queries that
+    are answered, "refusals" without everything that succeeds.
     """
 
     def __init__(self, kept: str = "all") -> None:
@@ -195,9 +195,9 @@ class Folding:
         counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
-        if not counts:
+        if not counts or self._kept == "normal":
             return []
-        words = "asked again meanwhile: " + ", ".join(f"{asked} {_times(count)}" for asked, count in counts.items())
+        words = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
         return [Row(by.time, by.side, "=", b"", words, "again", by.name)]
 
     def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:

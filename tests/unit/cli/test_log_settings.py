@@ -23,7 +23,7 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
     ("flags", "log"),
     [
         ([], False),
-        (["--log"], "all"),
+        (["--log"], True),
         (["--no-log"], False),
         (["--log=mount"], "mount"),
         (["--log=refusals"], "refusals"),
@@ -33,7 +33,7 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
         (["--log=false"], False),
         (["--log=json"], "json"),
         (["--log=json-changes"], "json-changes"),
-        (["--log", "--wait"], "all"),
+        (["--log", "--wait"], True),
         (["--log=program", "--no-log"], False),
     ],
 )
@@ -44,7 +44,7 @@ def test_flags(flags: list[str], log: Any) -> None:
 
 def test_a_word_behind_the_flag_is_no_part_of_it() -> None:
     words = _protected(["demo", "--log", "--port", "0"])
-    assert parser(words[:1]).parse_args(words).log == "all"
+    assert parser(words[:1]).parse_args(words).log is True
 
 
 @pytest.mark.parametrize(
@@ -104,11 +104,11 @@ def test_what_is_logged_may_be_a_word_of_its_own(word: str) -> None:
 def test_any_other_word_stays_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for word in ("evening.toml", "./evening"):
-        assert _protected(["run", "--log", word]) == ["run", "--log=all", word]
+        assert _protected(["run", "--log", word]) == ["run", "--log=true", word]
     with pytest.raises(UserError, match="write one of all"):
         _protected(["run", "--log", "evening"])
     Path("evening").touch()
-    assert _protected(["run", "--log", "evening"]) == ["run", "--log=all", "evening"]
+    assert _protected(["run", "--log", "evening"]) == ["run", "--log=true", "evening"]
     assert _protected(["run", "--read-only", "all"]) == ["run", "--read-only=all"]
     assert _protected(["run", "--read-only", "changes"]) == ["run", "--read-only=all", "changes"]
-    assert _protected(["run", "--log", "--read-only", "true"]) == ["run", "--log=all", "--read-only=true"]
+    assert _protected(["run", "--log", "--read-only", "true"]) == ["run", "--log=true", "--read-only=true"]

@@ -55,7 +55,7 @@ def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
 @each(
     ("log", "wanted", "kept"),
     [
-        (True, False, "all"),
+        (True, False, "normal"),
         ("all", False, "all"),
         ("changes", False, "changes"),
         ("json", True, "all"),

@@ -57,12 +57,13 @@ def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
 def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
     async def play() -> None:
         async with Bridge() as bridge:
-            client, log = bridge.client("127.0.0.1:5"), Log(bridge)
+            client, log, normal = bridge.client("127.0.0.1:5"), Log(bridge), Log(bridge, "normal")
             await _poll(client, 2.0)
             for _ in range(3):
                 await client.ask(b":Sr05:34:32#")
+            assert normal.of("127.") == [row for row in log.of("127.") if row[0] != "="]
             assert log.of("127.")[4:] == [
-                "= asked again meanwhile: :GR# 3 times, :GD# 3 times",
+                "= repeated: :GR# ×3, :GD# ×3",
                 "> :Sr05:34:32#",
                 "< 1",
                 "> :Sr05:34:32#",
@@ -112,13 +113,7 @@ def test_a_refusal_ends_the_fold_and_is_shown_with_its_command() -> None:
             log.rows.clear()
             for _ in range(2):
                 assert await client.ask(b":Sr99:00:00#") == b"0"
-            assert log.of("127.") == [
-                "= asked again meanwhile: :GR# 5 times, :GD# 5 times",
-                "> :Sr99:00:00#",
-                "< 0",
-                "> :Sr99:00:00#",
-                "< 0",
-            ]
+            assert log.of("127.") == ["= repeated: :GR# ×5, :GD# ×5", "> :Sr99:00:00#", "< 0", "> :Sr99:00:00#", "< 0"]
             assert [row.kind for row in log.rows if row.arrow == "<" and row.side.startswith("127.")] == ["no", "no"]
 
     run(play())
