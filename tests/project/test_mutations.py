@@ -7,11 +7,11 @@ from tests.support.each import each
 
 
 @each("mutation", MUTATIONS)
-def test_it_changes_as_many_places_as_it_says(mutation: Mutation) -> None:
+def test_mutation_changes_as_many_places_as_it_says(mutation: Mutation) -> None:
     matches = [number for _, number in mutation.applied(ROOT).values()]
     assert sum(matches) == mutation.places, mutation.what
 
 
 @each("mutation", MUTATIONS)
-def test_its_tests_are_there(mutation: Mutation) -> None:
+def test_tests_of_a_mutation_exist(mutation: Mutation) -> None:
     assert all((ROOT / test).exists() for test in mutation.tests.split()), mutation.tests

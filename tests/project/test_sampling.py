@@ -11,7 +11,7 @@ from tests.support.sampling import chosen
 
 @each("times", [1, 2])
 @each("lengths", [(4, 2, 6), (7, 8), (3, 3, 3, 3)])
-def test_every_value_is_met(lengths: tuple[int, ...], times: int) -> None:
+def test_sample_of_a_grid_has_every_value(lengths: tuple[int, ...], times: int) -> None:
     rows = list(product(*(range(length) for length in lengths)))
     taken = chosen(rows, times)
     for axis, length in enumerate(lengths):
@@ -21,6 +21,6 @@ def test_every_value_is_met(lengths: tuple[int, ...], times: int) -> None:
     assert taken == sorted(set(taken)) == chosen(rows, times)
 
 
-def test_no_combination_comes_twice() -> None:
+def test_sample_has_no_combination_twice() -> None:
     rows = [*product("ab", "xy")]
     assert len(chosen(rows, 9)) == len(rows)

@@ -28,7 +28,7 @@ CASES = {str(case): case for case in cases()}
 @pytest.mark.parametrize(
     "case", as_a_rule(["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"], whole=[*CASES])
 )
-def test_bytes_into_a_surface(case: str, kind: str) -> None:
+def test_random_bytes_leave_a_surface_sane(case: str, kind: str) -> None:
     judge = Judge(CASES[case])
     size = as_a_rule(800, whole=200_000)
     done, longest = run(throw(CASES[case], kind, Random(f"{case} {kind}"), size, judge))
@@ -46,7 +46,7 @@ def test_no_memory_is_kept_for_the_bytes_of_a_program() -> None:
     ("mount", "seed"),
     as_a_rule([("lx200:lx200gps", 6), ("nexstar:cpc", 8)], whole=[(":".join(mount), 6) for mount in mounts()]),
 )
-def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
+def test_corrupted_replies_leave_a_driver_sane(mount: str, seed: int) -> None:
     findings = Findings()
     size = as_a_rule(800, whole=100_000)
     assert run(corrupt(*mount.split(":"), Random(seed), size, findings)) >= size
@@ -54,7 +54,7 @@ def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
     assert findings.ended["value"]
 
 
-def test_the_judges_know_bad_from_good() -> None:
+def test_judges_of_random_bytes_know_bad_from_good() -> None:
     lx200, nexstar = PROTOCOLS["lx200"], PROTOCOLS["nexstar"]
     assert not of_reply(lx200, b":GR#", b"12:34:56#")
     assert not of_reply(nexstar, b"V", b"\x04\x15#")

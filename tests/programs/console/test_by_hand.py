@@ -40,7 +40,7 @@ def held(console: Console, page: Visit, direction: str = "north") -> Iterator[No
     console.at_rest()
 
 
-def test_it_moves_while_held(console: Console, visit: Callable[..., Visit]) -> None:
+def test_arrow_moves_the_mount_while_it_is_held(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     with held(console, page):
         page.until("it says so", lambda: page.does("Moved by hand"))
@@ -59,7 +59,7 @@ def test_motion_ends_when_something_is_lost(console: Console, visit: Callable[..
         page.page.evaluate("Object.defineProperty(document, 'hidden', {value: false, configurable: true})")
 
 
-def test_it_ends_when_the_page_stands_still(console: Console, visit: Callable[..., Visit]) -> None:
+def test_motion_ends_when_the_page_stands_still(console: Console, visit: Callable[..., Visit]) -> None:
     """Its connection stays open and says nothing any more, as when a network breaks or a phone falls asleep."""
     page = visit()
     script = page.page.context.new_cdp_session(page.page)
@@ -117,7 +117,7 @@ def test_the_arrows_of_an_alt_azimuth_mount_are_those_of_its_tube(visit: Callabl
     )
 
 
-def test_enter_holds_a_button(console: Console, visit: Callable[..., Visit]) -> None:
+def test_enter_holds_an_arrow(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
     start = console.truth.position()
@@ -196,7 +196,7 @@ def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) ->
 
 
 @pytest.mark.parametrize(("drive", "name"), [(1.0, "Stars"), (0.9763, "Moon"), (0.9973, "Sun")])
-def test_it_shows_what_it_follows(visit: Callable[..., Visit], drive: float, name: str) -> None:
+def test_page_shows_the_rate_of_tracking(visit: Callable[..., Visit], drive: float, name: str) -> None:
     """As an equatorial mount whose motors turn at that part of the stars' speed."""
     page = visit(told={'"equatorial":false': '"equatorial":true', '"drive\\":': f'"drive\\":{drive},\\"told\\":'})
     page.show("control")

@@ -152,7 +152,7 @@ def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit]) -> N
         page.page.click("#ask-no")
 
 
-def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit]) -> None:
+def test_keyboard_reaches_every_control(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.find("Aldebaran")
     for _ in page.sizes(PHONE, TABLET, DESK):
@@ -185,7 +185,7 @@ def test_every_control_has_a_name(visit: Callable[..., Visit]) -> None:
                 assert name, (view, role, one.evaluate("one => one.outerHTML"))
 
 
-def test_it_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
+def test_page_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
     """On a loaded computer not at the first visit."""
 
     def paints() -> bool:
@@ -196,7 +196,7 @@ def test_it_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
     wait_until("it is there in time", paints)
 
 
-def test_few_requests_bring_it_and_a_reload_brings_nothing_again(visit: Callable[..., Visit]) -> None:
+def test_page_needs_few_requests_and_a_reload_none(visit: Callable[..., Visit]) -> None:
     """So it is there within a second at 0.15 s of round trip: two for the page, two for its script and the socket."""
     page = visit()
     loaded = "performance.getEntriesByType('resource').map(one => [one.name.split('/').at(-1), one.transferSize])"
@@ -210,7 +210,7 @@ def test_few_requests_bring_it_and_a_reload_brings_nothing_again(visit: Callable
     assert len(sockets) == 1, "the modules take over the connection that was begun before them"
 
 
-def test_it_is_small() -> None:
+def test_page_is_small() -> None:
     """Packed, with the stars of the chart; the catalogue of deep sky objects is loaded when somebody wants the list."""
     files = [
         path for path in PAGE.rglob("*") if path.suffix in (".html", ".css", ".js", ".svg") or path.name == "stars.json"
@@ -220,14 +220,14 @@ def test_it_is_small() -> None:
     assert sum(sizes) <= LARGEST
 
 
-def test_nothing_in_it_is_parsed_as_markup() -> None:
+def test_scripts_parse_nothing_as_markup() -> None:
     for path in PAGE.rglob("*.js"):
         text = path.read_text("utf-8")
         for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert word not in text, path
 
 
-def test_its_heap_stays_as_it_is(visit: Callable[..., Visit]) -> None:
+def test_page_keeps_no_memory_of_changes(visit: Callable[..., Visit]) -> None:
     """A minute of changes, as fast as they can be drawn; by hand it was watched for twenty minutes."""
     page = visit(DESK, told={"never": "told"})
     page.find("Aldebaran")
@@ -260,7 +260,7 @@ def test_its_heap_stays_as_it_is(visit: Callable[..., Visit]) -> None:
     page.until("nothing of it stays", lambda: heap() - before < 300_000)
 
 
-def test_its_labels_stand_in_one_table() -> None:
+def test_labels_stand_in_one_table() -> None:
     """Also names for screen readers; the page itself has but what must be there before its scripts."""
     made = re.compile(
         r'(?:\bbutton|\bgroup|\brow|\bchips|\blist)\([`"]\w|\bel\("(?:h\d|dt|label|summary)", \{[^}]*\}, "'

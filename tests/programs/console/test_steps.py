@@ -81,6 +81,7 @@ def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: 
         page.until("the next is offered", lambda place=number: page.text("#spiral-next") == f"Place {place}")
         page.until("it is there", lambda way=minutes: is_away(console, start, way))
         page.until("it tracks", lambda: page.does("Tracking"))
+        console.at_rest()  # what the page shows is a moment old
         if number == 2:
             page.page.click("#spiral-next")
     page.page.get_by_role("button", name="Back").click()

@@ -57,7 +57,7 @@ def refusals(own: Stage) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent if "console" in notice.side]
 
 
-def test_a_tap_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
+def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
     """As the taps of programs do, which ``integration/motion/test_taps.py`` tries on every mount."""
     mount = "cpc"
 
@@ -85,7 +85,7 @@ def test_a_tap_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
 
 @pytest.mark.parametrize("delay", [0.0, *DELAYS])
 @pytest.mark.parametrize("gap", [0.1, 0.2])
-def test_a_double_tap_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
+def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
     """A tap, and before its answer has come the same arrow is pressed again, held, and let go."""
 
     async def program() -> None:
@@ -105,7 +105,7 @@ def test_a_double_tap_leaves_nothing_moving(scripts: Node, delay: float, gap: fl
     run(program())
 
 
-def test_random_plays_leave_nothing_moving(scripts: Node) -> None:
+def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
     moved = 0.0
     for seed in range(as_a_rule(4, whole=60)):
         delay, jitter = DELAYS[seed % len(DELAYS)], JITTERS[seed % len(JITTERS)]
@@ -115,13 +115,13 @@ def test_random_plays_leave_nothing_moving(scripts: Node) -> None:
     assert moved > 10.0
 
 
-def test_an_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:
+def test_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:
     """A page that still holds the arrow of another one may be refused to go on with it: the mount is slow to answer."""
     outcome = run(play(scripts, 85, 0.05, 0.5, "cpc", 0.3))
     assert not outcome.run_away and outcome.moved > 1.0, outcome
 
 
-def test_a_frozen_network_ends_the_motion(scripts: Node) -> None:
+def test_frozen_network_ends_the_motion(scripts: Node) -> None:
     async def program() -> None:
         async with opened(scripts) as (own, [page]):
             page.press("north")
@@ -203,7 +203,7 @@ class _Nobody:
         """Drop what the page is sent."""
 
 
-def test_what_a_beat_does_not_name_is_halted() -> None:
+def test_beat_halts_an_arrow_that_it_does_not_name() -> None:
     async def program() -> None:
         async with stage("lx200", "cpc", 0.1) as own:
             session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
@@ -224,7 +224,7 @@ def test_what_a_beat_does_not_name_is_halted() -> None:
     run(program())
 
 
-def test_a_tap_is_carried_out_although_beats_do_not_name_it() -> None:
+def test_beat_leaves_a_released_tap_alone() -> None:
     async def program() -> None:
         async with stage("lx200", "cpc", 0.3) as own:
             axes = Axes(own)
@@ -241,7 +241,7 @@ def test_a_tap_is_carried_out_although_beats_do_not_name_it() -> None:
     run(program())
 
 
-def test_a_lost_page_cancels_a_press_that_has_not_begun() -> None:
+def test_lost_page_cancels_a_press_that_has_not_begun() -> None:
     async def program() -> None:
         async with stage("lx200", "cpc", 0.3) as own:
             axes = Axes(own)

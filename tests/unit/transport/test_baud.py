@@ -54,7 +54,7 @@ class Cable:
 
 
 @pytest.mark.parametrize("follows", [True, False])
-def test_the_rate_changes_after_the_answer_and_stays_for_who_follows(
+def test_baud_rate_changes_after_the_answer_and_stays_if_the_program_follows(
     follows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(baud, "TRIAL", 1.0)
@@ -76,7 +76,7 @@ def test_the_rate_changes_after_the_answer_and_stays_for_who_follows(
     asyncio.run(program())
 
 
-def test_two_changes_in_a_row_fall_back_to_the_first_rate() -> None:
+def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
     async def program() -> None:
         rates = [9600]
 
@@ -100,7 +100,7 @@ def test_two_changes_in_a_row_fall_back_to_the_first_rate() -> None:
     run(program())
 
 
-def test_elsewhere_it_is_acknowledged() -> None:
+def test_change_of_baud_rate_is_acknowledged_without_a_serial_port() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             client = bridge.client()

@@ -58,7 +58,7 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
     [("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp"), ("frozen", "alpaca", "tcp")],
 )
 @pytest.mark.safety_line(7)
-def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
+def test_watchdog_stops_the_mount_of_a_dead_or_hung_gateway(
     watch: Callable[[str, str], Watched], failure: str, kind: str, port: str
 ) -> None:
     watched = watch(kind, port)
@@ -88,7 +88,7 @@ def await_end(number: int) -> None:
         time.sleep(0.05)
 
 
-def test_the_next_gateway_has_the_port_at_once(watch: Callable[[str, str], Watched]) -> None:
+def test_watchdog_leaves_the_port_to_the_next_gateway(watch: Callable[[str, str], Watched]) -> None:
     """The watchdog shares the port's lock with the gateway that is dead, and ends when another one has the mount."""
     watched = watch("nexstar", "pty")
     watched.move()
@@ -104,7 +104,7 @@ def test_the_next_gateway_has_the_port_at_once(watch: Callable[[str, str], Watch
     await_end(old)
 
 
-def test_one_that_was_killed_is_replaced(watch: Callable[[str, str], Watched]) -> None:
+def test_gateway_replaces_a_killed_watchdog(watch: Callable[[str, str], Watched]) -> None:
     watched = watch("nexstar", "tcp")
     first = watched.watchdog()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -133,7 +133,7 @@ def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Wa
     assert "watchdog" not in watched.gateway.said, "nothing was left for it to do"
 
 
-def test_it_can_be_put_out(tmp_path: Path, started: list[Running]) -> None:
+def test_no_watchdog_flag_starts_no_watchdog(tmp_path: Path, started: list[Running]) -> None:
     gateway = Running(
         "run",
         "--no-console",
@@ -192,7 +192,7 @@ class Process:
             self.line.settimeout(PATIENCE)
 
 
-def test_no_signal_ends_it_in_its_first_moment() -> None:
+def test_watchdog_survives_signals_from_its_first_moment() -> None:
     """Ctrl-C reaches a whole group of processes: one that is not ready for it yet would leave the mount alone."""
 
     async def gateway() -> None:
@@ -210,7 +210,7 @@ def test_no_signal_ends_it_in_its_first_moment() -> None:
     asyncio.run(gateway())
 
 
-def test_it_is_started_with_the_first_motion_at_the_latest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_motion_starts_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the first answer it would only be in the way. It learns of the line first, and once."""
     processes: list[socket.socket] = []
 
@@ -244,9 +244,7 @@ def process() -> Iterator[Process]:
         link.close()
 
 
-def test_it_is_silent_until_something_moves_and_repeats_the_stop_until_another_has_the_mount(
-    process: Process, tmp_path: Path
-) -> None:
+def test_watchdog_repeats_the_stop_until_another_gateway_has_the_mount(process: Process, tmp_path: Path) -> None:
     lock = tmp_path / "mount.lock"
     lock.write_text("1")
     process.register(lock)
@@ -262,7 +260,7 @@ def test_it_is_silent_until_something_moves_and_repeats_the_stop_until_another_h
     assert process.heard() in (b"", b"MP\x02\x10"), "the mount is another gateway's"
 
 
-def test_at_rest_no_heartbeat_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_needs_no_heartbeat_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     here, there = socket.socketpair()
     waits = []
 
@@ -281,7 +279,7 @@ def test_at_rest_no_heartbeat_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("stood_still", "stopped"), [(0.0, 1), (10.0, 0)])
-def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
+def test_watchdog_that_was_paused_does_not_call_the_gateway_silent(
     monkeypatch: pytest.MonkeyPatch, stood_still: float, stopped: int
 ) -> None:
     """A virtual machine that was paused with something in motion: the gateway has its time to be heard, too."""
@@ -321,7 +319,7 @@ def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
         ((True, True), 1.0, 5.0),
     ],
 )
-def test_a_gateway_that_is_not_run_has_more_time_on_a_clear_path(
+def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
     monkeypatch: pytest.MonkeyPatch, clear: tuple[bool, ...], share: float, until: float
 ) -> None:
     here, there = socket.socketpair()
@@ -349,7 +347,7 @@ def test_a_gateway_that_is_not_run_has_more_time_on_a_clear_path(
     assert stopped == pytest.approx([100.0 + until])
 
 
-def test_a_starved_gateway_that_hangs_is_stopped_at_the_next_look(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
     here, there = socket.socketpair()
     clock = [100.0]
 
@@ -373,14 +371,14 @@ def test_a_starved_gateway_that_hangs_is_stopped_at_the_next_look(monkeypatch: p
     assert clock[0] < 102.3
 
 
-def test_the_wait_for_a_processor_is_read_where_linux_tells_it() -> None:
+def test_watchdog_reads_the_wait_for_a_processor_from_linux() -> None:
     told = waited(str(os.getpid()))
     assert told >= 0.0 or not Path("/proc/self/schedstat").exists()
     assert math.isnan(waited("0"))
 
 
 @pytest.mark.safety_line(7)
-def test_a_gateway_that_ends_while_its_wait_is_read_does_not_end_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its file in /proc can be opened still, and reading it fails: the mount is stopped all the same."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     descriptor = os.open(f"/proc/{child.pid}/schedstat", os.O_RDONLY)
@@ -394,7 +392,7 @@ def test_a_gateway_that_ends_while_its_wait_is_read_does_not_end_the_watchdog(mo
 
 
 @pytest.mark.parametrize("moving", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-def test_the_stop_is_known_beforehand_and_the_driver_learns_nothing_from_it(moving: bytes) -> None:
+def test_stop_commands_change_nothing_in_the_driver(moving: bytes) -> None:
     """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
 
     async def program() -> None:
@@ -420,13 +418,13 @@ def test_telnet_bytes_are_doubled_where_the_line_is_rfc_2217() -> None:
     assert on_the_wire("/dev/ttyUSB0", b"P\xff\0") == b"P\xff\0"
 
 
-def test_a_simulated_mount_of_the_gateway_itself_needs_none() -> None:
+def test_simulated_mount_of_the_gateway_has_no_watchdog() -> None:
     gateway = Gateway(MountConfig(at="nexstar@sim"), [])
     gateway._connect_watchdog()
     assert gateway.watched is None
 
 
-def test_windows_has_few_signals_and_loads_it_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_client_loads_without_unix_signals(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SIGHUP", "SIGQUIT", "SIGTSTP"):
         monkeypatch.delattr(signal, name)
     loaded = runpy.run_path(str(PROGRAM.with_name("client.py")))
@@ -476,7 +474,7 @@ def test_a_path_beyond_a_limit_is_not_clear() -> None:
     run(program())
 
 
-def test_the_process_is_told_of_a_clear_path() -> None:
+def test_gateway_tells_the_watchdog_of_a_clear_path() -> None:
     told, clear = list[str](), [False]
     watchdog: Any = SimpleNamespace(
         start=lambda: None, send=lambda text, descriptors=(): told.append(text), beat=lambda: None
@@ -491,7 +489,7 @@ def test_the_process_is_told_of_a_clear_path() -> None:
     assert told == ["moving 0 4d", "clear 0 4d", "moving 0 4d"]
 
 
-def test_a_server_that_closes_each_connection_gets_every_request() -> None:
+def test_watchdog_sends_every_request_to_a_server_that_closes_connections() -> None:
     heard: list[bytes] = []
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
