@@ -152,10 +152,7 @@ MUTATIONS = [
         "tests/unit/mount/readings/test_rest.py",
     ),
     Mutation(
-        "nothing is sent first after a reconnect",
-        r"self\.reopened\.emit\(words\)",
-        "pass",
-        f"{STOPS}/test_line_back.py",
+        "nothing is sent first after a reconnect", r"self\.reopened\.emit\(None\)", "pass", f"{STOPS}/test_line_back.py"
     ),
     # --- limits
     Mutation(
@@ -191,8 +188,8 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync near the zenith by day counts by the sky alone",
-        r"if distance <= NEARBY and not by_day:",
-        "if distance <= NEARBY:",
+        r"if not by_day:",
+        "if True:",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
     Mutation(
