@@ -63,8 +63,10 @@ class WireLog:
         self._logged: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
         self.recent: deque[Notice] = deque(maxlen=REMEMBERED)
-        #: The number of refusals, logged or not.
+        #: The number of refusals, logged or not; and what is called with each that is another one than the last.
         self.refusals = 0
+        self.on_refusal: Callable[[str], object] | None = None
+        self._refused_last = ""
 
     def remove(self, sink: Sink) -> None:
         """Remove a sink, if it is still there: a sink that fails has been removed already."""
@@ -100,6 +102,9 @@ class WireLog:
         """Record that a client's command was refused; with ``once_of`` (a host) it is logged once per text and host."""
         self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
+        if self.on_refusal is not None and text != self._refused_last:
+            self._refused_last = text
+            self.on_refusal(text)
         if once_of is None:
             self.note(side, text)
         else:

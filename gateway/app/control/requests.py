@@ -113,7 +113,9 @@ class RequestHandler:
         if isinstance(request, requests.Halt):
             assert self._gateway.store is not None
             return await halt(request, self._controller, self._gateway.store)
+        named = "It"
         if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
+            named = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
             stops = self._controller.stops
@@ -145,7 +147,8 @@ class RequestHandler:
             words = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
             if not asks:
                 wire_log.refused(active.activity.who, words)
-            return Answer(FAILED, explain(fault, self._controller.policy.limits), type(fault).__name__)
+            told = explain(fault, self._controller.policy.limits)
+            return Answer(FAILED, named + told[2:] if told.startswith("It is") else told, type(fault).__name__)
         if not (asks or kept_alive):
             answer = "" if isinstance(request, requests.Perform) else f": {words}"
             wire_log.put(active.activity.who, "*", note=f"{what}{answer}")

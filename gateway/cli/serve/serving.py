@@ -129,6 +129,8 @@ async def serve_mounts(
         wire_log = WireLog(time.time)
         if config.log:
             wire_log.sinks.append(_log(config, mount))
+        else:
+            wire_log.on_refusal = screen.warn
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
         gateways[-1].web = web or WebServer(partial(load_console, None, gateways[-1:]))
         gateways[-1].open_store()

@@ -21,6 +21,7 @@ from gateway.mount.policy import Limits
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.process import Running, ask
 from tests.unit.mount.site.test_sources import as_lx200
 
 JUNE = 1782039600.0
@@ -160,3 +161,15 @@ def test_a_goal_that_is_low_is_told_with_its_altitude_and_when_it_rises(lowest: 
             assert rises == pytest.approx(height, abs=0.3)
 
     run(program())
+
+
+def test_the_terminal_of_run_shows_a_refusal_in_one_line_without_a_log() -> None:
+    """It does not repeat it for a program that tries again."""
+    settings = ("--no-discovery", "--no-status", "--sun", "0", "--no-watchdog")
+    gateway = Running("run", "--mount", "nexstar:cge@sim", "--surface", "lx200@tcp://127.0.0.1:0", *settings)
+    where = gateway.ready()
+    for _ in range(2):
+        assert ask(where, b":Sr06:00:00#:Sd-80*00:00#:MS#")[:3] == b"111"
+    gateway.end()
+    [line] = [line for line in gateway.said.splitlines() if "below the horizon" in line]
+    assert re.search(r"\(-\d+°\)\. It does not rise here\.", line)

@@ -2,6 +2,7 @@
 
 python -m tests.support.instrument evenings [--slip right …] [--gotos 200] [--lowest 15] [--park] [--without RULE]
 python -m tests.support.instrument attacks [--only WORDS] [--kinds 6] [--without RULE]
+python -m tests.support.instrument rules [--only WORDS] [--kinds 6] [--json EVENINGS]
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from msgspec import json
 from gateway.diagnostics.virtual_time import run
 from tests.support.instrument.attacks import Result, assault, attacks
 from tests.support.instrument.evening import Told, cells, evening, prepare
-from tests.support.instrument.rules import SWITCHES, without
+from tests.support.instrument.rules import RULES, without
 from tests.support.instrument.worlds import SLIPS
 
 
@@ -63,7 +64,7 @@ def by_kind_and_rule(told: list[Told]) -> Iterator[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("evenings", "attacks"))
+    parser.add_argument("what", choices=("evenings", "attacks", "rules"))
     parser.add_argument("--slip", action="append", choices=SLIPS)
     parser.add_argument("--gotos", type=int, default=180)
     parser.add_argument("--lowest", type=float)
@@ -71,12 +72,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="")
     parser.add_argument("--kinds", type=int, default=6, help="on how many kinds of mount each attack is tried")
-    parser.add_argument("--without", choices=SWITCHES)
+    parser.add_argument("--without", choices=RULES)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     prepare()
     with without(chosen.without):
-        (evenings if chosen.what == "evenings" else assaults)(chosen)
+        {"evenings": evenings, "attacks": assaults, "rules": rules}[chosen.what](chosen)
 
 
 def evenings(chosen: argparse.Namespace) -> None:
@@ -92,16 +93,39 @@ def evenings(chosen: argparse.Namespace) -> None:
     print("\n".join([*by_slip(told), *by_kind_and_rule(told)]))
 
 
+def results(words: str, kinds: int, seed: int) -> Iterator[tuple[str, list[Result]]]:
+    """Play each attack whose name has these words on some kinds of mount."""
+    for number, one in enumerate(one for one in attacks() if words in one.name):
+        first = (number + seed * kinds) % len(one.kinds)
+        tried = (one.kinds * 2)[first : first + min(kinds, len(one.kinds))]
+        yield one.name, [run(assault(one, kind, seed + place + number)) for place, kind in enumerate(tried)]
+
+
 def assaults(chosen: argparse.Namespace) -> None:
     print("| attack | runs | through | where |\n|---|---|---|---|")
     every: list[Result] = []
-    for number, one in enumerate(one for one in attacks() if chosen.only in one.name):
-        first = (number + chosen.seed * chosen.kinds) % len(one.kinds)
-        tried = (one.kinds * 2)[first : first + min(chosen.kinds, len(one.kinds))]
-        rows = [run(assault(one, kind, chosen.seed + place + number)) for place, kind in enumerate(tried)]
+    for name, rows in results(chosen.only, chosen.kinds, chosen.seed):
         through, every = [row for row in rows if row.through], [*every, *rows]
-        print(f"| {one.name} | {len(rows)} | {len(through)} | {', '.join(map(str, through))} |", flush=True)
+        print(f"| {name} | {len(rows)} | {len(through)} | {', '.join(map(str, through))} |", flush=True)
     print(f"| all | {len(every)} | {sum(bool(row.through) for row in every)} | |")
+
+
+def rules(chosen: argparse.Namespace) -> None:
+    """Switch off one rule after the other. ``--json`` names the evenings of before."""
+    told = json.decode(chosen.json.read_bytes(), type=list[Told]) if chosen.json else []
+    print("| rule | danger | attacks that it stops | harmless refusals | file |\n|---|---|---|---|---|")
+    for name, rule in RULES.items():
+        if chosen.only in name:
+            with without(name):
+                rows = [row for _, rows in results(rule.tried, chosen.kinds, chosen.seed) for row in rows]
+            stops, lost = (
+                sum(bool(row.through) for row in rows),
+                sum(one.lost and one.new for one in told if one.rule == name),
+            )
+            print(
+                f"| {name} | {rule.danger} | {stops} of {len(rows)} | {lost} of {len(told):,} | `{rule.file}` |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

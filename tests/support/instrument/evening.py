@@ -23,9 +23,8 @@ ARRIVED, SLACK = 1.0, 0.4
 
 
 class Told(Struct, frozen=True):
-    """One goto. ``seen``: by night, by day, or by night with the Sun up by some source; ``up``: whether the goal is up
-    by the mount's own site and clock. ``outcome``: done, refused, short; ``rule`` is the one behind a refusal.
-    ``through``: D1 or D2 if the tube really came there.
+    """One goto. ``lit``: some source has the Sun up; ``low``: the goal; ``up``: it is, by the mount's own clock.
+    ``outcome``: done, refused, short, by ``rule``. ``through``: D1 or D2 if the tube really came there.
     """
 
     kind: str
@@ -87,14 +86,13 @@ async def one_goto(world: World, there: tuple[float, float], slip: str, day: boo
     alone = world.alone(goal, there if horizontal else None)
     lit, first = world.lit(), len(world.looks)
     world.look()
-    words = await (world.goto_horizontal(*there) if horizontal else world.goto(*goal))
+    words = await world.goto(*(there if horizontal else goal), horizontal)
     outcome = "refused" if words else "done"
     if not words:
         await world.rest()
-        # a German mount's twin may have flipped, so compare the goals over the same sky: the end tracks
-        rests = horizontal and separation(*alone.end, *world.sim.truth()) > ARRIVED
-        here = world.looks[-1]
-        off = separation(here.azimuth, here.altitude, *there) if rests else separation(*alone.end, *world.sim.truth())
+        here, off = world.looks[-1], separation(*alone.end, *world.sim.truth())
+        if horizontal:  # it may track there, or not
+            off = min(off, separation(here.azimuth, here.altitude, *there))
         if off > ARRIVED:
             notes = world.notes()
             outcome, words = "short", next((note for note in notes if "stopped" in note), f"{off:.0f} degrees short")

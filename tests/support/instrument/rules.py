@@ -1,53 +1,91 @@
-"""The rules about the Sun and the altitudes: how their refusals read, and how each can be switched off."""
+"""The rules about the Sun and the altitudes: how their refusals read, where they are, and how each is switched off."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
+from gateway.mount.safety.admission import slew_paths, syncs
 from gateway.mount.safety.allow import ALLOWED
+from gateway.mount.site.astrometry import SunAvoidance
+from gateway.mount.site.site_clock import BestSources
 
-#: A word of a refusal or of an end -> the rule behind it. The first that fits counts.
-WORDS = {
-    "stopped at the altitude": "watch of altitude", "stopped at the Sun": "watch of the Sun",
-    "syncs": "if the syncs were wrong", "Too low by": "altitude by other sources",
-    "Too high by": "altitude by other sources", "way is too": "way and altitude", "Past the Sun": "way and Sun",
-    "way there passes": "way and Sun", "Near the Sun by": "other sources' Suns", "Sun": "goal and Sun",
-    "orizon": "goal and altitude", "Limit": "goal and altitude", "time is unknown": "time unknown",
-}  # fmt: skip
 #: Where the rules of gotos are used.
 MOTIONS, WATCH = "gateway.mount.safety.admission.motions", "gateway.mount.safety.allow"
 
 
-def rule_of(words: str) -> str:
-    return next((rule for word, rule in WORDS.items() if word in words), "other")
+class Rule(NamedTuple):
+    """``words``: of its refusals and ends. ``tried``: words of the attacks on which it is judged. ``off``: what carries
+    it, and what replaces that.
+    """
+
+    words: tuple[str, ...]
+    danger: str
+    file: str
+    tried: str
+    off: tuple[tuple[str, Any], ...]
 
 
 def _nothing(*_: Any, **__: Any) -> None:
     return None
 
 
-async def _no_ways(*_: Any, **__: Any) -> bool:
-    return False
+def _every_way(mount: Any, limits: Any, journey: Any, stretch: float = 0.0) -> Any:
+    return slew_paths.paths_of(mount, journey)
 
 
-#: A rule -> the functions that carry it, and what replaces them.
-SWITCHES: dict[str, list[tuple[str, Callable[..., Any]]]] = {
-    "altitude by other sources": [(f"{MOTIONS}.check_contradictions", _nothing)],
-    "if the syncs were wrong": [(f"{MOTIONS}.check_synced", _nothing)],
-    "way and altitude": [(f"{MOTIONS}.check_ways", _no_ways)],
-    "way and Sun": [(f"{MOTIONS}.clear", lambda *_, **__: True)],
-    "watch of altitude": [(f"{WATCH}.altitude", lambda view: ALLOWED)],
-    "watch of the Sun": [(f"{WATCH}.near_sun", lambda view: ALLOWED)],
-}
+def _by_night(*given: Any) -> Any:
+    return check_sync(*given[:5], False, given[6])
+
+
+def _one_frame(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
+    return [sun for sun in suns(self, frame, ahead) if sun.shift is None]
+
+
+def _own(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
+    return [sun for sun in suns(self, frame, ahead) if sun.own]
+
+
+check_sync, suns = syncs.check_sync, SunAvoidance.suns
+#: The first whose words fit a refusal is behind it.
+RULES = {
+    "altitude, watched": Rule(("stopped at the altitude",), "D2", "safety/allow.py", "arrows", (
+        (f"{WATCH}.altitude", lambda view: ALLOWED),)),
+    "the Sun, watched": Rule(("stopped at the Sun",), "D1", "safety/allow.py", "arrows at the Sun", (
+        (f"{WATCH}.near_sun", lambda view: ALLOWED),)),
+    "altitude after syncs": Rule(("syncs",), "D2", "safety/admission/contradictions.py", "a sync of", (
+        (f"{MOTIONS}.check_synced", _nothing),)),
+    "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/contradictions.py", "low gotos", (
+        (f"{MOTIONS}.check_contradictions", _nothing),)),
+    "the way and altitudes": Rule(("way is too",), "D2", "safety/admission/slew_paths.py", "gotos anywhere above", (
+        ("gateway.mount.safety.admission.slew_paths.within", _every_way),)),
+    "the way and the Sun": Rule(("way there passes", "Past the Sun"), "D1", "safety/admission/slew_paths.py", "Sun", (
+        (f"{MOTIONS}.clear", lambda *_: True),)),
+    "the Sun of other sources": Rule(("Near the Sun by",), "D1", "site/astrometry.py", "to the Sun", (
+        ("gateway.mount.site.astrometry.SunAvoidance.suns", _own),)),
+    "the Sun where syncs put the tube": Rule(("by its axes",), "D1", "site/astrometry.py", "sync", (
+        ("gateway.mount.site.astrometry.SunAvoidance.suns", _one_frame),)),
+    "the Sun over the site before": Rule(("site before",), "D1", "site/site_clock.py", "nobody else", (
+        ("gateway.mount.site.site_clock.BestSources.sites_for_sun", BestSources.sites),)),
+    "turn of an axis by syncs, by day": Rule(("turns an axis",), "D1", "safety/sync_sum.py", "sync", (
+        ("gateway.mount.safety.admission.syncs.check_sync", _by_night),)),
+    "the goal and the Sun": Rule(("Sun",), "D1", "safety/admission/motions.py", "to the Sun", (
+        ("gateway.mount.site.astrometry.SunAvoidance.distance", lambda *_: 180.0),)),
+    "the goal's altitude": Rule(("orizon", "Limit"), "D2", "policy.py", "low gotos", (
+        (f"{MOTIONS}.check_altitude", _nothing),)),
+}  # fmt: skip
+
+
+def rule_of(words: str) -> str:
+    return next((name for name, rule in RULES.items() if any(one in words for one in rule.words)), "other")
 
 
 @contextlib.contextmanager
 def without(rule: str | None) -> Iterator[None]:
     """Switch a rule off meanwhile."""
     with contextlib.ExitStack() as stack:
-        for place, instead in SWITCHES[rule] if rule else ():
+        for place, instead in RULES[rule].off if rule else ():
             stack.enter_context(patch(place, instead))
         yield

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from gateway.astro.axes import Build, Geometry, Pair, Sky
 from gateway.astro.ephemeris.sky import Sky as Ephemeris
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
+from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun
@@ -45,7 +46,7 @@ KINDS = {
     "cpc wedge": Kind("nexstar", "cpc", "4.21", {"wedge": True}), "cge": Kind("nexstar", "cge", "4.21"),
     "cgem": Kind("nexstar", "cgem", "5.31"), "avx": Kind("nexstar", "avx"), "lx200gps": Kind("lx200", "lx200gps"),
     "lx200gps polar": Kind("lx200", "lx200gps", first=b":AP#"), "autostar": Kind("lx200", "autostar"),
-    "classic": Kind("lx200", "lx200", first=b":AA#"), "classic polar": Kind("lx200", "lx200"),
+    "classic polar": Kind("lx200", "lx200"),
     "synscan": Kind("nexstar", "synscan"), "synscan-az": Kind("nexstar", "synscan-az"),
     "onstep": Kind("lx200", "onstep"), "teenastro": Kind("lx200", "teenastro"),
     "alpaca german": Kind("alpaca", "german"), "alpaca altaz": Kind("alpaca", "altaz"),
@@ -122,10 +123,6 @@ class Way(NamedTuple):
 
     looks: list[Look]
     end: Pair
-
-    @property
-    def low(self) -> float:
-        return min(look.altitude for look in self.looks)
 
     def keeps(self, lowest: float, slack: float = 0.0) -> bool:
         """Whether it keeps above an altitude and out of the circle, or comes no nearer than where it begins."""
@@ -252,29 +249,18 @@ class World:
             b"11",
         )
 
-    async def goto(self, ra: float, dec: float) -> str:
-        """Send a goto; return the refusal, empty if it has begun."""
-        await self.target(ra, dec)
-        return await self._begun(b":MS#")
-
-    async def goto_horizontal(self, azimuth: float, altitude: float) -> str:
-        """The same by azimuth and altitude. Its refusal has no words: those of the log are returned."""
-        sign = "-" if altitude < 0 else "+"
-        await self.ask(f":Sz{azimuth:03.0f}*00#:Sa{sign}{abs(altitude):02.0f}*00#".encode(), b"11")
-        return await self._begun(b":MA#")
-
-    async def _begun(self, order: bytes) -> str:
+    async def goto(self, ra: float, dec: float, horizontal: bool = False) -> str:
+        """Send a goto, also to azimuth and altitude; return the refusal, empty if it has begun."""
+        if horizontal:
+            sign = "-" if dec < 0 else "+"
+            await self.ask(f":Sz{ra:03.0f}*00#:Sa{sign}{abs(dec):02.0f}*00#".encode(), b"11")
+        else:
+            await self.target(ra, dec)
         self.program.tell(b":GR#:GD#")  # programs poll
         await asyncio.sleep(1.0 + 4.0 * self.slip.latency)
-        self.program.heard = b""
         self.stage.entries.clear()
-        heard = (await self.ask(order)).decode("latin-1")
-        if heard == "0":
-            return ""
-        if not heard.endswith("#") and order == b":MS#":
-            await asyncio.sleep(0.5)
-            heard = self.program.heard.decode("latin-1")
-        return heard.strip("#") or "no answer"
+        heard = (await self.ask(b":MA#" if horizontal else b":MS#")).decode("latin-1")
+        return "" if heard == "0" else heard.strip("#") or "no answer"
 
     async def sync(self, ra: float, dec: float) -> bytes:
         await self.target(ra, dec)
@@ -284,12 +270,8 @@ class World:
 
     async def told_place(self) -> Pair:
         """Return where the gateway says that the tube points."""
-        hours, degrees = (await self.ask(b":GR#", b"#")).decode("latin-1"), await self.ask(b":GD#", b"#")
-        first, second, third = (float(part) for part in hours.strip("#").split(":"))
-        text = degrees.decode("latin-1").strip("#")
-        whole, minutes, seconds = float(text[1:3]), float(text[4:6]), float(text[7:9] or 0)
-        size = whole + minutes / 60.0 + seconds / 3600.0
-        return (first + second / 60.0 + third / 3600.0) * 15.0, -size if text[0] == "-" else size
+        here = await self.stage.controller.read(op.Position())
+        return here.ra, here.dec
 
     async def set_clock(self, ahead: float) -> None:
         """Set the clock by :SG :SL :SC, in UTC."""

@@ -87,7 +87,7 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
 
 def _where(limits: Limits, altitude: float) -> str:
     if altitude > limits.highest:
-        return f"It is above the highest altitude allowed, {limits.highest:g}°"
+        return f"It is above the highest altitude, {limits.highest:g}°"
     return "It is below the horizon" if limits.lowest <= 0.0 else f"It is below the lowest altitude, {limits.lowest:g}°"
 
 

@@ -117,6 +117,8 @@ def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
             take = Owner(bridge).request_handler.take
             answer = await take(requests.Goto(requests.Named("Aldebaran"), number="g"))
             assert answer.done and answer.words.startswith("it goes to 04:37:")
+            low = await take(requests.Goto(requests.Named("canopus"), number="l"))
+            assert low.words.startswith("Canopus is below the horizon (-")
             unknown = await take(requests.Goto(requests.Named("Aldebarran"), number="h"))
             assert not unknown.done and "did you mean Aldebaran" in unknown.words
 
