@@ -92,10 +92,10 @@ class WireLog:
             self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 
-    def note_once(self, side: str, text: str, of: str = "") -> None:
-        """Like `note`, but only the first time that this text is logged for the subject ``of``."""
-        if (of, text) not in self._logged and len(self._logged) < MOST:
-            self._logged.add((of, text))
+    def note_once(self, side: str, text: str, of: str = "", kind: str = "") -> None:
+        """Like `note`, but only the first time that this text, or one of its ``kind``, is logged for ``of``."""
+        if (of, kind or text) not in self._logged and len(self._logged) < MOST:
+            self._logged.add((of, kind or text))
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:

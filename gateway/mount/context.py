@@ -25,7 +25,7 @@ from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance, TubeFram
 from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import BestSources, SiteClock
-from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.driver import Driver, Remark
 
 
 class Context:
@@ -97,6 +97,10 @@ class Context:
     def note(self, text: str) -> None:
         """Log a line about the mount."""
         self.log.note("mount", text)
+
+    def remark(self, said: Remark) -> None:
+        """Log what a driver does differently from what was requested: the first time, or the first of its kind."""
+        self.log.note_once("mount", said.text, kind=said.kind)
 
     def note_once(self, text: str) -> None:
         """Like `note`, but only the first time."""

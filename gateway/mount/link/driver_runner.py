@@ -59,8 +59,6 @@ _OF_THE_DAY = ("time", "sidereal", "hour", "minute", "second")
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
 TRY_AGAIN = 5.0
-#: Seconds from one remark of a kind to the next.
-REMARK_EVERY = 60.0
 _T = TypeVar("_T")
 
 
@@ -303,8 +301,6 @@ class DriverRunner:
         #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
         #: ``Driver.position_reads`` requests: a position read cannot be older than that.
         self.exchanges, self.asked_at = 0, 0.0
-        #: When the last remark of a kind was logged, loop time, and how many there were since.
-        self._remarks: dict[str, tuple[float, int]] = {}
         #: The loop time at which the last operation's first command was written.
         self.began_at = 0.0
 
@@ -354,7 +350,7 @@ class DriverRunner:
             return reply.values
 
         try:
-            value = await run_driver(steps, exchange, self.scheduled.emit, self._remark)
+            value = await run_driver(steps, exchange, self.scheduled.emit, self._context.remark)
             self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
             self.began_at = sent[0] if sent else now()
             return value
@@ -367,19 +363,6 @@ class DriverRunner:
             raise Refused(f"Internal error: {error!r}") from error
         finally:
             self._context.cache.orders += changes
-
-    def _remark(self, said: Remark) -> None:
-        """Log a remark: once, or at most once a minute if there are many of its kind."""
-        if not said.kind:
-            self._context.note_once(said.text)
-            return
-        now = self._context.now()
-        at, others = self._remarks.get(said.kind, (-math.inf, 0))
-        if now - at < REMARK_EVERY:
-            self._remarks[said.kind] = at, others + 1
-            return
-        self._remarks[said.kind] = now, 0
-        self._context.note(said.text + (f" ({others} more like this since the last one)" if others else ""))
 
 
 async def run_driver(

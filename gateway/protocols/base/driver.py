@@ -73,7 +73,7 @@ class Schedule(NamedTuple):
 class Remark(NamedTuple):
     """A sentence for the log: the driver does something differently from what was requested.
 
-    It is written once. Of those of one ``kind``, whose numbers differ, one is written a minute, and then how many more.
+    It is written once. Of those of one ``kind``, which differ by their numbers, only the first is written.
     """
 
     text: str
