@@ -108,14 +108,16 @@ def test_an_evening(mount: tuple[str, str]) -> None:
                 await nina.get(name)
             poll = asyncio.create_task(polling(nina))
             target = (await nina.get("siderealtime") - 1.0) % 24.0
-            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination=35.0")
+            # near the zenith a pulse takes the azimuth motor of an alt-az Meade several times as long
+            dec = -5.0 if mount[0] == "lx200gps" else 35.0
+            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
             assert await nina.get("slewing") and await phd2.get("slewing"), "whoever asks"
             await asyncio.sleep(2.0)
             await nina.put("abortslew")
             await slewed(nina)
-            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination=35.0")
+            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
             await slewed(nina)
-            assert abs(await nina.get("declination") - 35.0) < 0.1
+            assert abs(await nina.get("declination") - dec) < 0.1
             assert await guide(phd2, 12.0) == 8
             await phd2.put("disconnect")
             assert await nina.get("connected") and not await phd2.get("connected")

@@ -158,14 +158,14 @@ class NexStar(Driver):
         """Return what to save: home, park, what the mount cannot tell, and its mode while it does not track; in motion
         also model, version and the tracking mode to resume.
         """
-        rests = self.tracking is op.Tracking.OFF or moving
+        rests = self.tracking is op.Tracking.OFF and self.suspended is None
         changed = self.guide_rates != dict.fromkeys(AXES, self.settings.guide_rate or GUIDE_RATE)
         kept = Memory(
             self.home,
             int(self.home_state == 1),
             self.parked,
-            self.native_mode if rests and not moving else None,
-            self.code if rests and not self._code_is_usual else None,
+            self.native_mode if rests else None,
+            self.code if (rests or moving) and not self._code_is_usual else None,
             self.offset if any(self.offset) else None,
             None if self.rate.name == "sidereal" else self.rate,
             self.guide_rates if changed else {},
