@@ -54,7 +54,7 @@ class Console:
         app.add_routes([
             web.get(path, for_own_page(handler, self._refusal)) for path, handler in (
                 ("/", self._index), ("/socket", self._socket), ("/metrics", self._metrics_text),
-                ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", page_files().file),
+                ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", self._file),
             )
         ])  # fmt: skip
         app.on_shutdown.append(self._close)
@@ -87,7 +87,12 @@ class Console:
     # --- requests ---------------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return await page_files().index(request, token=self._token, can="act" if self._may_act(request) else "look")
+        return await (await asyncio.to_thread(page_files)).index(
+            request, token=self._token, can="act" if self._may_act(request) else "look"
+        )
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        return await (await asyncio.to_thread(page_files)).file(request)
 
     async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:

@@ -61,9 +61,8 @@ async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) 
 
     def load() -> Callable[[web.Application], object]:
         from gateway.app.bindings import access_networks
-        from gateway.console.server import Console, page_files
+        from gateway.console.server import Console
 
-        page_files()
         access = Access(*access_networks(page))
         return lambda app: Console(gateways, access, page.pin or "").add_to(app)
 
