@@ -230,20 +230,21 @@ def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | No
     return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
-def exposure_warning(where: str, surface: SurfaceConfig, reachable: Sequence[IPv4Network]) -> str:
+def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[str], Sequence[IPv4Network]]) -> str:
     """Return the warning for a port that other computers reach; empty if it is as safe and as open as it looks.
 
-    ``reachable``: the networks of the addresses that the gateway prints for phones.
+    ``reachable`` gives the networks of the addresses that the gateway prints for phones.
     """
     if not exposed(where):
         return ""
+    here = reachable(where)
     if surface.allow is not None:
         allowed = networks(surface.allow)
-        outside = [one for one in reachable if not any(one.overlaps(other) for other in allowed if other.version == 4)]
+        outside = [one for one in here if not any(one.overlaps(other) for other in allowed if other.version == 4)]
         return f"{where}: allow shuts out the network {outside[0]}, where phones would connect" if outside else ""
     if surface.read_only is True:
         return ""
-    only = "".join(f"{one}," for one in reachable[:1])
+    only = "".join(f"{one}," for one in here[:1])
     return (
         f"{where} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
         f"{'that network and ' if only else ''}this computer"
