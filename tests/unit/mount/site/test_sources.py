@@ -158,10 +158,10 @@ def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_
 def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
     site: tuple[float, float] | None, ahead: float, words: bytes
 ) -> None:
-    """30 degrees high in the south-east by the mount, below the horizon by the other source."""
+    """30 degrees high in the south-east by the mount, below a written limit by the other source."""
 
     async def program() -> None:
-        async with Bridge("cge", host_ahead=ahead, config={"site": site}) as bridge:
+        async with Bridge("cge", host_ahead=ahead, config={"site": site, "lowest": 1.0}) as bridge:
             client = bridge.client()
             hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
             there = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec

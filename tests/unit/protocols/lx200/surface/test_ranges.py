@@ -196,7 +196,7 @@ def test_each_number_has_a_range(name: str, good: list[bytes], bad: list[bytes],
 
 
 @each("model", WITH_HORIZON)
-@each("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*01#"])
+@each("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*10#"])
 def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(model: str, out: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz180*00#:Sa+30*00#") == b"11"
@@ -207,7 +207,7 @@ def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(mode
 
 def test_the_slew_range_is_what_this_client_narrowed_it_to() -> None:
     talk = Talk()
-    assert talk.send(b":So20*#:Sh70#:Sa+19*59#:Sa+20*00#:Sa+70*00#:Sa+70*01#") == b"110110"
+    assert talk.send(b":So20*#:Sh70#:Sa+19*50#:Sa+20*00#:Sa+70*00#:Sa+70*10#") == b"110110"
 
 
 def test_the_slew_range_is_the_owners() -> None:

@@ -120,9 +120,9 @@ def test_a_target_exactly_at_a_limit_is_allowed() -> None:
     assert 40 < altitude < 80
     for limits, reply in [
         (Limits(lowest=altitude), b"0"),
-        (Limits(lowest=altitude + 2 / 3600), b"1Object Below Lower Limit.#"),
+        (Limits(lowest=altitude + 0.15), b"1Object Below Lower Limit.#"),
         (Limits(highest=altitude), b"0"),
-        (Limits(highest=altitude - 2 / 3600), b"2Object Above Higher Limit.#"),
+        (Limits(highest=altitude - 0.15), b"2Object Above Higher Limit.#"),
     ]:
         talk.mount.limits = limits
         assert talk.send(TARGET + b":MS#") == b"11" + reply
@@ -132,7 +132,7 @@ def test_an_altitude_exactly_at_a_clients_limit_is_allowed() -> None:
     talk = Talk()
     assert talk.send(b":Sz180*00#:So20#:Sh60*#") == b"111"
     assert talk.send(b":Sa+20*00#:MA#:Sa+60*00#:MA#") == b"1010"
-    assert talk.send(b":Sa+19*59:50#:MA#:Sa+60*00:10#:MA#") == b"0101", "and nothing is chosen"
+    assert talk.send(b":Sa+19*53:00#:MA#:Sa+60*07:00#:MA#") == b"0101", "and nothing is chosen"
 
 
 def _limited(lowest: float, highest: float) -> Talk:
@@ -161,7 +161,7 @@ def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> Non
     assert talk.send(b":So%d#:Sh%d#" % (lowest, highest)) == low + high
     assert float(talk.send(b":Go#").rstrip(b"*#")) >= 10
     assert float(talk.send(b":Gh#").rstrip(b"*#")) <= 80
-    assert talk.send(b":Sz000*00#:Sa+09*59#:MA#:Sa+80*01#:MA#") == b"10101"
+    assert talk.send(b":Sz000*00#:Sa+09*50#:MA#:Sa+80*10#:MA#") == b"10101"
 
 
 @each("limit", [b":So#", b":Sh5401#", b":So-5401*#", b":Sh99999#"])
