@@ -18,7 +18,7 @@ from msgspec import json
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.instrument.attacks import Result, assault, attacks
-from tests.support.instrument.evening import Told, cells, evening, prepare
+from tests.support.instrument.evening import Told, cells, evening
 from tests.support.instrument.rules import RULES, without
 from tests.support.instrument.worlds import SLIPS
 
@@ -75,7 +75,6 @@ def main() -> None:
     parser.add_argument("--without", choices=RULES)
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
-    prepare()
     with without(chosen.without):
         {"evenings": evenings, "attacks": assaults, "rules": rules}[chosen.what](chosen)
 

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from gateway.astro.spherical import separation
 from tests.support.instrument.rules import rule_of
-from tests.support.instrument.worlds import CIRCLE, EPHEMERIS, KINDS, NOTHING, SITES, SLIPS, World, on_date
+from tests.support.instrument.worlds import CIRCLE, KINDS, NOTHING, SITES, SLIPS, World, on_date
 
 #: Gotos of one world, and the altitude that divides the low goals from the others.
 GOTOS, LOW = 10, 12.0
@@ -117,7 +117,3 @@ def cells(slips: list[str], gotos: int, seed: int, lowest: float | None, park: b
         (kind, slip, day, seed + number, lowest, park)
         for number in range(worlds) for slip in slips for day in (False, True) for kind in KINDS
     ]  # fmt: skip
-
-
-def prepare() -> None:
-    EPHEMERIS.load()
