@@ -12,7 +12,7 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.astro.spherical import SIDEREAL_RATE
-from gateway.console.shown.view import parts
+from gateway.console.shown.view import state as page_state
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
@@ -29,7 +29,7 @@ def told(bridge: Any) -> str:
     """What ``status`` and the page say of the Sun; it must be the same."""
     state = mount_state(bridge.controller).drawn()
     bridge.gateway.names = list  # it has no ports
-    shown = {name: value for part in parts(bridge.gateway, 0) for name, value in part.items()}
+    shown = page_state(bridge.gateway, 0)
     words = [word for word in state.wanted if "Sun" in word]
     assert words == [word for word in shown["wanted"] if "Sun" in word]
     return "".join(words)

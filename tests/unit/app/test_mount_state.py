@@ -12,7 +12,7 @@ import pytest
 from gateway.app.gateway import Gateway
 from gateway.app.status import State, activity
 from gateway.cli.serve.live import StatusLines
-from gateway.console.shown.view import parts
+from gateway.console.shown.view import state as page_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.metrics import GAUGES, Counts
@@ -24,9 +24,7 @@ from tests.support.in_process_gateway import Bridge
 
 def faces(gateway: Gateway) -> tuple[State, dict[str, Any], dict[str, Any], str, dict[str, float]]:
     """What ``status``, the page, MQTT, the live line and the metrics tell at one moment."""
-    page: dict[str, Any] = {}
-    for part in parts(gateway, 0):
-        page |= part
+    page = page_state(gateway, 0)
     state = gateway.state()
     told = msgspec.json.decode(msgspec.json.encode(state.drawn()), type=State)
     gauges = {name: value(state, Counts(gateway.controller)) for name, _, value in GAUGES}
