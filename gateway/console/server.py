@@ -1,6 +1,6 @@
 """The console's part of the web server: the page, its WebSocket, downloads of recordings and their reports, metrics.
 
-Every request passes the access checks first (``app/pages``).
+Every request passes the access checks first (``app/pages.py``).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The publisher: one task makes the message of the page's state for all pages, while a page is open.
 
 It is encoded once, however many pages there are: ten times a second while a mount moves or something has changed, else
-once a second. The state of a mount takes 0.1 ms.
+once a second. The state of a mount takes 0.1 ms. Its abilities, the reply times of its line, the connected clients with
+their last commands and the bodies of the sky are cached for longer.
 """
 
 from __future__ import annotations
@@ -9,14 +10,139 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import msgspec
 
 from gateway.app.gateway import Gateway
-from gateway.console.shown.mount import ShownMount
-from gateway.console.shown.talk import MOST
+from gateway.app.status import Rate
+from gateway.console.shown import view
+from gateway.console.shown.talk import MOST, Talk, spoken
+from gateway.core.wire_log import MOUNT, Entry, show
+
+#: How many answer times are stored for new pages.
+KEPT = 240
+
+#: Time of the answer (Unix seconds), and the answer time in milliseconds; None for a failed exchange.
+Sample = tuple[float, float | None]
+#: For how many clients the last command is stored; how many bytes of it are shown.
+CLIENTS, SHOWN = 200, 40
+#: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
+BODIES_FRESH, BODIES_MISSING, OTHERS_FRESH = 10.0, 1.0, 1.0
+#: Of how many seconds a message has the answer times.
+NEWEST = 3.0
+
+
+class AnswerTimes:
+    """Collects answer times and faults from the mount's side of a wire log."""
+
+    def __init__(self) -> None:
+        self.samples: deque[Sample] = deque(maxlen=KEPT)
+        self.faults = 0
+        self._asked = 0.0
+        #: That of the exchanges.
+        self.rate = Rate()
+
+    def put(self, entry: Entry) -> None:
+        """Receive an entry; this is a sink of the wire log."""
+        if entry.side != MOUNT:
+            return
+        if entry.arrow == ">":
+            self._asked = entry.time
+        elif entry.arrow == "<":
+            failed = bool(entry.note)
+            self.faults += failed
+            self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
+
+    def newest(self, now: float) -> list[Sample]:
+        """Return those of the last seconds: a page may miss a message."""
+        return [sample for sample in self.samples if sample[0] > now - NEWEST]
+
+
+class ConnectedPrograms:
+    """Collects the last commands and their rates from the clients' side of a wire log."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._last: dict[str, bytes] = {}
+        self._counts: dict[str, int] = {}
+        self._rates: dict[str, Rate] = {}
+
+    def put(self, entry: Entry) -> None:
+        """Receive an entry; this is a sink of the wire log."""
+        side = entry.side
+        if side == MOUNT:
+            return
+        if entry.arrow == "-":
+            for known in (self._last, self._counts, self._rates):
+                known.pop(side, None)
+        elif entry.arrow == ">":
+            if side not in self._last and len(self._last) >= CLIENTS:
+                return
+            self._last[side] = entry.data
+            self._counts[side] = self._counts.get(side, 0) + 1
+
+    def connections(self, now: float) -> Iterator[dict[str, Any]]:
+        """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
+        acceptors = zip(self._gateway.names(), self._gateway.acceptors, strict=False)
+        here = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
+        for surface, visit in here:
+            client, side = visit.client, visit.client.log.name
+            rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
+            yield {
+                "name": show(side.encode()), "surface": spoken(surface, visit.protocol), "profile": visit.profile,
+                "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
+                "read_only": client.runner.rights.read_only,
+            }  # fmt: skip
+
+
+class ShownMount:
+    """The state of one mount. It collects data between ``start`` and ``stop``, while pages are open."""
+
+    def __init__(self, gateway: Gateway, index: int) -> None:
+        self.gateway, self._index = gateway, index
+        self.answer_times, self.talk, self._programs = AnswerTimes(), Talk(gateway, index), ConnectedPrograms(gateway)
+        self._program_list: list[dict[str, Any]] = []
+        self._bodies: list[dict[str, Any]] = []
+        self._abilities: dict[str, Any] = {}
+        self._programs_at = self._bodies_at = self._abilities_at = -1e9
+        self._bodies_basis: Any = None
+        self._loop = asyncio.get_running_loop()
+
+    def start(self) -> None:
+        """Begin to collect data from the wire log."""
+        self.gateway.wire_log.sinks += [self.answer_times.put, self._programs.put]
+        self._programs_at = -1e9
+
+    def stop(self) -> None:
+        """Stop collecting data."""
+        for sink in (self.answer_times.put, self._programs.put):
+            self.gateway.wire_log.remove(sink)
+
+    def state(self) -> dict[str, Any]:
+        """Return the whole state of the mount."""
+        controller, now = self.gateway.controller, self._loop.time()
+        state = view.state(self.gateway, self._index)
+        if now - self._abilities_at >= OTHERS_FRESH:
+            self._abilities_at, self._abilities = now, view.abilities(controller)
+        many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
+        if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
+            self._programs_at, self._program_list = now, list(self._programs.connections(now))
+        rate = self.answer_times.rate.per_second(controller.now(), controller.line.answers)
+        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
+        times = self.answer_times.newest(controller.wire_log.clock())
+        return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
+
+    def _sky(self, now: float) -> list[dict[str, Any]]:
+        """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
+        controller = self.gateway.controller
+        by = controller.sources.site(), controller.astrometry.sky.ready
+        fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
+        if now - self._bodies_at >= fresh or by != self._bodies_basis:
+            self._bodies_at, self._bodies_basis, self._bodies = now, by, list(view.bodies(controller))
+        return self._bodies
+
 
 #: Seconds between two messages while something moves, and at rest.
 MOVING, RESTING = 0.1, 1.0

@@ -19,8 +19,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import checked, summary
-from gateway.cli.inspect.prove_terminal import COLUMNS, Terminal
+from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, Result, save
 from gateway.diagnostics.prove.guide import STAGES

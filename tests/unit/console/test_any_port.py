@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from gateway.console.mounts import _surface_argument
-from gateway.console.shown.mount import ConnectedPrograms
+from gateway.console.shown.publisher import ConnectedPrograms
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
 from tests.support.each import each

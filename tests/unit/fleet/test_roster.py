@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from gateway.fleet.overview import roster as rosters
-from gateway.fleet.overview.roster import Roster
+from gateway.fleet.overview import server as rosters
+from gateway.fleet.overview.server import Roster
 from gateway.fleet.topics import Received
 from tests.support.each import each
 

@@ -13,8 +13,7 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from gateway.app.pages import Pages
-from gateway.app.pages.bundle import scripts
+from gateway.app.pages import Pages, scripts
 
 PAGE = """<link rel="stylesheet" href="a.css">
 <link rel="stylesheet" href="b.css">

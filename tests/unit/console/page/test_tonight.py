@@ -13,7 +13,7 @@ import pytest
 from gateway.astro.catalog import supplied
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
-from gateway.console.places import night
+from gateway.console.page_session import night
 from tests.support.each import each
 from tests.unit.console.page.node import ask
 
