@@ -12,11 +12,14 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from gateway.astro.spherical import horizon_to_hour_angle
+from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.lossy_line import LossyLine, is_stop
 from tests.support.sampling import as_a_rule
+from tests.support.truth import altitude
 
 #: Seconds that a stop may wait beyond a usual exchange, and until the mount rests although bytes were lost.
 WAITS, RESTS = 0.3, 4.0
@@ -204,3 +207,53 @@ def test_a_stop_ends_all_motion_although_bytes_of_the_request_before_it_were_los
     if wrong:
         alone = run(play(case, stop=False))[3]
         assert not [name for name in wrong if alone[name] in (was[name], asked[name])], (case, wrong)
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+@pytest.mark.parametrize("name", ["lx200gps", "cge/4.21", "synscan", "onstep", "alpaca"])
+@pytest.mark.safety_line(1)
+def test_a_limit_ends_a_motion_in_time_although_replies_were_lost_before(name: str, lost: int) -> None:
+    """An arrow leads down from 32 degrees, and lowest is 10: what is lost is lost at 18."""
+
+    async def program() -> None:
+        async with bridge_to(name, lowest=10.0) as bridge:
+            client, ask, sky = bridge.client(), bridge.controller.perform, bridge.sim.mechanics.sky
+            hour_angle, dec = horizon_to_hour_angle(180.0, 32.0, sky.latitude)
+            await ask(op.Goto((sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec))
+            while await ask(op.Slewing()):
+                await poll(bridge, 0.5)
+            await asyncio.sleep(2.0)
+            line, low, armed = LossyLine(bridge, MOUNTS[name].latency), 90.0, False
+            client.tell(b":RS#:Ms#")
+            for tenth in range(250):
+                await asyncio.sleep(0.1)
+                client.tell(b":GR#:GD#" if tenth % 5 == 0 else b"")
+                low = min(low, altitude(bridge.sim))
+                if low < 18.0 and not armed:
+                    armed = True
+                    line.lose_replies(lost, lambda: None)
+            assert armed and low > 10.0 - 0.5
+
+    run(program())
+
+
+@pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
+def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: str) -> None:
+    """What is written serves them all, so the checks of the line are answered between two writings."""
+
+    async def program() -> None:
+        async with bridge_to(name) as bridge:
+            client, loop, pressing = bridge.client(), asyncio.get_running_loop(), list[float]()
+            client.tell(b":RS#:Me#")
+            await poll(bridge, 3.0)
+            line = LossyLine(bridge, MOUNTS[name].latency)
+            line.lose_replies(2, lambda: pressing.append(loop.time()))
+            while not pressing or loop.time() < pressing[0] + 3.0:
+                client.tell(b":Q#" if pressing else b":GR#:GD#")
+                await asyncio.sleep(0.02)
+            assert bridge.controller.line.usable
+            await asyncio.sleep(1.0)
+            assert not bridge.controller.wanted.owed
+            assert await client.ask(b":GD#", until=b"#")
+
+    run(program())
