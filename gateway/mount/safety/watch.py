@@ -261,6 +261,7 @@ class LimitWatch:
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
+        mount.frame.upright = self.seen.upright
         here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
         (altitude, hour_angle), shifts = astrometry.overhead(here), self.altitude_axis.shifts
         if altitude is not None:

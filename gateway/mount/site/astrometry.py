@@ -123,12 +123,14 @@ class TubeFrame:
     """Tells, when called, what the mount's coordinates hang on, and how far the tube may be off from them.
 
     ``measured`` is by how many degrees the axes read more than the calculated azimuth (None: unknown) and altitude; it
-    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned.
+    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned, and
+    the second one the other way if the tube is not ``upright``: driven over the pole or the zenith.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
         self._cache, self._driver, self._synced, self._sources = cache, driver, synced, sources
         self.measured: tuple[float | None, float] | None = None
+        self.upright = True
         self._polar = False
 
     def __call__(self) -> PointingFrame:
@@ -145,7 +147,7 @@ class TubeFrame:
             place = self._sources.site() if polar else None
             sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
             found = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
-            if polar and self._driver.german:  # the other way on the other side of the pier
+            if (polar and self._driver.german) or not self.upright:  # the other way on the other side of the pier
                 found += [one._replace(second=-one.second) for one in found if one.second]
         shifts = tuple(dict.fromkeys(one for one in found if max(abs(one.first), abs(one.second)) > OFF))
         if not shifts:

@@ -21,7 +21,7 @@ LATENCY, WAITS, BUSY = 0.05, 0.3, 0.4
 
 
 class MountAtPort:
-    """A simulated mount behind a port of this process. It loses the next ``lost`` replies, and notes when stops come."""
+    """A simulated mount behind a port of this process. It loses the next ``lost`` replies, and notes stops."""
 
     answered = True
 
