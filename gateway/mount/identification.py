@@ -99,8 +99,8 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
 
     def _stop_owed(self, words: list[bytes]) -> None:
-        """Add the stop commands if a stop is owed and the mount is known."""
-        if self._reconciler.wanted.owed and self._context.known.is_set():
+        """Add the stop commands if a stop is owed, or no position shows yet that the last one was heard."""
+        if (self._reconciler.wanted.owed or self._ends.pending) and self._context.known.is_set():
             words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:

@@ -70,13 +70,17 @@ class LossyLine:
             if not self._replies:
                 self._loop.call_soon(self._then)
         for seconds, reply in replies:
-            self._wire._later(seconds, reply)  # type: ignore[attr-defined]
+            self._later(seconds, reply)
         return b""
+
+    def _later(self, seconds: float, reply: bytes) -> None:
+        """Deliver a reply so many seconds after a usual one."""
+        self._loop.call_later(self._latency + seconds, self._wire.deliver, reply)  # type: ignore[attr-defined]
 
     def _carry_out(self, data: bytes) -> list[tuple[float, bytes]]:
         """Let the mount carry out what it hears; return its replies and the seconds that each takes more than usual."""
         if not self._hand_control:
-            answer = self._bridge.sim.feed(data, self._framer, self._wire._later)  # type: ignore[attr-defined]
+            answer = self._bridge.sim.feed(data, self._framer, self._later)
             return [(0.0, answer)] if answer else []
         replies, now = [], self._loop.time()
         for place, byte in enumerate(data):

@@ -33,8 +33,6 @@ BLIND = 0.2
 MUTE = 20.0
 #: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
 OVERDUE = 2.0
-#: Seconds without a reply after which the mount may have been switched off, even if stops have cut off all requests.
-GONE = 4.5
 #: Seconds before each further attempt to open the port; the last one repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: The beginning of the line's reason if its port cannot be opened.
@@ -114,11 +112,9 @@ class MountLink:
     @property
     def overdue(self) -> bool:
         """Whether a reply is missing for so long that the mount may not be listening."""
-        return self._silent_for(max(OVERDUE, 2.5 * self.typical_rtt)) and not self.occupied
-
-    def _silent_for(self, seconds: float) -> bool:
-        """Whether there was a request so long ago, and no reply since."""
-        return self._silent_since is not None and self._now() - self._silent_since > seconds
+        if self._silent_since is None or self.occupied:
+            return False
+        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical_rtt)
 
     def worked_after(self, when: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
@@ -277,7 +273,7 @@ class MountLink:
                 continue
             if await self.in_step():
                 return True
-            if self.transaction.lost or (self.transaction.stop_due and not self._silent_for(GONE)):
+            if self.transaction.lost or self.transaction.stop_due:
                 continue  # a stop has cut off the check
             attempt += 1
             if self.state == "up":

@@ -123,8 +123,8 @@ class TubeFrame:
     """Tells, when called, what the mount's coordinates hang on, and how far the tube may be off from them.
 
     ``measured`` is by how many degrees the axes read more than the calculated azimuth (None: unknown) and altitude; it
-    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned, and
-    the second one the other way if the tube is not ``upright``: driven over the pole or the zenith.
+    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned. If
+    the tube was driven over the pole or the zenith (not ``upright``), the second one may be off the other way.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:

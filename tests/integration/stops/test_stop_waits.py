@@ -243,17 +243,40 @@ def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: str) -> 
 
     async def program() -> None:
         async with bridge_to(name) as bridge:
-            client, loop, pressing = bridge.client(), asyncio.get_running_loop(), list[float]()
+            client = bridge.client()
             client.tell(b":RS#:Me#")
             await poll(bridge, 3.0)
             line = LossyLine(bridge, MOUNTS[name].latency)
-            line.lose_replies(2, lambda: pressing.append(loop.time()))
-            while not pressing or loop.time() < pressing[0] + 3.0:
-                client.tell(b":Q#" if pressing else b":GR#:GD#")
+            line.lose_replies(1_000_000, lambda: None)
+            await poll(bridge, 12.0)
+            assert bridge.controller.line.state == "down"
+            line.lose_replies(0, lambda: None)
+            for _ in range(500):
+                client.tell(b":Q#")
                 await asyncio.sleep(0.02)
             assert bridge.controller.line.usable
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(4.0)
             assert not bridge.controller.wanted.owed
             assert await client.ask(b":GD#", until=b"#")
+
+    run(program())
+
+
+@pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
+def test_a_stop_is_written_until_a_mount_hears_it_that_is_not_heard(name: str) -> None:
+    """It hears nothing for ten seconds, and says nothing after that."""
+
+    async def program() -> None:
+        async with bridge_to(name) as bridge:
+            client, wire = bridge.client(), bridge.controller.line.wire
+            client.tell(b":RS#:Me#")
+            await poll(bridge, 3.0)
+            hear = wire.feed  # type: ignore[attr-defined]
+            wire.feed = lambda data: b""  # type: ignore[attr-defined]
+            client.tell(b":Q#")
+            await asyncio.sleep(10.0)
+            wire.feed = lambda data: hear(data) and b""  # type: ignore[attr-defined]
+            await asyncio.sleep(8.0)
+            assert not truth_of(bridge.sim).moving
 
     run(program())
