@@ -109,7 +109,7 @@ class LimitWatch:
         mount, before, last, now = self._mount, self.seen.before, self.seen.last, self._mount.now()
         if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
             return False
-        if before is None or last is None or before.at < mount.run_on.rested or now - last.at > WATCH_CLOSELY:
+        if before is None or last is None or now - last.at > WATCH_CLOSELY:
             return False
         if self.seen.across < GUIDES:
             return False
