@@ -143,6 +143,8 @@ class Driver:
     sync_aligns = True
     #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.
     german: bool | None = None
+    #: Whether the mount tells no position while it seeks its home.
+    seeks_unseen = False
     #: Whether a German mount tells on which side of the pier its tube is.
     tells_side = True
     protocol: CommandSet

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
-from gateway.core.errors import BelowHorizon, Fault, NotAligned, TooHigh, Unsupported, WayBlocked
+from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.motion.run_on import SKY
@@ -33,6 +33,8 @@ from gateway.mount.safety.hour_angle import LEVEL, check_past
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
+#: Why a telescope does not seek its home by day.
+SEEKS_UNSEEN = "It tells nothing while it seeks. Cover the tube and seek home at the hand control, or park."
 #: Seconds that a goto takes beside its way at full speed.
 SETTLES = 3.0
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
@@ -182,6 +184,8 @@ class Admission:
         there = mount.driver.destination(operation)
         if there is None:
             check_own_park(operation, limits)
+            if isinstance(operation, op.Home) and mount.driver.seeks_unseen and mount.suns.up():
+                raise NearSun(SEEKS_UNSEEN)
             self._path.ways = []  # it may go anywhere
             return
         try:

@@ -301,6 +301,10 @@ class Lx200Driver(Driver):
         return {"G": True, "A": False}.get(self.home_letter, False if self.dialect or self.facts.get("fork") else None)
 
     @property
+    def seeks_unseen(self) -> bool:  # type: ignore[override]
+        return not self.dialect
+
+    @property
     def tells_side(self) -> bool:  # type: ignore[override]
         return bool(self.dialect) and self.tells_status
 
