@@ -139,10 +139,13 @@ class CheckedPath:
         """Begin with a new goto, of which nothing is known."""
         self.ways, self.floor, self.clear = None, -90.0, False
 
-    def take(self, ways: list[Pair], zenith: Pair, clear: bool) -> None:
-        """Take the readings along the ways, and at the ``zenith``. Not ``clear``: the tube may be on another one."""
+    def take(self, ways: list[Pair], zenith: Pair, clear: bool, lost: float) -> None:
+        """Take the readings along the ways, and at the ``zenith``. Not ``clear``: the tube may be on another one.
+
+        So many degrees below them the goto is ``lost``.
+        """
         self.ways, self.clear = ways if clear else [], clear
-        self.floor = min(0.0, 90.0 - max(separation(*one, *zenith) for one in ways) - LOST)
+        self.floor = min(0.0, 90.0 - max(separation(*one, *zenith) for one in ways) - lost)
 
 
 class View(Struct, frozen=True):

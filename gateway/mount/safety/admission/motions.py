@@ -25,7 +25,13 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import check_altitude, check_contradictions, check_synced, too_near
+from gateway.mount.safety.admission.contradictions import (
+    check_altitude,
+    check_contradictions,
+    check_synced,
+    contradictions,
+    too_near,
+)
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, paths_of, within
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
@@ -249,9 +255,14 @@ class Admission:
         status = await self._status()
         if not status.aligned:
             return
+        # where another clock or site may be the mount's, its way is not the one that is calculated
+        doubted = next(contradictions(mount.sources.sites(), mount.sources.times()), None) is not None
+        lost = 180.0 if doubted else LOST
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
             if mount.sources.site() is not None:
-                self._path.floor = min(0.0, astrometry.horizon(goal).alt - LOST)
+                seen, ends = self._watch.seen.last, astrometry.horizon(goal).alt
+                begins = ends if seen is None or seen.altitude is None else seen.altitude
+                self._path.floor = min(0.0, begins - lost, ends - lost)
                 self._path.clear = limits.hour_angle is None
             return
         others = await pointing(self._mount, self._ask, self._watch)
@@ -276,6 +287,7 @@ class Admission:
             along,
             slew_paths.zenith(astrometry, status.equatorial),
             all(len(within(mount, written, one)) == len(paths_of(mount, one)) for one in unsynced),
+            lost,
         )
         # the hour angle on the way is not examined
         others_leave = len(ways) < len(paths_of(mount, journey(tube)))
