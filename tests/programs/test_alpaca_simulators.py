@@ -63,7 +63,7 @@ class Lx200:
 
     def number(self, question: str) -> float:
         """Hours or degrees."""
-        found = re.match(r"([+-]?)(\d+)[:*](\d+)(?:[:'](\d+))?$", told := self.ask(question))
+        found = re.match(r"([+-]?)(\d+)[:*\xdf](\d+)(?:[:'](\d+))?$", told := self.ask(question))
         assert found, told
         size = int(found[2]) + int(found[3]) / 60.0 + int(found[4] or 0) / 3600.0
         return -size if found[1] == "-" else size

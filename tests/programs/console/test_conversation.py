@@ -43,7 +43,7 @@ def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
         page.page.get_by_role("radio", name="Refusals").click()
         page.until("only the refusal is", lambda: page.page.locator(".exchange").count() == 1)
         words = page.text(".exchange")
-        assert ":MS#" in words and "Below Lower Limit" in words
+        assert ":MS#" in words and "below the lowest altitude" in words
         page.page.get_by_role("radio", name="Programs").click()
         page.page.get_by_label("Show only exchanges with this text").fill(":Sd")
         page.until("only that is", lambda: page.page.locator(".exchange").count() == 1)
