@@ -27,7 +27,7 @@ from gateway.protocols.alpaca.driver.pointing import (
     resume_tracking,
     stop_current_motion,
 )
-from gateway.protocols.alpaca.driver.state import SIDEREAL, AlpacaDriver, told
+from gateway.protocols.alpaca.driver.state import SIDEREAL, SLOW, AlpacaDriver, told
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
 
@@ -35,8 +35,6 @@ from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps
 LOOKS, LOOK_AGAIN = 4, 0.5
 #: A deviation from a speed by more than this fraction is remarked in the log.
 REMARK_FROM = 0.1
-#: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
-SLOW = 0.1
 #: The longest guide pulse that is sent at once, milliseconds: no request ends one.
 LONGEST_PULSE = 500
 #: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
@@ -88,6 +86,11 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     mount.following.pop(axis, None)
+    if on_sky and mount.by_pulses(rate):
+        up, down = ("w", "e") if axis == 1 else ("n", "s")
+        mount.pulsed[axis] = op.Direction(up if turned(mount, axis, sense, side) > 0 else down)
+        mount.moving[axis], mount.parked, mount.by_hand = 0.0, False, True
+        return (yield from pulse_on(mount, PulseOn(axis)))
     follows = mount.tracks and mount.supports("set_tracking") and (axis == 1 or not mount.equatorial)
     if follows and mount.wanted(rate) < SLOW:
         return (yield from _turn_slowly(mount, axis, sense * mount.wanted(rate), side, on_sky))
@@ -104,18 +107,13 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
 
 def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky: bool) -> Steps:
     """Move an axis on top of tracking, or at just this motor speed, with tracking off; on an alt-az mount the other
-    axis follows the sky. A mount that has no such speed is moved by guide pulses.
+    axis follows the sky. Raises Refused if it has no such speed.
     """
     rates = (yield from _following(mount, side)) if on_sky else {axis: 0.0}
     sent = {one: follows + (speed if one == axis else mount.slow.get(one, 0.0)) for one, follows in rates.items()}
     able = {one: mount.nearest(one, rate) for one, rate in sent.items()}
     off = abs(able[axis] - sent[axis])
-    too_far = on_sky and off > abs(speed) / 2.0
-    if too_far and mount.equatorial and mount.times_pulses:
-        mount.pulsed[axis] = op.Direction("w" if turned(mount, axis, 1 if speed > 0.0 else -1, side) > 0 else "e")
-        mount.moving[axis], mount.parked, mount.by_hand = 0.0, False, True
-        return (yield from pulse_on(mount, PulseOn(axis)))
-    if too_far:
+    if on_sky and off > abs(speed) / 2.0:
         raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
     if off > REMARK_FROM * abs(speed):
         words = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"

@@ -38,6 +38,8 @@ SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
 #: Speeds of the named rates and of the hand control's keys, degrees a second, where a mount has them.
 NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
 KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
+#: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
+SLOW = 0.1
 #: The greatest speed that is used, degrees a second: no limit could be kept beyond it.
 FASTEST = 8.0
 #: Words of ``reversed-axes`` -> axes.
@@ -186,7 +188,15 @@ class AlpacaDriver(Driver):
         return min(FASTEST, max(several, default=FASTEST))
 
     def speed(self, rate: op.Rate) -> float:
-        return max(self.fit(axis, rate) for axis in (1, 2))
+        return self.rates[0] * SIDEREAL if self.by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
+
+    def by_pulses(self, rate: op.Rate) -> bool:
+        """Whether a slow arrow is a series of guide pulses: with tracking, its first axis has no speed near it."""
+        wanted = self.wanted(rate)
+        if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
+            return False
+        sums = (SIDEREAL + wanted, SIDEREAL - wanted)
+        return any(abs(self.nearest(1, one) - one) > wanted / 2.0 for one in sums)
 
     def wanted(self, rate: op.Rate) -> float:
         """Return the speed that a hand rate means, degrees a second."""
