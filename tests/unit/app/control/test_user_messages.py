@@ -174,16 +174,16 @@ def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
 
 
 def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None:
-    """After the ready line, which waits for nothing of this; and Ctrl-C is answered."""
+    """Before the ready line; and Ctrl-C is answered."""
     simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--unaligned")
     started.append(simulator)
     simulator.ready()
     mount, where = f"nexstar:cge@{tmp_path}/mount", ("--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
     gateway = Running("run", "--mount", mount, *where, "--sun", "0", "--no-watchdog")
-    address = gateway.ready()
     assert gateway.process.stdout is not None
     assert gateway.process.stdout.readline() == "found Celestron NexStar, cpc, version 4.21\n"
     assert gateway.process.stdout.readline().startswith("site ")
+    address = gateway.ready()
     ask(address, b":RS#:Mn#:GVP#")
     told = gateway.finish(signal.SIGINT)
     assert (told.returncode, told.stdout.startswith("stopped the mount; tracking is o")) == (0, True)
