@@ -11,8 +11,8 @@ from random import Random, SystemRandom
 
 import pytest
 
-#: The folder whose modules share a browser and a gateway while they are run in a row, and how many of them are.
-SHARING, IN_A_ROW = "tests/programs/console/", 3
+#: The folder whose tests share a page and a gateway within a module, and keep their order.
+IN_ORDER = "tests/programs/console/"
 
 
 def seed() -> str:
@@ -25,12 +25,9 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
     chance, modules = Random(seed()), dict[str, list[pytest.Item]]()
     for item in items:
         modules.setdefault(item.nodeid.partition("::")[0], []).append(item)
-    for tests in modules.values():
-        chance.shuffle(tests)
+    for path, tests in modules.items():
+        if not path.startswith(IN_ORDER):
+            chance.shuffle(tests)
     paths = list(modules)
     chance.shuffle(paths)
-    sharing = [path for path in paths if path.startswith(SHARING)]
-    rows = [sharing[at : at + IN_A_ROW] for at in range(0, len(sharing), IN_A_ROW)]
-    rows += [[path] for path in paths if path not in sharing]
-    chance.shuffle(rows)
-    return [item for row in rows for path in row for item in modules[path]]
+    return [item for path in paths for item in modules[path]]

@@ -60,6 +60,7 @@ class Console:
         requires("chromium")
         mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0, moment=moment)
         argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
+        argv += ["--computer-clock", "doubtful"]  # the night is the mount's, at whatever hour this runs
         argv += ["--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
         argv += ["--state", str(workshop.folder / "state"), *more]
         self.gateway: Process = workshop.start(argv, ends_well=True)
