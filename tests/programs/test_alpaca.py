@@ -185,8 +185,8 @@ def _by_hand(scope: Any, lacks: set[str]) -> None:
     with pytest.raises(InvalidValueException):
         scope.MoveAxis(Axes.axisPrimary, fastest * 2.0)
     until(lambda: scope.Tracking, "tracking goes on")
-    scope.PulseGuide(Guide.guideNorth, 400)
-    scope.PulseGuide(Guide.guideWest, 400)
+    scope.PulseGuide(Guide.guideNorth, 4000)
+    scope.PulseGuide(Guide.guideWest, 4000)
     assert scope.IsPulseGuiding and not scope.Slewing
     until(lambda: not scope.IsPulseGuiding, "the pulses are over")
     with pytest.raises(InvalidValueException):
