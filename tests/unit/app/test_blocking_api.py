@@ -34,7 +34,10 @@ from tests.support.process import PATIENCE, Running
 
 SIM: dict[str, Any] = {"site": (48.1, 11.6), "lowest": -90, "sun": 0}
 SCRIPT = """
+import signal
 from gateway import open_blocking_gateway
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for background jobs
 
 def watch(entry):
     if entry.side == "mount" and entry.data[:1] in (b"r", b"M"):
