@@ -137,6 +137,13 @@ class IndiClient:
         self.wait_for(f"property {name}", lambda: name in self.vectors)
         return self.vectors[name]
 
+    def wait_for_value(self, name: str, element: str) -> Vector:
+        """The vector of this name, once the driver has told a value of this element."""
+        self.wait_for(
+            f"a value of {name}.{element}", lambda: self.wait_for_vector(name).values[element] not in {"", "-"}
+        )
+        return self.vectors[name]
+
     def since(self, mark: int, name: str) -> list[Vector]:
         """What was sent of one vector since the history had `mark` entries."""
         return [vector for vector in self.history[mark:] if vector.name == name]

@@ -143,7 +143,8 @@ def test_a_night_of_the_older_driver(workshop: Workshop, behind: Behind) -> None
     requires("indiserver", LEGACY.program)
     wire, truth = start(workshop, behind, NORTH)
     telescope = LEGACY.on(workshop, start_synscan_gateway(workshop, wire, behind.mount.partition(":")[0], "pty"))
-    told = telescope.client.wait_for_vector("BASIC_MOUNT_INFO").values
+    # The driver defines the vector before it has read the hand control.
+    told = telescope.client.wait_for_value("BASIC_MOUNT_INFO", "FW_VERSION").values
     assert told["FW_VERSION"].startswith("4.39"), told
     assert told["MOUNT_CODE"] == ("0" if behind.equatorial else "128"), told
     scenario.shows_position(telescope, truth)
