@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Result
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, ProofFile
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, CHECKED = ROOT / "docs" / "compatibility.md", ROOT / "docs" / "checked"
@@ -38,9 +38,9 @@ These programs take part with conversations typed from their source code and fro
 """
 
 
-def results() -> list[Result]:
+def results() -> list[ProofFile]:
     """Return what the files tell."""
-    return [msgspec.json.decode(path.read_bytes(), type=Result) for path in sorted(CHECKED.glob("*.json"))]
+    return [msgspec.json.decode(path.read_bytes(), type=ProofFile) for path in sorted(CHECKED.glob("*.json"))]
 
 
 def rows() -> Iterator[str]:

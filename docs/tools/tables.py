@@ -17,7 +17,7 @@ from pathlib import Path
 from gateway.app.config.showing import table as keys
 from gateway.core.errors import MappingError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, Kind, outcome, remarks, taken, versions
+from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, MountKind, outcome, remarks, taken, versions
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
@@ -162,7 +162,7 @@ def _rows(client: str, mount: str) -> list[str]:
     return lines
 
 
-def _outcomes(row: SurfaceRow | None, every: list[tuple[CommandSet, Kind]]) -> str:
+def _outcomes(row: SurfaceRow | None, every: list[tuple[CommandSet, MountKind]]) -> str:
     """Return the outcomes on the aligned mounts, that of most mounts first, and those before the alignment if they
     differ."""
     found = {
@@ -185,20 +185,20 @@ def _remarks(command: Command, row: SurfaceRow | None) -> str:
     return "; ".join(about + remarks(row, []))
 
 
-def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[str]:
+def sent(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[str]:
     """Return the mount commands that a row may send, each once; only those that this model and version has."""
     has = mount.commands
     commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
     return list(dict.fromkeys(commands))
 
 
-def kinds(protocol: CommandSet) -> Iterator[Kind]:
+def kinds(protocol: CommandSet) -> Iterator[MountKind]:
     """Yield every kind of mount that speaks a protocol, the newest versions first."""
     made = sorted(versions(protocol), key=lambda model: model[2] or (), reverse=True)
     for model, _, version in made:
         wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
         states = (True, False) if PROTOCOLS[protocol.name].aligns else (True,)
-        yield from (Kind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
+        yield from (MountKind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
 
 
 def missing(client: str, mount: str) -> list[str]:

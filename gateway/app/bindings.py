@@ -16,7 +16,7 @@ from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.access import Access, Networks, networks
+from gateway.clients.access import AccessRules, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.clients.reply_pace import AS_HARDWARE, paced
 from gateway.core.errors import UserError
@@ -218,9 +218,9 @@ def _of_keys(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, A
     return {name: getattr(config, name) for name in settings.__struct_fields__ if hasattr(config, name)}
 
 
-def access(surface: SurfaceConfig, config: MountConfig) -> Access:
+def access(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
     """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
-    return Access(*access_networks(surface), surface.max_clients, config.hibernate)
+    return AccessRules(*access_networks(surface), surface.max_clients, config.hibernate)
 
 
 def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:

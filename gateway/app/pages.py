@@ -27,7 +27,7 @@ from types import MappingProxyType
 
 from aiohttp import web
 
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.core.wire_log import WireLog
 from gateway.system.own_names import host_of
 from gateway.transport.http_requests import READ_ONLY, addressed_here, local_address, turned_away
@@ -104,7 +104,7 @@ OTHER_NAME = (
     "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
     'router, add it: names = ["pier.example.org"] on the surface or under [console], or --names pier.example.org.'
 )
-_PORTS: web.AppKey[Mapping[int, Access]] = web.AppKey("rules of ports")
+_PORTS: web.AppKey[Mapping[int, AccessRules]] = web.AppKey("rules of ports")
 _TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
 #: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
@@ -190,7 +190,7 @@ class Pages:
 
 
 def application(
-    names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, Access] = MappingProxyType({})
+    names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
     """Return an application that answers requests which mean this computer; ``logs`` are told of the others.
 
@@ -217,9 +217,9 @@ def application(
     return app
 
 
-def rules_of(request: web.Request) -> Access:
+def rules_of(request: web.Request) -> AccessRules:
     """Return the access rules of the port at which a request has come."""
-    return request.app[_PORTS].get(local_address(request)[1], Access())
+    return request.app[_PORTS].get(local_address(request)[1], AccessRules())
 
 
 def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.system import garbage
 from gateway.transport.listening import split_address
@@ -47,7 +47,7 @@ async def load_site(
     return app
 
 
-def _ports(gateways: Sequence[Gateway]) -> dict[int, Access]:
+def _ports(gateways: Sequence[Gateway]) -> dict[int, AccessRules]:
     """Return the ports of surfaces that speak HTTP, and the access rules of each."""
     return {
         split_address(port.where)[1]: acceptor.access

@@ -104,7 +104,7 @@ class State(Struct, frozen=True):
         return f"{self.title or self.product}, {self.model}{version}" if self.product else ""
 
 
-class Rate:
+class AverageRate:
     """The rate of a counter that is sampled now and then, averaged over the last ``samples`` samples."""
 
     def __init__(self, samples: int = 5) -> None:

@@ -21,7 +21,7 @@ class Build(Enum):
     GERMAN = "german"
 
 
-class Sky(NamedTuple):
+class Observer(NamedTuple):
     """The site in degrees (longitude east positive), and how many seconds the mount's UTC is ahead of true UTC."""
 
     latitude: float

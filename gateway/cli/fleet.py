@@ -13,7 +13,7 @@ from gateway.core.errors import UserError
 from gateway.system import streams
 
 if TYPE_CHECKING:
-    from gateway.fleet.client import Access
+    from gateway.fleet.client import BrokerAccess
 
 PORT = 4090
 #: The keys of ``[mqtt]`` that are flags here.
@@ -58,7 +58,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
     return asyncio.run(_serve(broker_access, arguments.prefix, arguments.port))
 
 
-async def _serve(access: Access, prefix: str, port: int) -> int:
+async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import until_signal
     from gateway.console.server import PAGE
     from gateway.fleet.overview.server import Overview

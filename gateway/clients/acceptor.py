@@ -12,7 +12,7 @@ from collections.abc import Callable
 from copy import copy
 from functools import cached_property
 
-from gateway.clients.access import Access, Admission, Rights
+from gateway.clients.access import AccessRules, ClientAdmission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
@@ -39,7 +39,7 @@ class ConnectionAcceptor:
         shared: Shared,
         host_clock: Callable[[], float],
         number: int = 1,
-        access: Access = Access(),
+        access: AccessRules = AccessRules(),
         where: str = "",
         warn: Callable[[str], None] = lambda text: None,
         one_type: bool = True,
@@ -47,7 +47,7 @@ class ConnectionAcceptor:
         self.controller, self._bind, self.shared, self.clock = controller, binding, shared, host_clock
         #: The number of the surface, counted from 1.
         self.number = number
-        self.access, self._admission = access, Admission(access, number, controller.wire_log)
+        self.access, self._admission = access, ClientAdmission(access, number, controller.wire_log)
         self._where, self._warn, self._one_type = where, warn, one_type
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, Kept]] = {}

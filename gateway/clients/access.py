@@ -45,7 +45,7 @@ NO_HIBERNATION = (
 )
 
 
-class Access(Struct, frozen=True):
+class AccessRules(Struct, frozen=True):
     """The rules of one surface.
 
     ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
@@ -87,10 +87,10 @@ class Rights(Struct, frozen=True):
         return None
 
 
-class Admission:
+class ClientAdmission:
     """Admits connections to one surface, of this ``number``. A refused host is logged once, and told in ``status``."""
 
-    def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
+    def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
 
     def check(self, new: Connected, hosts: Sequence[str]) -> None:

@@ -17,7 +17,7 @@ from gateway.core.operations import Direction
 from gateway.core.requests import FAILED, Answer, LetGo, Press, new_number
 
 
-class Held(NamedTuple):
+class HeldKey(NamedTuple):
     """An arrow that is held down: the number of the press, and of its request, its rate, and the loop time.
 
     ``ends`` are the numbers of stops and gotos until then: after another one the arrow moves nothing any more.
@@ -41,7 +41,7 @@ class Arrows:
     def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
         self._gateway, self._who, self._pages = gateway, who, pages
         self._controller = gateway.controller
-        self._held: dict[Direction, Held] = {}
+        self._held: dict[Direction, HeldKey] = {}
         #: The number of the newest press.
         self._newest = 0
         pages.append(self)
@@ -64,11 +64,11 @@ class Arrows:
             for other in [arrow for arrow in self._held if arrow.axis == direction.axis]:
                 self.release(other)
             self._newest = max(self._newest, press)
-            held = Held(press, new_number(), rate, self._controller.now(), self._ends())
+            held = HeldKey(press, new_number(), rate, self._controller.now(), self._ends())
         self._held[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
-    async def _move(self, direction: Direction, held: Held) -> Answer:
+    async def _move(self, direction: Direction, held: HeldKey) -> Answer:
         request = Press(direction, held.rate, number=held.request, who=self._who)
         answer = await self._gateway.request_handler.take(request)
         if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
@@ -76,7 +76,7 @@ class Arrows:
             self._let_go(held, lost=True)
         return answer
 
-    def _let_go(self, held: Held, lost: bool) -> None:
+    def _let_go(self, held: HeldKey, lost: bool) -> None:
         request = LetGo(lost, number=held.request, who=self._who)
         self._controller.spawn(self._gateway.request_handler.take(request))
 
@@ -104,7 +104,7 @@ class Arrows:
                 any(page.take_over(released, held, refused) for page in self._pages)
                 self._let_go(held, lost)
 
-    def take_over(self, direction: Direction, released: Held, refused: Callable[[], None]) -> bool:
+    def take_over(self, direction: Direction, released: HeldKey, refused: Callable[[], None]) -> bool:
         """Move the mount by this page's arrow, if it was pressed before one that another page has released.
 
         If that is ``refused``, the motion of the other page ends: nobody holds it any more.
@@ -116,7 +116,7 @@ class Arrows:
         self._controller.spawn(self._take(direction, held, refused))
         return True
 
-    async def _take(self, direction: Direction, held: Held, refused: Callable[[], None]) -> None:
+    async def _take(self, direction: Direction, held: HeldKey, refused: Callable[[], None]) -> None:
         if not (await self._move(direction, held)).done:
             refused()
 

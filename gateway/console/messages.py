@@ -38,7 +38,7 @@ class Talk(Struct, frozen=True, tag="talk"):
     on: bool = True
 
 
-class Pin(Struct, frozen=True, tag="pin"):
+class EnterPin(Struct, frozen=True, tag="pin"):
     """The pin that allows a view-only page to act."""
 
     pin: _Text = ""
@@ -56,7 +56,7 @@ class Search(Struct, frozen=True, tag="search"):
     text: _Text = ""
 
 
-class Night(Struct, frozen=True, tag="night"):
+class ShowNight(Struct, frozen=True, tag="night"):
     """Return where Sun and Moon stand through the night."""
 
 
@@ -84,7 +84,7 @@ class Jog(Struct, frozen=True, tag="jog"):
     press: Annotated[int, Meta(ge=0)] = 0
 
 
-class LetGo(Struct, frozen=True, tag="let_go"):
+class ReleaseArrow(Struct, frozen=True, tag="let_go"):
     """Release one direction key, or all of them; with ``press``, only if that press is the one that is held."""
 
     direction: Arrow | None = None
@@ -92,7 +92,7 @@ class LetGo(Struct, frozen=True, tag="let_go"):
 
 
 #: What a view-only page may ask for, besides a stop.
-Looks = Beat | Talk | Pin | LookUp | Search | Night | Explain | LetGo | requests.Look
+Looks = Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.Look
 #: What of the common requests a page may ask for.
 Common = (
     requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track | requests.Guide

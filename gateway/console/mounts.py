@@ -39,7 +39,7 @@ class Mounts:
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways = list(gateways)
         self.pin = Pin(pin, time.monotonic, lambda words: self.gateways[0].wire_log.note("console", words))
-        self.recordings = [Recording(gateway) for gateway in self.gateways]
+        self.recordings = [MountRecorder(gateway) for gateway in self.gateways]
         self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
         #: By mount, the arrows that each page holds.
         self.arrows: list[list[Arrows]] = [[] for _ in self.gateways]
@@ -108,7 +108,7 @@ def _surface_argument(surface: str, command: str) -> str:
     return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else spoken(ANY)[0]
 
 
-class Recording:
+class MountRecorder:
     """The recordings of one mount, one at a time."""
 
     def __init__(self, gateway: Gateway) -> None:

@@ -177,7 +177,7 @@ class PageSession:
                     {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
                 )
             return
-        if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.LetGo):
+        if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.ReleaseArrow):
             self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
@@ -187,7 +187,7 @@ class PageSession:
         if not 0 <= message.mount < len(self._arrows):
             return None
         arrows, wish = self._arrows[message.mount], message.wish
-        if isinstance(wish, messages.LetGo):
+        if isinstance(wish, messages.ReleaseArrow):
             arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
         elif isinstance(wish, messages.Jog) and self._acts:
             return arrows.press(_direction(wish.direction), wish.rate, wish.press)
@@ -222,17 +222,17 @@ class PageSession:
         match wish:
             case messages.Talk():
                 self._listen(wish.on)
-            case messages.Pin():
+            case messages.EnterPin():
                 self._acts = self._acts or mounts.pin.admits(wish.pin, self._host)
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(message.id, self._acts, words)
-            case messages.LetGo() | messages.Jog():  # the outcome of a press is answered elsewhere
+            case messages.ReleaseArrow() | messages.Jog():  # the outcome of a press is answered elsewhere
                 await self._answer(message.id, True, "let go")
             case messages.LookUp():
                 await self._answer(message.id, True, "", await look_up(gateway.controller, wish.where))
             case messages.Search():
                 await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
-            case messages.Night():
+            case messages.ShowNight():
                 await self._answer(message.id, True, "", night(gateway.controller))
             case messages.Explain():
                 done, text = await mounts.explain(gateway, wish.surface, wish.command)

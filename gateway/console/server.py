@@ -19,7 +19,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from gateway.app.gateway import Gateway
 from gateway.app.pages import Pages, for_own_page, rules_of, same_token
 from gateway.astro.catalog import supplied
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core.errors import UserError
@@ -42,7 +42,7 @@ def page_files() -> Pages:
 class Console:
     """The console of these gateways, with access rules besides those of the port of a request."""
 
-    def __init__(self, gateways: Sequence[Gateway], access: Access, pin: str) -> None:
+    def __init__(self, gateways: Sequence[Gateway], access: AccessRules, pin: str) -> None:
         self._mounts, self._access = Mounts(gateways, pin), access
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)

@@ -31,7 +31,7 @@ STANDS_FOR = {
 }
 
 
-class Kind(NamedTuple):
+class MountKind(NamedTuple):
     """A kind of mount: a model and version, aligned or not, and for a fork, whether it is on a wedge."""
 
     model: str
@@ -40,7 +40,7 @@ class Kind(NamedTuple):
     wedge: bool = False
 
 
-def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind, face: frozenset[str] | None = None) -> str:
+def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
     """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model, if it matters.
 
     The word of the row, or if it is *translated*, that of the row by which the mount carries out the first operation.
@@ -59,7 +59,7 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _fits(words: str, mount: CommandSet, kind: Kind, unable: bool, face: frozenset[str] | None) -> bool:
+def _fits(words: str, mount: CommandSet, kind: MountKind, unable: bool, face: frozenset[str] | None) -> bool:
     """Whether all these words are true of such a mount, and of the presented model."""
 
     def is_true(word: str) -> bool:
@@ -75,13 +75,13 @@ def _fits(words: str, mount: CommandSet, kind: Kind, unable: bool, face: frozens
     return all(map(is_true, words.split()))
 
 
-def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind) -> list[Implementation]:
+def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
     """Return how a mount carries out the operations of a row: for each the first way whose commands it has."""
     ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 
 
-def carried(operation: str, mount: CommandSet, kind: Kind) -> Iterator[Implementation]:
+def carried(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
     """Yield the ways in which such a mount can carry out an operation, the one that it takes first."""
     traits = _traits(mount, kind.model, kind.wedge)
     for way in mount.driver.get(operation, ()):

@@ -25,7 +25,7 @@ from msgspec import Struct
 
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError, about_file
-from gateway.fleet.topics import Message
+from gateway.fleet.topics import MqttMessage
 from gateway.system.own_commands import how_to_add
 
 PASSWORD = "MOUNT_GATEWAY_MQTT_PASSWORD"
@@ -41,7 +41,7 @@ LARGEST, WAITING = 65536, 2000
 KEPT = 3 * LARGEST
 
 
-class Access(Struct, frozen=True):
+class BrokerAccess(Struct, frozen=True):
     """The broker and the credentials for it. ``user`` is None if the broker needs none."""
 
     broker: Broker
@@ -54,12 +54,12 @@ class Access(Struct, frozen=True):
         return ssl.create_default_context(cafile=self.ca) if self.broker.tls else None
 
 
-def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> Access:
+def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> BrokerAccess:
     """Collect the settings for a broker. Raises UserError for what is missing or cannot be read."""
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
     broker = parse_broker(at)
-    found = Access(broker, user or broker.user or None, _password(password_file), ca)
+    found = BrokerAccess(broker, user or broker.user or None, _password(password_file), ca)
     if found.password is not None and found.user is None:
         raise UserError("there is a password for the broker and no user: write user under [mqtt]")
     try:
@@ -114,16 +114,16 @@ class Flooded(Exception):
 
 
 #: Makes a connection, with the message that the broker publishes if the connection is lost (the will).
-Connect = Callable[[Message | None], AbstractAsyncContextManager[Client]]
+Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[Client]]
 
 
-def connector(access: Access) -> Connect:
+def connector(access: BrokerAccess) -> Connect:
     """Return a function that connects to a broker. It raises Flooded, OSError, ValueError or aiomqtt's MqttError."""
 
     old = False
 
     @asynccontextmanager
-    async def connect(will: Message | None) -> AsyncIterator[Client]:
+    async def connect(will: MqttMessage | None) -> AsyncIterator[Client]:
         import aiomqtt
 
         nonlocal old

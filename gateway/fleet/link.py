@@ -16,8 +16,8 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import LARGEST, Access, Client, Connect, Flooded, connector
-from gateway.fleet.topics import Message, Outbox, Received
+from gateway.fleet.client import LARGEST, BrokerAccess, Client, Connect, Flooded, connector
+from gateway.fleet.topics import MqttMessage, Outbox, Received
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
@@ -56,12 +56,12 @@ class BrokerLink:
 
     def __init__(
         self,
-        access: Access,
+        access: BrokerAccess,
         subscriptions: Sequence[str],
         on_message: Callable[[Received], None],
         on_connection: Callable[[bool, str], None],
-        first_messages: Sequence[Message] = (),
-        last_messages: Sequence[Message] = (),
+        first_messages: Sequence[MqttMessage] = (),
+        last_messages: Sequence[MqttMessage] = (),
         connect: Connect | None = None,
         flood: int = FLOOD,
     ) -> None:
@@ -81,7 +81,7 @@ class BrokerLink:
         self._home, self._loop = asyncio.get_running_loop(), _Loop()
         threading.Thread(target=self._run, name="mqtt", daemon=True).start()
 
-    def put(self, message: Message) -> None:
+    def put(self, message: MqttMessage) -> None:
         """Queue a message; it is sent with the next ``send``."""
         self._outbox.put(message)
 
@@ -90,7 +90,7 @@ class BrokerLink:
         if self._outbox.is_waiting:
             self._on_thread(self._wake.set)
 
-    def publish(self, message: Message) -> None:
+    def publish(self, message: MqttMessage) -> None:
         """Queue a message and send it as soon as the broker takes it."""
         self.put(message)
         self.send()
@@ -186,7 +186,7 @@ class BrokerLink:
             await _send(client, messages[-1])
 
 
-async def _send(client: Client, message: Message, qos: int = 1) -> None:
+async def _send(client: Client, message: MqttMessage, qos: int = 1) -> None:
     await client.publish(message.topic, payload=message.payload, qos=qos, retain=message.retain)
 
 

@@ -19,7 +19,7 @@ from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.core.about import version
 from gateway.core.wire_log import MOUNT, Entry, show
-from gateway.fleet.topics import Message, Topics
+from gateway.fleet.topics import MqttMessage, Topics
 
 #: Arrows of the wire log that are published, and the kinds of their events.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
@@ -109,7 +109,7 @@ class Events:
 
 def discovery(
     prefix: str, topics: Topics, mount: str, state: Mapping[str, Any], orders: Collection[str]
-) -> Message:  # fmt: skip
+) -> MqttMessage:  # fmt: skip
     """Return the message that describes a mount to Home Assistant; ``orders`` are those that are allowed."""
     device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
     description: dict[str, Any] = {
@@ -128,7 +128,7 @@ def discovery(
             for key, part in (*_readings(), *_buttons(topics.of(mount, "command"), orders))
         },
     }
-    return Message(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, newest=True)
+    return MqttMessage(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, newest=True)
 
 
 def _known(**values: Any) -> dict[str, Any]:

@@ -22,10 +22,10 @@ from gateway.core.about import version
 from gateway.core.requests import Goto, Home, Named, Park, Stop, Unpark
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import show
-from gateway.fleet.client import LARGEST, Access, Connect
+from gateway.fleet.client import LARGEST, BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.mount_messages import Events, discovery, state
-from gateway.fleet.topics import OFFLINE, ONLINE, UNNAMED, Message, Received, Topics, own_id
+from gateway.fleet.topics import OFFLINE, ONLINE, UNNAMED, MqttMessage, Received, Topics, own_id
 
 WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
@@ -118,31 +118,31 @@ class Orders:
 MOST = 100
 
 
-class Presence:
+class BrokerPresence:
     """The gateway's presence on the broker.
 
     Each gateway publishes on ``PREFIX/ID/gateway`` who it is, and subscribes to it. One that receives another's message
     publishes its own once more, so that both know. Orders could then be meant for either, so only stops are carried
     out. ``conflict``: a message about another gateway with this ID, or empty."""
 
-    def __init__(self, topics: Topics, publish: Callable[[Message], None], warn: Callable[[str], None]) -> None:
+    def __init__(self, topics: Topics, publish: Callable[[MqttMessage], None], warn: Callable[[str], None]) -> None:
         self._topics, self._publish, self._warn = topics, publish, warn
         self._instance = secrets.token_hex(8)
         about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
-        self._who = Message(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
-        self._here = Message(topics.availability, ONLINE, retain=True, newest=True)
+        self._who = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
+        self._here = MqttMessage(topics.availability, ONLINE, retain=True, newest=True)
         self._answered: set[str] = set()
         self.conflict = ""
 
     @property
-    def first_messages(self) -> list[Message]:
+    def first_messages(self) -> list[MqttMessage]:
         """The first messages on every connection."""
         return [self._who, self._here]
 
     @property
-    def last_messages(self) -> list[Message]:
+    def last_messages(self) -> list[MqttMessage]:
         """The last messages; the broker publishes them itself if the connection is lost."""
-        return [Message(self._topics.availability, OFFLINE, retain=True)]
+        return [MqttMessage(self._topics.availability, OFFLINE, retain=True)]
 
     def receive(self, received: Received) -> bool:
         """Take a message of the broker; return whether it was about presence."""
@@ -193,7 +193,7 @@ class _PublishedMount:
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
-        self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
+        self.events = Events(lambda told: station.link.publish(MqttMessage(topic, told)), gateway.clock)
         self.orders = Orders(gateway, station.config.orders, lambda: station.presence.conflict, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
@@ -207,7 +207,7 @@ class _PublishedMount:
             return
         self._state = now
         told = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
-        station.link.put(Message(station.topics.of(self.name, "state"), told, retain=True, newest=True))
+        station.link.put(MqttMessage(station.topics.of(self.name, "state"), told, retain=True, newest=True))
         identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
         if prefix != OFF and identity != self._identity:
@@ -226,7 +226,7 @@ class Station:
     def __init__(
         self,
         config: MqttConfig,
-        access: Access,
+        access: BrokerAccess,
         gateways: Sequence[Gateway],
         say: Callable[[str], None],
         warn: Callable[[str], None],
@@ -234,7 +234,7 @@ class Station:
     ) -> None:
         self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
         self.topics = Topics(config.prefix, config.id or own_id())
-        self.presence = Presence(self.topics, lambda message: self.link.publish(message), warn)
+        self.presence = BrokerPresence(self.topics, lambda message: self.link.publish(message), warn)
         own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
         self.link = BrokerLink(
             access,

@@ -23,7 +23,7 @@ ONLINE, OFFLINE = b"online", b"offline"
 EVENTS = 200
 
 
-class Message(Struct, frozen=True):
+class MqttMessage(Struct, frozen=True):
     """A message to publish. ``newest``: only the newest of its topic matters, and a reconnect publishes it again."""
 
     topic: str
@@ -84,11 +84,11 @@ class Outbox:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._newest: dict[str, Message] = {}
+        self._newest: dict[str, MqttMessage] = {}
         self._waiting: dict[str, None] = {}
-        self._events: deque[Message] = deque(maxlen=EVENTS)
+        self._events: deque[MqttMessage] = deque(maxlen=EVENTS)
 
-    def put(self, message: Message) -> None:
+    def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous one of its topic."""
         with self._lock:
             if message.newest:
@@ -102,7 +102,7 @@ class Outbox:
         """Whether any message waits."""
         return bool(self._waiting or self._events)
 
-    def take(self, most: int) -> list[Message]:
+    def take(self, most: int) -> list[MqttMessage]:
         """Remove and return the next messages, at most ``most``."""
         with self._lock:
             topics = list(self._waiting)[:most]

@@ -17,7 +17,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.motion.run_on import RunOnWatch
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.policy import Hold, Policy
-from gateway.mount.presence import Program
+from gateway.mount.presence import ProgramId
 from gateway.mount.readings.cache import POLL_PERIOD, ReadingsCache
 from gateway.mount.safety.allow import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
@@ -54,7 +54,7 @@ class Context:
             policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.settled, self.note_once
         )
 
-    def astrometry_for(self, program: Program) -> SiteAstrometry:
+    def astrometry_for(self, program: ProgramId) -> SiteAstrometry:
         """Return astronomy with the site and clock that this program reads."""
         return SiteAstrometry(self.astrometry.sky, ReadBy(self.site_clock, program), self.astrometry.equinox)
 

@@ -29,11 +29,11 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits, Policy
-from gateway.mount.presence import NOBODY, HostActivity, Presence, Program
+from gateway.mount.presence import NOBODY, HostActivity, Presence, ProgramId
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.motions import Admission
+from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.mount.safety.unattended import SunAhead, Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
@@ -77,7 +77,7 @@ class MountController:
         self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
         watch = self.watch = LimitWatch(context, reader, self.ends)
         sync.moved_by_others = lambda: watch.moved_by_others
-        self.admission = Admission(context, reader, watch)
+        self.admission = MotionAdmission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
         reader.position.connect(watch.check_position)
         self.sun_ahead = SunAhead(context, reader, watch)
@@ -174,7 +174,7 @@ class MountController:
         """The number of stops so far: a motion that a client asked for before the last stop is not begun."""
         return self.wanted.value.stops
 
-    def peek(self, operation: op.Operation[_T], program: Program = NOBODY) -> _T:
+    def peek(self, operation: op.Operation[_T], program: ProgramId = NOBODY) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         answer: object
         if isinstance(operation, op.Own):
@@ -231,7 +231,7 @@ class MountController:
             return cast(_T, value)
         return cast(_T, await self._perform_alone(operation, program))
 
-    async def _perform_alone(self, operation: op.Operation, program: Program) -> Any:
+    async def _perform_alone(self, operation: op.Operation, program: ProgramId) -> Any:
         """Carry out an operation that is no motion and whose answer is not shared between clients."""
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.context.astrometry_for(program), operation)

@@ -21,7 +21,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import POSITION, READ, STOP
 from gateway.mount.motion import changes
-from gateway.mount.motion.ends import SLOW, EndWatch, Sample
+from gateway.mount.motion.ends import SLOW, AxisSample, EndWatch
 from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion, left_motion, rests, still_left, turning
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
@@ -227,7 +227,7 @@ class Identification:
         self._driver.moved_by_others = True
         return bool(await self._runner.perform(op.Slewing(), READ))
 
-    async def _look(self, left: LeftMotion) -> tuple[Sample, float]:
+    async def _look(self, left: LeftMotion) -> tuple[AxisSample, float]:
         """Return the position as readings of the axes, and the greater way of the two axes to the marked goal."""
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 FORGOTTEN_AFTER = 60.0
 
 
-class Program(NamedTuple):
+class ProgramId(NamedTuple):
     """A program, as far as site and clock are its own: a host on one surface (0: no surface, such as a command)."""
 
     host: str
@@ -22,7 +22,7 @@ class Program(NamedTuple):
 
 
 #: The gateway itself, and who embeds it.
-NOBODY = Program("")
+NOBODY = ProgramId("")
 
 
 class HostActivity:
@@ -34,7 +34,7 @@ class HostActivity:
     __slots__ = ("closed", "last", "opened", "program", "sent_data", "who")
 
     def __init__(self, who: str, opened: float, surface: int = 0) -> None:
-        self.who, self.opened, self.program = who, opened, Program(who, surface)
+        self.who, self.opened, self.program = who, opened, ProgramId(who, surface)
         self.sent_data = True
         self.last = opened
         self.closed: float | None = None

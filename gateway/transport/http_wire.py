@@ -1,10 +1,10 @@
 """The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
 
-A protocol's ``Dialect`` converts both. Only the reply to the newest request is delivered, because the line has given up
-the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also for some seconds
-while an order that they have overtaken is unanswered, and once after its answer: it may be carried out late.
-Connections are kept open, unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp is
-imported when it opens.
+A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the line has
+given up the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also for some
+seconds while an order that they have overtaken is unanswered, and once after its answer: it may be carried out late.
+Connections are kept open, unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp
+is imported when it opens.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGAIN, REPEATED = 0.5, 15.0
 BESIDE = 1.0
 
 
-class Request(NamedTuple):
+class HttpRequest(NamedTuple):
     """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
 
     ``moves``: it begins a motion; False if it ends one, None for all others.
@@ -45,16 +45,16 @@ class Request(NamedTuple):
     moves: bool | None = None
 
 
-class Dialect(Protocol):
+class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
     ``first`` is asked when the wire opens; ``opened`` raises OSError if an answer shows that it is the wrong server.
     """
 
     @property
-    def first(self) -> Sequence[Request]: ...
-    def opened(self, request: Request, status: int, body: bytes) -> None: ...
-    def request(self, line: bytes) -> Request: ...
+    def first(self) -> Sequence[HttpRequest]: ...
+    def opened(self, request: HttpRequest, status: int, body: bytes) -> None: ...
+    def request(self, line: bytes) -> HttpRequest: ...
     def reply(self, status: int, body: bytes) -> bytes: ...
 
 
@@ -71,7 +71,7 @@ class HttpWire:
 
     newest_only = True
 
-    def __init__(self, url: str, dialect: Dialect, watcher: AddressWatcher | None = None) -> None:
+    def __init__(self, url: str, dialect: HttpDialect, watcher: AddressWatcher | None = None) -> None:
         parts = urlsplit(url)
         self.name, self._dialect, self._watcher = url, dialect, watcher
         self._host, self._port = parts.hostname or "", parts.port or 80
@@ -82,7 +82,7 @@ class HttpWire:
         #: The unanswered orders that begin a motion, the stops that were written since the last one, and until when
         #: (loop time) these are repeated without an answer.
         self._orders: set[asyncio.Task[bool]] = set()
-        self._stops: dict[bytes, Request] = {}
+        self._stops: dict[bytes, HttpRequest] = {}
         self._stopping: asyncio.Task[None] | None = None
         self._repeat_until = 0.0
         self._number = 0
@@ -158,7 +158,7 @@ class HttpWire:
                 await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
             overtaken = unanswered | self._orders
 
-    async def _carry_out(self, session: ClientSession, number: int, request: Request) -> bool:
+    async def _carry_out(self, session: ClientSession, number: int, request: HttpRequest) -> bool:
         """Send a request, and deliver the answer; return whether there was one."""
         import aiohttp
 
@@ -180,7 +180,7 @@ class HttpWire:
             self._on_data(self._dialect.reply(*answer))
         return True
 
-    async def _ask(self, session: ClientSession, request: Request) -> tuple[int, bytes]:
+    async def _ask(self, session: ClientSession, request: HttpRequest) -> tuple[int, bytes]:
         method, path, fields, _ = request
         query, form = (fields, None) if method == "GET" else (None, fields)
         url = self._server + path
@@ -201,7 +201,7 @@ class HttpWire:
         await session.close()
 
 
-def written(url: str, request: Request) -> bytes:
+def written(url: str, request: HttpRequest) -> bytes:
     """Return the bytes of a request whose fields are in its body, for a process without an HTTP library. The server
     closes the connection after its answer, because it may serve only one at a time."""
     body = urlencode(request.fields)

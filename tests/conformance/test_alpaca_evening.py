@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.alpaca.http.programs import Program as Lines
+from gateway.protocols.alpaca.http.programs import AlpacaClient as Lines
 from tests.support import exact_sky
 
 START = 1769634000.0
@@ -38,7 +38,7 @@ MOUNTS = [("6-8se", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 class Program:
     """One of the two."""
 
-    def __init__(self, stage: Stage, host: str) -> None:
+    def __init__(self, stage: RehearsalMount, host: str) -> None:
         self.own, self._lines = stage, Lines(stage.acceptor.accept, f"{host}:id-1", host)
 
     async def _ask(self, line: str) -> Any:
@@ -98,7 +98,7 @@ async def polling(nina: Program) -> None:
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_an_evening(mount: tuple[str, str]) -> None:
     async def program() -> None:
-        async with Stage(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
             exact_sky.load(own.controller.astrometry.sky)
             nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")
             for one in (nina, phd2):

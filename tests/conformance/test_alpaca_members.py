@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.requests import signatures
 from tests.support import exact_sky
@@ -104,7 +104,7 @@ async def answer(program: Visitor, line: str) -> Any:
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_every_property_has_its_type(mount: tuple[str, str]) -> None:
     async def program() -> None:
-        async with Stage(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
             exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await answer(client, "put connected Connected=true")
@@ -149,7 +149,7 @@ def test_without_a_connection_nothing_moves_and_after_it_nothing_is_told() -> No
     """A program that has never written Connected may read; one that has disconnected may not."""
 
     async def program() -> None:
-        async with Stage("6-8se", start=START, presented="alpaca", named=True) as own:
+        async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
             client = own.client()
             for name, (parameters, _) in READ.items():
                 given = "".join(f" {one}=1" for one in parameters.split())
@@ -209,7 +209,7 @@ def _anything(parameter: str) -> str:
 )
 def test_what_is_refused_has_the_number_of_the_reference(line: str, error: int) -> None:
     async def program() -> None:
-        async with Stage("6-8se", start=START, presented="alpaca", named=True) as own:
+        async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
             client = own.client()
             await answer(client, "put connected Connected=true")
             assert await answer(client, line) == -error

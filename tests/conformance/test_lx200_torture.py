@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gateway.protocols.lx200.framing import Framer
+from gateway.protocols.lx200.framing import Lx200Framer
 from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.manual_files import raw, rows
@@ -34,6 +34,6 @@ def test_reply_is_exact(packets: str, reply: str) -> None:
 
 
 def test_four_kilobytes_of_garbage_leave_nothing_behind() -> None:
-    framer = Framer()
+    framer = Lx200Framer()
     assert framer.feed(bytes(range(1, 6)) * 800 + b":" + b"A" * 4096, 0.0) == []
     assert framer.feed(b":GR#", 0.0) == [b":GR#"]

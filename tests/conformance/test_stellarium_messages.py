@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.protocols.stellarium.surface import Framer
+from gateway.protocols.stellarium.surface import StellariumFramer
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 
@@ -54,7 +54,7 @@ def test_places(ra: float, dec: float, written: str) -> None:
     ],
 )
 def test_however_the_bytes_come(pieces: list[bytes]) -> None:
-    framer = Framer()
+    framer = StellariumFramer()
     frames = [frame for number, piece in enumerate(pieces) for frame in framer.feed(piece, 10.0 + number * 0.05)]
     assert frames == [GOTO] * (sum(map(len, pieces)) // len(GOTO))
     assert framer.idle and not framer.dropped
@@ -62,13 +62,13 @@ def test_however_the_bytes_come(pieces: list[bytes]) -> None:
 
 def test_a_message_of_another_type_is_passed_over_as_a_whole() -> None:
     other = bytes.fromhex("0600 0100 1400")
-    assert Framer().feed(other + GOTO, 10.0) == [other, GOTO]
+    assert StellariumFramer().feed(other + GOTO, 10.0) == [other, GOTO]
     assert load("stellarium").find(other) is None
 
 
 @each("noise", ["0000 0000", "0300 0000", "3A475223", "FFFF 0000"])
 def test_what_is_no_message_drops_what_comes_with_it_until_it_is_quiet(noise: str) -> None:
-    framer = Framer()
+    framer = StellariumFramer()
     assert framer.feed(bytes.fromhex(noise) + GOTO, 10.0) == []
     assert framer.feed(GOTO, 10.05) == []
     assert not framer.idle and GOTO in b"".join(framer.dropped.values())
@@ -76,7 +76,7 @@ def test_what_is_no_message_drops_what_comes_with_it_until_it_is_quiet(noise: st
 
 
 def test_half_a_message_is_not_finished_by_what_comes_later() -> None:
-    framer = Framer()
+    framer = StellariumFramer()
     assert framer.feed(GOTO[:12], 10.0) == []
     assert framer.feed(GOTO[12:] + GOTO, 11.5) == []
     assert framer.dropped
@@ -84,7 +84,7 @@ def test_half_a_message_is_not_finished_by_what_comes_later() -> None:
 
 
 def test_the_end_of_a_connection_drops_half_a_message() -> None:
-    framer = Framer()
+    framer = StellariumFramer()
     framer.feed(GOTO[:12], 10.0)
     assert framer.end() == []
     assert list(framer.dropped.values()) == [GOTO[:12]]

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.diagnostics.prove.findings import Result
+from gateway.diagnostics.prove.findings import ProofFile
 from gateway.diagnostics.prove.guide import STAGES
 from tests.support.proven import CHECKED, KINDS
 from tests.support.scripts import script
@@ -18,7 +18,7 @@ FILES = sorted(CHECKED.glob("*.json"))
 
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
 def test_every_file_has_the_form_that_prove_writes(file: Path) -> None:
-    result = msgspec.json.decode(file.read_bytes(), type=Result)
+    result = msgspec.json.decode(file.read_bytes(), type=ProofFile)
     assert json.loads(file.read_bytes()) == json.loads(msgspec.json.encode(result))
     assert {"reads", "motions", "goto", "program"} <= result.stages.keys() <= {stage.name for stage in STAGES}
 
@@ -27,7 +27,7 @@ def test_the_page_lists_every_file_and_marks_the_simulated_mounts() -> None:
     compatibility = script("docs/compatibility.py")
     page = compatibility.page()
     assert compatibility.PAGE.read_text("utf-8") == page, "run python docs/compatibility.py"
-    results = [msgspec.json.decode(file.read_bytes(), type=Result) for file in FILES]
+    results = [msgspec.json.decode(file.read_bytes(), type=ProofFile) for file in FILES]
     simulated = sum(result.simulated for result in results)
     assert simulated >= len(KINDS) and page.count("| a simulation |") == simulated
     assert page.count("| an owner |") == len(results) - simulated

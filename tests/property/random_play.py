@@ -14,7 +14,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NotAligned
 from gateway.core.wire_log import show
@@ -163,7 +163,7 @@ async def _play(
     if "mount" in wrong:
         latitude, longitude = here.bridge["site"]
         east = (longitude + random.choice((0.0, *ASTRAY)) + 180.0) % 360.0 - 180.0
-        made.sim.relocate(Sky(latitude, east, random.choice(AHEAD)))  # type: ignore[attr-defined]
+        made.sim.relocate(Observer(latitude, east, random.choice(AHEAD)))  # type: ignore[attr-defined]
     async with made as bridge:
         synced = driven == "lx200" or bridge.driver.supports("s")  # else what is synced is what the gateway believes
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC

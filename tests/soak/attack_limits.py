@@ -13,7 +13,7 @@ from functools import partial
 
 from msgspec import Struct
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
 from tests.soak.attacked import EVENING, NOON, SITE, Attacked, Program
 
@@ -77,18 +77,18 @@ def angle(degrees: float) -> bytes:
 HOUR = 3600.0
 #: What a program sends -> the site and clock that follow if it is accepted. The evening is at 22:00 UTC.
 EVENING_LIES = {
-    "latitude 10 N": (b":St+10*00#", Sky(10.0, 10.0)),
-    "longitude with the wrong sign": (b":Sg010*00#", Sky(45.0, -10.0)),
-    "Greenwich": (b":St+51*28#:Sg000*00#", Sky(51.47, 0.0)),
-    "latitude and longitude swapped": (b":St+10*00#:Sg315*00#", Sky(10.0, 45.0)),
-    "longitude 72 W": (b":Sg071*45#", Sky(45.0, -71.75)),
-    "AM for PM": (b":SG+00#:SL10:00:00#:SC01/15/26#", Sky(45.0, 10.0, -12 * HOUR)),
-    "zone with the wrong sign": (b":SG+01#:SL23:00:00#:SC01/15/26#", Sky(45.0, 10.0, 2 * HOUR)),
-    "3 h slow": (b":SG+00#:SL19:00:00#:SC01/15/26#", Sky(45.0, 10.0, -3 * HOUR)),
+    "latitude 10 N": (b":St+10*00#", Observer(10.0, 10.0)),
+    "longitude with the wrong sign": (b":Sg010*00#", Observer(45.0, -10.0)),
+    "Greenwich": (b":St+51*28#:Sg000*00#", Observer(51.47, 0.0)),
+    "latitude and longitude swapped": (b":St+10*00#:Sg315*00#", Observer(10.0, 45.0)),
+    "longitude 72 W": (b":Sg071*45#", Observer(45.0, -71.75)),
+    "AM for PM": (b":SG+00#:SL10:00:00#:SC01/15/26#", Observer(45.0, 10.0, -12 * HOUR)),
+    "zone with the wrong sign": (b":SG+01#:SL23:00:00#:SC01/15/26#", Observer(45.0, 10.0, 2 * HOUR)),
+    "3 h slow": (b":SG+00#:SL19:00:00#:SC01/15/26#", Observer(45.0, 10.0, -3 * HOUR)),
 }  # fmt: skip
 NEXSTAR_LIES = {
-    "NexStar H, 3 h slow": (b"H\x13\x00\x00\x01\x0f\x1a\x00\x00", Sky(45.0, 10.0, -3 * HOUR)),
-    "NexStar W, 40 W": (b"W\x2d\x00\x00\x00\x28\x00\x00\x01", Sky(45.0, -40.0)),
+    "NexStar H, 3 h slow": (b"H\x13\x00\x00\x01\x0f\x1a\x00\x00", Observer(45.0, 10.0, -3 * HOUR)),
+    "NexStar W, 40 W": (b"W\x2d\x00\x00\x00\x28\x00\x00\x01", Observer(45.0, -40.0)),
 }
 #: At noon on 21 June, 11:00 UTC.
 NOON_LIES = {
@@ -100,7 +100,7 @@ NOON_LIES = {
 }
 
 
-def below_the_limit(said: bytes, believed: Sky, at: Attacked) -> None:
+def below_the_limit(said: bytes, believed: Observer, at: Attacked) -> None:
     program = at.program()
     program.ask(said, 3.0, until=b"\0")
     at.begin()
@@ -108,7 +108,7 @@ def below_the_limit(said: bytes, believed: Sky, at: Attacked) -> None:
         at.rests(30.0)
 
 
-def below_the_limit_by_nexstar(said: bytes, believed: Sky, at: Attacked) -> None:
+def below_the_limit_by_nexstar(said: bytes, believed: Observer, at: Attacked) -> None:
     program = at.program()
     program.ask(said, 2.0)
     at.begin()
@@ -150,7 +150,7 @@ LIES = [
     Attack("site and clock", "this computer's clock of 1970, goto to 2° from the Sun", (FORK, "nexstar:gt/101.0"),
            partial(near_the_sun, b""), SUN, ("--site", "45,10"), start=NOON, host="1970-01-01T00:00:10+00:00"),
     Attack("site and clock", "this computer's clock of 1970, goto to 3° altitude", (FORK, GERMAN),
-           partial(below_the_limit, b"", Sky(45.0, 10.0, -1768514400.0)), ALTITUDE,
+           partial(below_the_limit, b"", Observer(45.0, 10.0, -1768514400.0)), ALTITUDE,
            host="1970-01-01T00:00:10+00:00"),
 ]  # fmt: skip
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
 from gateway.protocols.mechanics.truth import sun
 
@@ -275,8 +275,8 @@ class Attacked:
         """Return the truth now."""
         return self._rows()[-1]
 
-    def sky(self) -> Sky:
-        return Sky(*self.site)
+    def sky(self) -> Observer:
+        return Observer(*self.site)
 
     def place(self, azimuth: float, altitude: float) -> tuple[float, float]:
         """Return right ascension and declination of a point above the true horizon."""
@@ -287,7 +287,7 @@ class Attacked:
         """Return the right ascension that is now at this hour angle."""
         return wrap360(self.sky().sidereal(self.now) - hour_angle)
 
-    def looks_highest(self, altitude: float, believed: Sky) -> tuple[float, float]:
+    def looks_highest(self, altitude: float, believed: Observer) -> tuple[float, float]:
         """Return the point at a true altitude that would be highest at the other site and clock (``believed``)."""
 
         def looks(azimuth: int) -> float:

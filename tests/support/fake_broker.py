@@ -9,10 +9,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from gateway.app.config.endpoints import Broker
-from gateway.fleet.client import Access
-from gateway.fleet.topics import Message
+from gateway.fleet.client import BrokerAccess
+from gateway.fleet.topics import MqttMessage
 
-NOWHERE = Access(Broker("broker.invalid", 1883, False))
+NOWHERE = BrokerAccess(Broker("broker.invalid", 1883, False))
 PATIENCE = 60.0
 
 
@@ -21,15 +21,15 @@ class FakeBroker:
     published is delivered back."""
 
     def __init__(self) -> None:
-        self.published: list[Message] = []
+        self.published: list[MqttMessage] = []
         self.subscribed: list[str] = []
-        self.wills: list[Message | None] = []
+        self.wills: list[MqttMessage | None] = []
         self.down: Exception | None = None
         self.mute = self.passes_on = False
         self.client: _Client | None = None
 
     @asynccontextmanager
-    async def connect(self, will: Message | None) -> AsyncIterator[Any]:
+    async def connect(self, will: MqttMessage | None) -> AsyncIterator[Any]:
         self.wills.append(will)
         if self.down is not None:
             raise self.down
@@ -81,7 +81,7 @@ class _Client:
         assert qos in (0, 1)
         while self.broker.mute:
             await asyncio.sleep(0.005)
-        self.broker.published.append(Message(topic, payload, retain))
+        self.broker.published.append(MqttMessage(topic, payload, retain))
         if self.broker.passes_on:
             self.queue.put_nowait(SimpleNamespace(topic=topic, payload=payload, retain=False))
 

@@ -10,7 +10,7 @@ from typing import Any
 from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.protocols.wireformat.command_set import load
 from tests.support.sent_forms import malformed
 
@@ -25,7 +25,7 @@ async def here(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
-class Bridge(Stage):
+class Bridge(RehearsalMount):
     """``sim`` is the simulated mount, ``controller`` the gateway's mount controller, ``client()`` a new connection."""
 
     store: StateStore | None = None

@@ -9,8 +9,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Container
 
-from gateway.protocols.mechanics.simulated import Framer
-from gateway.protocols.nexstar.framing import Framer as NexStarFramer
+from gateway.protocols.mechanics.simulated import TimedFramer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.in_process_gateway import Bridge
 
 #: Seconds that one byte takes at 9600 baud, and that a hand control waits for a device that does not answer.
@@ -33,7 +33,7 @@ class LossyLine:
     def __init__(self, bridge: Bridge, latency: float, keeps_half: bool = True) -> None:
         self._bridge, self._latency, self._loop = bridge, latency, asyncio.get_running_loop()
         self._wire = bridge.controller.line.wire
-        self._framer: Framer = bridge.sim.framer()
+        self._framer: TimedFramer = bridge.sim.framer()
         self._hand_control = isinstance(self._framer, NexStarFramer)
         if self._hand_control and keeps_half:
             self._framer = KeepsHalf(remembers=False)

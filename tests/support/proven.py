@@ -20,7 +20,7 @@ from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import Finding, Findings, write
-from gateway.diagnostics.prove.guide import Guide
+from gateway.diagnostics.prove.guide import GuidedCheck
 from gateway.diagnostics.virtual_time import VirtualLoop, run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.truth import Truth, sample
@@ -150,7 +150,7 @@ class Proven:
         return self._sent
 
     async def check(self, person: Onlooker) -> Findings:
-        guide = Guide(self.gateway, person, self.findings, lambda findings: None)
+        guide = GuidedCheck(self.gateway, person, self.findings, lambda findings: None)
         self.findings = await guide.run()
         return self.findings
 

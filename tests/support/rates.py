@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS, SIDEREAL_RATE, wrap180
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.lx200.driver.speeds import Abilities, instead_of_tracking, nearest
+from gateway.protocols.lx200.driver.speeds import ModelSpeeds, instead_of_tracking, nearest
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.counting import key_speed, rate_tables
 from gateway.protocols.wireformat.command_set import load
@@ -69,7 +69,7 @@ def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[i
     rows: list[Row] = []
     facts = load("lx200").models[model]
     low, high = facts["max_rates"]
-    able = Abilities(
+    able = ModelSpeeds(
         model == "lx200gps",
         model == "lx200gps",
         True,

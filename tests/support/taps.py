@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from tests.support.in_process_gateway import EVENING
 from tests.support.truth import moving
 
@@ -49,11 +49,11 @@ FACES = {
 }
 
 
-def stage(face: str, mount: str, latency: float, **settings: Any) -> Stage:
+def stage(face: str, mount: str, latency: float, **settings: Any) -> RehearsalMount:
     """Return a gateway with this surface over this mount."""
     model, driven, _ = (MOUNTS | OLDER)[mount]
     one = FACES[face]
-    return Stage(
+    return RehearsalMount(
         model, start=EVENING, driven=driven, presented=one.presented, surface=one.surface, latency=latency,
         named=True, **settings,
     )  # fmt: skip
@@ -62,7 +62,7 @@ def stage(face: str, mount: str, latency: float, **settings: Any) -> Stage:
 class Axes:
     """The second axis of a simulated mount, without what tracking turns it."""
 
-    def __init__(self, own: Stage) -> None:
+    def __init__(self, own: RehearsalMount) -> None:
         self._own, self._loop = own, asyncio.get_running_loop()
 
     def _here(self) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.core.waiting import TimedEvent
-from gateway.protocols.alpaca.http.programs import Program as Lines
+from gateway.protocols.alpaca.http.programs import AlpacaClient as Lines
 from gateway.transport.handler import Connected
 from gateway.transport.web_server import WebServer
 from tests.support.in_process_gateway import Bridge

@@ -15,7 +15,7 @@ from gateway.app.config.keys import MountConfig
 from gateway.app.config.programs import programs
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
-from gateway.clients.access import Access, Networks, networks
+from gateway.clients.access import AccessRules, Networks, networks
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
 from gateway.transport.listening import LISTENING, split_address
@@ -168,7 +168,7 @@ def speaks_http(at: str) -> bool:
 def _excludes_all(where: str, allowed: Networks) -> str:
     """Return the message if no host in ``allowed`` can connect to this address; empty if one can."""
     host, port = split_address(where)
-    if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
+    if exposed(where) or AccessRules(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""
     return (
         f"no program could connect: only those of this computer reach {host}, and {host} is not among these networks; "

@@ -30,7 +30,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     below: str | None = None
 
 
-class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known.
 
     ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
@@ -45,12 +45,12 @@ class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 @lru_cache
-def programs(protocol: str) -> dict[str, Program]:
+def programs(protocol: str) -> dict[str, KnownProgram]:
     """Return the known programs that speak a protocol, by key. Raises MappingError."""
     rows = {}
     for key, row in load(protocol).extra("clients.toml").items():
         try:
-            rows[key] = msgspec.convert(row, Program)
+            rows[key] = msgspec.convert(row, KnownProgram)
         except msgspec.ValidationError as error:
             raise MappingError(f"mappings/{protocol}/clients.toml", key, str(error)) from None
     return rows

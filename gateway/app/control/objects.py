@@ -13,7 +13,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from gateway.astro.catalog import deepsky, names, stars, supplied
-from gateway.astro.catalog.objects import Entry, NotInstalled
+from gateway.astro.catalog.objects import CatalogObject, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
 from gateway.core.requests import Body, Spot, Where
 from gateway.system.own_commands import how_to_add, pip_command
@@ -108,7 +108,7 @@ def _exists(text: str) -> bool:
     return True
 
 
-def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
+def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     called = _CATALOGUES.get(catalogue.lower())
     if called is None:
         raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR")
@@ -130,7 +130,7 @@ def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     return name, entry
 
 
-def _named(text: str) -> tuple[str, Entry]:
+def _named(text: str) -> tuple[str, CatalogObject]:
     entry = _from_library(text, lambda: names.look_up(text, _year()))
     if entry is None:
         close = names.suggestions(text, BODIES)
@@ -142,7 +142,7 @@ def _named(text: str) -> tuple[str, Entry]:
     return entry.name, entry
 
 
-def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
+def _from_library(name: str, look: Callable[[], CatalogObject | None]) -> CatalogObject | None:
     try:
         return look()
     except stars.NoCrossNumbers:

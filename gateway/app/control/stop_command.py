@@ -27,7 +27,7 @@ from gateway.system.processes import age
 LOOKS, BETWEEN, STARTED = 9, 0.125, 30.0
 
 
-class Report(Struct):
+class StopReport(Struct):
     """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts. A mount is told by its
     name, else by its endpoint. ``others`` are those that run here, or were left moving, and were not meant.
     """
@@ -37,12 +37,12 @@ class Report(Struct):
     others: set[str] = field(default_factory=set)
 
 
-async def order_all(scope: Scope, only: str | None, request: Halt) -> Report:
+async def order_all(scope: Scope, only: str | None, request: Halt) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``Release``, also stop mounts left moving.
 
     All mounts are served at once: a gateway that does not answer, or a doubt, must not keep another mount moving.
     """
-    report = Report([], [])
+    report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
     for attempt in range(LOOKS):
         found = search(scope)

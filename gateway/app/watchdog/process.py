@@ -34,7 +34,7 @@ TIMES, EVERY = 5, 1.0
 FROZEN = 0.5
 
 
-class Mount:
+class GuardedMount:
     """One mount: the duplicate of its line, the holder of its lock, and the commands that stop it while it moves."""
 
     def __init__(self, title: str, lock: str, descriptor: int) -> None:
@@ -73,7 +73,7 @@ class Mount:
             pass  # a socket has no lock, and a server no descriptor
 
 
-class ServedMount(Mount):
+class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole request, on a connection of its own: servers may close one
     after its answer. The first connection is opened beforehand if the server answers others ``beside`` an idle one.
     """
@@ -140,7 +140,7 @@ class Watch:
 
     def __init__(self, connection: _socket.socket, gateway: str) -> None:
         self.connection, self.gateway = connection, gateway
-        self.mounts: dict[str, Mount] = {}
+        self.mounts: dict[str, GuardedMount] = {}
         self.last_heard = 0.0
         #: How long the gateway had waited for a processor when it was last heard; the silence that is tolerated now.
         self._waited, self._patience = 0.0, SILENCE
@@ -196,7 +196,7 @@ class Watch:
         if kind == "line":
             self.drop(number)
             title, lock = (bytes.fromhex(word).decode() for word in words[2:4])
-            self.mounts[number] = Mount(title, lock, descriptors.pop(0))
+            self.mounts[number] = GuardedMount(title, lock, descriptors.pop(0))
         elif kind == "server":
             self.drop(number)
             self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in words[2:7]))
@@ -215,7 +215,7 @@ class Watch:
         if mount is not None:
             mount.close()
 
-    def stop_for_ended_gateway(self, mounts: list[Mount]) -> None:
+    def stop_for_ended_gateway(self, mounts: list[GuardedMount]) -> None:
         """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""
         self.say(mounts, "has ended")
         for mount in mounts:
@@ -228,7 +228,7 @@ class Watch:
             mounts = [mount for mount in mounts if not mount.taken_over()]
             times += 1
 
-    def stop_for_silent_gateway(self, mounts: list[Mount]) -> None:
+    def stop_for_silent_gateway(self, mounts: list[GuardedMount]) -> None:
         """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
         busy = ", because the computer is too busy to run it," if self._patience > SILENCE else ""
         self.say(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
@@ -243,7 +243,7 @@ class Watch:
         for mount in mounts:
             mount.stop = []
 
-    def say(self, mounts: list[Mount], why: str) -> None:
+    def say(self, mounts: list[GuardedMount], why: str) -> None:
         """Write one line for each mount to the gateway's stderr, if it is still open."""
         for mount in mounts:
             text = (
@@ -255,7 +255,7 @@ class Watch:
             except OSError:
                 pass
 
-    def report(self, mounts: list[Mount]) -> None:
+    def report(self, mounts: list[GuardedMount]) -> None:
         """Tell the gateway, in case it resumes, that its mounts were stopped."""
         numbers = [number for number, mount in self.mounts.items() if mount in mounts]
         try:
@@ -264,7 +264,7 @@ class Watch:
             pass  # the gateway has died meanwhile
 
 
-def send_stops(mounts: list[Mount]) -> None:
+def send_stops(mounts: list[GuardedMount]) -> None:
     """Send the stops of all mounts in parallel, command by command, except of mounts that another gateway has taken."""
     for place in range(max((len(mount.stop) for mount in mounts), default=0)):
         for mount in mounts:

@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, SearchLimits, data_file, quality
+from gateway.astro.catalog.objects import FAINTEST, QUALITIES, CatalogObject, SearchLimits, data_file, quality
 from gateway.astro.spherical import separation, wrap360
 
 #: The kind letters of OpenNGC's types; nonexistent objects have none.
@@ -42,7 +42,7 @@ Visible = Callable[[float, float], bool]
 _AFTER_ALL_ROWS = 1 << 60
 
 
-def look_up(catalog: str, number: int) -> Entry | None:
+def look_up(catalog: str, number: int) -> CatalogObject | None:
     """Return the object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC`` with this number, or None. Raises NotInstalled."""
     called = f"{catalog}{number}"
     if catalog == "M":
@@ -60,7 +60,7 @@ def look_up(catalog: str, number: int) -> Entry | None:
     return None if row[2] is None else _entry(row, called)
 
 
-def by_row(row: int) -> Entry:
+def by_row(row: int) -> CatalogObject:
     """Return the object of a database row. Raises NotInstalled."""
     return _entry(_rows("id = ?", row)[0])
 
@@ -74,11 +74,13 @@ def _original(name: str) -> tuple[object, ...] | None:
     return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
 
 
-def _entry(row: tuple[Any, ...], name: str | None = None) -> Entry:
+def _entry(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
     own, kind, ra, dec, magnitude, size, width, messier = row
     catalog, number = own[: len(own) - len(own.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))], own.lstrip("NGCI")
     shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else own)
-    return Entry(name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width)
+    return CatalogObject(
+        name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width
+    )
 
 
 def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:

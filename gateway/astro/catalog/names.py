@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import cache
 
 from gateway.astro.catalog import supplied
-from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog.objects import CatalogObject
 from gateway.astro.catalog.supplied import normalized
 from gateway.core.errors import similar
 from gateway.core.tables import read_table
@@ -34,18 +34,18 @@ def star(name: str) -> int | None:
     return (_STARS | doubles).get(normalized(name)) or supplied.star_by_letter(name)
 
 
-def look_up(name: str, year: float) -> Entry | None:
+def look_up(name: str, year: float) -> CatalogObject | None:
     """Return the star or deep sky object with this name, or None."""
     number = star(name)
     return supplied.look_up(name) if number is None else of_star(number, year)
 
 
-def of_star(number: int, year: float) -> Entry:
+def of_star(number: int, year: float) -> CatalogObject:
     """Return the entry of a star of ``supplied.stars``, by its Hipparcos number."""
     known = supplied.stars()[number]
     called = next((one for one, at in HIPPARCOS.items() if at == number), "")
     first, *others = filter(None, (called, *known.letters.split("|")))
-    return Entry(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
+    return CatalogObject(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
 
 
 def beginning(text: str, most: int) -> list[str]:

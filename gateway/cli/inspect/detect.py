@@ -19,7 +19,7 @@ from gateway.core.errors import UserError, about_file
 from gateway.system.files import NOT_PLAIN
 
 if TYPE_CHECKING:
-    from gateway.diagnostics.detect import Finding
+    from gateway.diagnostics.detect import PortFinding
 
 NONE_FOUND = 1
 
@@ -72,7 +72,7 @@ def _detect(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         print(_looking(len(ports), not arguments.port, bool(urls)), file=sys.stderr, flush=True)
 
-    async def look() -> list[Finding]:
+    async def look() -> list[PortFinding]:
         offered = ask_servers(urls) if arguments.port else ask_servers(None)
         return [one for several in await asyncio.gather(look_at_all(ports), offered) for one in several]
 
@@ -108,7 +108,7 @@ def _advise(steps: list[str], json: bool) -> None:
         print("What to try next:", *(f"  - {step}" for step in steps), sep="\n", file=sys.stderr)
 
 
-def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> None:
+def _write(path: Path, mounts: list[PortFinding], force: bool, network: bool) -> None:
     """Write a gateway.toml for the only mount that was found. Raises UserError."""
     from gateway.diagnostics.detect.report import toml
 

@@ -13,7 +13,7 @@ from gateway.cli.command_line import Commands
 from gateway.core.about import full_version
 
 if TYPE_CHECKING:
-    from gateway.diagnostics.doctor.facts import Result
+    from gateway.diagnostics.doctor.facts import CheckResult
 
 EXAMPLES = """\
 Examples:
@@ -56,7 +56,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
     return 0 if well else 1
 
 
-def lines(results: Sequence[Result]) -> list[str]:
+def lines(results: Sequence[CheckResult]) -> list[str]:
     """Return the results as lines for the user, followed by the number of problems and of notes."""
     from gateway.diagnostics.doctor.facts import BAD, NOTE
 

@@ -178,7 +178,7 @@ def _prove(arguments: argparse.Namespace) -> int:
     from gateway.app.state.mount_claim import MountTaken
     from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
     from gateway.diagnostics.prove.findings import load, save, write
-    from gateway.diagnostics.prove.guide import Guide
+    from gateway.diagnostics.prove.guide import GuidedCheck
 
     config, source = settings(arguments, served=False)
     if not sys.stdin.isatty():
@@ -195,7 +195,7 @@ def _prove(arguments: argparse.Namespace) -> int:
         nonlocal over
         await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
         with terminal.open():
-            await Guide(gateway, terminal, load(kept), lambda found: save(kept, found)).run()
+            await GuidedCheck(gateway, terminal, load(kept), lambda found: save(kept, found)).run()
         over = True
 
     here = checked(config)

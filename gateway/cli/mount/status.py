@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.status import OLD_AFTER, Rate, Served, State, activity, status, where
+from gateway.app.status import OLD_AFTER, AverageRate, Served, State, activity, status, where
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
@@ -71,7 +71,7 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.app.control.reach import ask_state
     from gateway.cli.serve.live import Screen, find_terminal
 
-    screen, rate, told = Screen(find_terminal()), Rate(), tuple[Served, ...]()
+    screen, rate, told = Screen(find_terminal()), AverageRate(), tuple[Served, ...]()
     now = asyncio.get_running_loop().time
     try:
         while (answer := await unless(done, ask_state(endpoint))) is not None:

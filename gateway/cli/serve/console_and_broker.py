@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.tables import ConsoleConfig
 from gateway.cli.serve.live import Screen
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.transport.listening import SERVED, split_address
@@ -63,7 +63,7 @@ async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) 
         from gateway.app.bindings import access_networks
         from gateway.console.server import Console
 
-        access = Access(*access_networks(page))
+        access = AccessRules(*access_networks(page))
         return lambda app: Console(gateways, access, page.pin or "").add_to(app)
 
     return await load_site(gateways, page.names, load)
@@ -118,7 +118,7 @@ def qr_code(line: str) -> list[str]:
     return drawn.getvalue().rstrip("\n").split("\n")
 
 
-def broker_access(config: Config) -> brokers.Access | None:
+def broker_access(config: Config) -> brokers.BrokerAccess | None:
     """Return the credentials for the broker; None if none is configured. Raises UserError for what is missing."""
     mqtt = config.mqtt
     if mqtt is None:
@@ -129,7 +129,7 @@ def broker_access(config: Config) -> brokers.Access | None:
 
 
 def open_broker(
-    config: Config, access: brokers.Access | None, gateways: Sequence[Gateway], screen: Screen
+    config: Config, access: brokers.BrokerAccess | None, gateways: Sequence[Gateway], screen: Screen
 ) -> Station | None:
     """Publish the mounts on the broker, as long as the gateway runs; return None if none is configured."""
     if access is None or config.mqtt is None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from msgspec.structs import replace
 
-from gateway.app.status import Rate, StatusLine, status
+from gateway.app.status import AverageRate, StatusLine, status
 from gateway.diagnostics.log.as_json import warning
 from gateway.system import streams
 from gateway.system.systemd import notify, wanted, watchdog
@@ -104,7 +104,7 @@ class StatusLines:
     """Makes the status line of gateways, with their rates of exchanges."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
-        self._gateways = [(gateway, Rate()) for gateway in gateways]
+        self._gateways = [(gateway, AverageRate()) for gateway in gateways]
 
     def line(self, columns: int | None = None) -> str:
         """Return the status of all gateways on one line."""
@@ -119,7 +119,7 @@ class StatusLines:
         return all(gateway.controller.line.served for gateway, _ in self._gateways)
 
 
-def status_line(gateway: Gateway, rate: Rate) -> StatusLine:
+def status_line(gateway: Gateway, rate: AverageRate) -> StatusLine:
     """Return what the status line shows of a mount."""
     state = gateway.state()
     return replace(state.look, rate=rate.per_second(state.now, state.answers))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.access import Admission
+from gateway.clients.access import ClientAdmission
 from gateway.clients.any_protocol.deciding import HTTP, decide, protocol_that_waits, shared_prefix
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE
@@ -145,7 +145,7 @@ class AnyAcceptor:
         self.acceptors, self.web = acceptors, web
         first = next(iter(acceptors.values()))
         self.controller, self.number, self.access = first.controller, first.number, first.access
-        self._admission = Admission(self.access, self.number, self.controller.wire_log)
+        self._admission = ClientAdmission(self.access, self.number, self.controller.wire_log)
         self._connections: set[AnyConnection] = set()
 
     def accept(self, connected: Connected) -> ConnectionHandler:

@@ -19,28 +19,30 @@ from gateway.protocols.wireformat.command_set import load
 HTTP = "http"
 
 
-class Verdict(NamedTuple):
+class Decision(NamedTuple):
     """The protocol, and the reason if the user may want to know it."""
 
     protocol: str
     why: str = ""
 
 
-def decide(sent: bytes) -> Verdict | None:
+def decide(sent: bytes) -> Decision | None:
     """Return the verdict for these bytes, which do not begin with idle bytes; None if more bytes are needed."""
     if any(sent.startswith(method) for method in _methods()):
-        return Verdict(HTTP)
+        return Decision(HTTP)
     spoken = streams()
     whole = [name for name in spoken if (found := re.match(PROTOCOLS[name].opening, sent)) and found.end()]
     if whole:
-        return Verdict(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
+        return Decision(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
     if any(method.startswith(sent) for method in _methods()):
         return None
     begun = [name for name in spoken if load(name).may_begin(sent)]
     begun = begun or [name for name in spoken if load(name).may_begin(sent[:1])]
     if len(begun) > 1:
         return None
-    return Verdict(begun[0]) if begun else Verdict(spoken[0], "because no protocol has a command that begins like this")
+    return (
+        Decision(begun[0]) if begun else Decision(spoken[0], "because no protocol has a command that begins like this")
+    )
 
 
 def shared_prefix(protocol: str, sent: bytes) -> int:

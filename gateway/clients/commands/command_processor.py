@@ -24,7 +24,7 @@ from gateway.mount.motion.taps import over
 from gateway.mount.presence import HostActivity
 from gateway.protocols.base.frames import RESYNC_GAP, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending, Surface
+from gateway.protocols.base.surface import Surface, UrgentEnd
 from gateway.protocols.base.wants import Subscription
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Connected
@@ -45,7 +45,7 @@ class Releases:
         #: The releases a moment ago, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
 
-    def ends(self, frame: bytes, ending: Ending, now: float, under_way: Turn | None) -> Ending | None:
+    def ends(self, frame: bytes, ending: UrgentEnd, now: float, under_way: Turn | None) -> UrgentEnd | None:
         """Return what a command ends; None if it releases only an arrow whose press waits behind ``under_way``."""
         release = ending.operation
         if not isinstance(release, StopAxis):
@@ -53,7 +53,7 @@ class Releases:
         self._recent = {one: at for one, at in self._recent.items() if now - at <= ALL_AT_ONCE} | {frame: now}
         if len(self._recent) == len(Direction):
             self._recent.clear()
-            return Ending(AbortMotion(), ending.takes_back)
+            return UrgentEnd(AbortMotion(), ending.takes_back)
         tapped = (
             self._inbox and self._only_taps(release.axis, under_way) and self._inbox.release(ending.takes_back, now)
         )
@@ -236,7 +236,7 @@ class CommandProcessor:
         self.write(reply)
         return True
 
-    def _end_motion(self, frame: bytes, ending: Ending, arrived: float) -> None:
+    def _end_motion(self, frame: bytes, ending: UrgentEnd, arrived: float) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
         ends = self.releases.ends(frame, ending, arrived, self._turn)
         if ends is None:

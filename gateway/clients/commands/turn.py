@@ -27,7 +27,7 @@ from gateway.mount.motion.taps import LONGEST_HELD
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Ending
+from gateway.protocols.base.surface import UrgentEnd
 from gateway.protocols.base.wants import (
     ChangeBaudRate,
     CheckPossible,
@@ -63,7 +63,7 @@ class Turn(Struct, eq=False):
     frame: bytes
     steps: Handling
     stops: int
-    ending: Ending | None
+    ending: UrgentEnd | None
     arrived: float
     readings: list[type[Operation]] = []
     reusable: bool = True

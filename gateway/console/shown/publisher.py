@@ -16,9 +16,9 @@ from typing import Any
 import msgspec
 
 from gateway.app.gateway import Gateway
-from gateway.app.status import Rate
+from gateway.app.status import AverageRate
 from gateway.console.shown import view
-from gateway.console.shown.talk import MOST, Talk, spoken
+from gateway.console.shown.talk import MOST, ConversationView, spoken
 from gateway.core.wire_log import MOUNT, Entry, show
 
 #: How many answer times are stored for new pages.
@@ -42,7 +42,7 @@ class AnswerTimes:
         self.faults = 0
         self._asked = 0.0
         #: That of the exchanges.
-        self.rate = Rate()
+        self.rate = AverageRate()
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
@@ -67,7 +67,7 @@ class ConnectedPrograms:
         self._gateway = gateway
         self._last: dict[str, bytes] = {}
         self._counts: dict[str, int] = {}
-        self._rates: dict[str, Rate] = {}
+        self._rates: dict[str, AverageRate] = {}
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
@@ -89,7 +89,7 @@ class ConnectedPrograms:
         here = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
         for surface, visit in here:
             client, side = visit.client, visit.client.log.name
-            rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
+            rate = self._rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
             yield {
                 "name": show(side.encode()), "surface": spoken(surface, visit.protocol), "profile": visit.profile,
                 "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
@@ -102,7 +102,11 @@ class ShownMount:
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index
-        self.answer_times, self.talk, self._programs = AnswerTimes(), Talk(gateway, index), ConnectedPrograms(gateway)
+        self.answer_times, self.talk, self._programs = (
+            AnswerTimes(),
+            ConversationView(gateway, index),
+            ConnectedPrograms(gateway),
+        )
         self._program_list: list[dict[str, Any]] = []
         self._bodies: list[dict[str, Any]] = []
         self._abilities: dict[str, Any] = {}

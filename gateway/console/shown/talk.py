@@ -22,7 +22,7 @@ MOST, WAITING = 400, 2000
 RECENT = 3.0
 
 
-class Talk:
+class ConversationView:
     """The conversation at one mount: stores the log entries, and makes rows of them when a frame is made."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:

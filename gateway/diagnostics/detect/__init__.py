@@ -8,6 +8,16 @@ No other part of the gateway may send anything to an unknown device.
 from __future__ import annotations
 
 from gateway.diagnostics.detect.ports import SerialPortInfo, here, named
-from gateway.diagnostics.detect.scan_port import BUSY, Finding, ask_servers, look, look_at_all, who_answers
+from gateway.diagnostics.detect.scan_port import BUSY, PortFinding, ask_servers, look, look_at_all, who_answers
 
-__all__ = ["BUSY", "Finding", "SerialPortInfo", "ask_servers", "here", "look", "look_at_all", "named", "who_answers"]
+__all__ = [
+    "BUSY",
+    "PortFinding",
+    "SerialPortInfo",
+    "ask_servers",
+    "here",
+    "look",
+    "look_at_all",
+    "named",
+    "who_answers",
+]

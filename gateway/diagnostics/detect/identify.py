@@ -41,7 +41,7 @@ QUESTIONS: tuple[tuple[str, op.Operation[object]], ...] = (
 _T = TypeVar("_T")
 
 
-class Mount(Struct, frozen=True):
+class FoundMount(Struct, frozen=True):
     """A mount that was found. ``latency`` is its median reply time in seconds; ``equinox`` is ``jnow`` or ``j2000``
     according to its version; ``aligned`` is None if it did not say. ``answers``: what it was asked for -> the commands
     that it answered, empty if it answered none."""
@@ -83,7 +83,9 @@ class _Talk:
         return answer
 
 
-async def identify(protocol: str, ear: PortListener, model: str | None = None, version: str | None = None) -> Mount:
+async def identify(
+    protocol: str, ear: PortListener, model: str | None = None, version: str | None = None
+) -> FoundMount:
     """Let the protocol's driver identify the mount on an open port. Raises Fault if it cannot."""
     now = asyncio.get_running_loop().time
     driver, _, reply_rules = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
@@ -105,7 +107,7 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
     finally:
         await line.close()
     status = told[STATUS]
-    return Mount(
+    return FoundMount(
         protocol=protocol,
         product=identity.product,
         model=identity.model,

@@ -9,9 +9,9 @@ import json
 import shlex
 from collections.abc import Sequence
 
-from gateway.diagnostics.detect.identify import Mount
+from gateway.diagnostics.detect.identify import FoundMount
 from gateway.diagnostics.detect.ports import is_usb_or_named, unsupported_device
-from gateway.diagnostics.detect.scan_port import BUSY, FOREIGN, MUTE, SERVED, UNOPENED, USUAL, Finding
+from gateway.diagnostics.detect.scan_port import BUSY, FOREIGN, MUTE, SERVED, UNOPENED, USUAL, PortFinding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
@@ -66,14 +66,14 @@ OF_OTHERS = {
 }
 
 
-def block(finding: Finding) -> str:
+def block(finding: PortFinding) -> str:
     """Describe one port for people: the mount and the commands that start a gateway, then the details."""
     about = f"  ({finding.place.about})" if finding.place.about else ""
     lines = _mount_lines(finding) if finding.mount else [_nothing(finding)]
     return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
 
 
-def _nothing(finding: Finding) -> str:
+def _nothing(finding: PortFinding) -> str:
     """Say why no mount was found."""
     states = {state: words for spec in PROTOCOLS.values() for state, words in spec.states.items()}
     words = (WORDS | states)[finding.state]
@@ -84,7 +84,7 @@ def _nothing(finding: Finding) -> str:
     return f"{words}: {finding.reason}" if finding.reason else words
 
 
-def _mount_lines(finding: Finding) -> list[str]:
+def _mount_lines(finding: PortFinding) -> list[str]:
     mount = finding.mount
     assert mount is not None
     if not mount.answers:  # it was not asked anything: a server offers it
@@ -106,7 +106,7 @@ def _mount_lines(finding: Finding) -> list[str]:
     ]
 
 
-def _starts(finding: Finding) -> list[str]:
+def _starts(finding: PortFinding) -> list[str]:
     """Return the lines that say how to start a gateway with a mount."""
     return [
         "start the gateway:",
@@ -116,12 +116,12 @@ def _starts(finding: Finding) -> list[str]:
     ]
 
 
-def _by_model(mount: Mount) -> str:
+def _by_model(mount: FoundMount) -> str:
     """Return the key of ``EQUINOX`` for a model whose coordinates are of J2000 in every version; else nothing."""
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
-def hints(mount: Mount) -> list[str]:
+def hints(mount: FoundMount) -> list[str]:
     """Return what the user should know or add before the first run."""
     found = []
     if mount.aligned is False:
@@ -133,7 +133,7 @@ def hints(mount: Mount) -> list[str]:
     return found
 
 
-def endpoint(finding: Finding) -> str:
+def endpoint(finding: PortFinding) -> str:
     """Return the mount's endpoint, with the model that the user named, or the classic's, which cannot be asked for."""
     mount, place = finding.mount, finding.place
     assert mount is not None
@@ -143,13 +143,13 @@ def endpoint(finding: Finding) -> str:
     return f"{mount.protocol}{model}@{place.name}"
 
 
-def surface(mount: Mount, network: bool) -> str:
+def surface(mount: FoundMount, network: bool) -> str:
     """Return the surface's endpoint: for clients on this computer only, or on the network, too."""
     spoken = other_surface(mount.protocol)
     return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
-def command(finding: Finding, network: bool = False) -> str:
+def command(finding: PortFinding, network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
     words = ["mount-gateway", "run", "--mount", endpoint(finding)]
@@ -158,7 +158,7 @@ def command(finding: Finding, network: bool = False) -> str:
     return shlex.join([*words, "--surface", surface(finding.mount, network)])
 
 
-def toml(finding: Finding, network: bool = False) -> str:
+def toml(finding: PortFinding, network: bool = False) -> str:
     """Return the equivalent ``gateway.toml``."""
     mount = finding.mount
     assert mount is not None
@@ -193,7 +193,7 @@ def toml(finding: Finding, network: bool = False) -> str:
     return "\n".join(rows) + "\n"
 
 
-def values(finding: Finding, network: bool = False) -> dict[str, object]:
+def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
     """Return one port's values for programs; unknown ones are None."""
     mount = finding.mount
     known: dict[str, object] = {
@@ -213,7 +213,7 @@ def values(finding: Finding, network: bool = False) -> dict[str, object]:
     return known
 
 
-def next_steps(findings: Sequence[Finding]) -> list[str]:
+def next_steps(findings: Sequence[PortFinding]) -> list[str]:
     """Return what to try next, most promising first; empty if a mount was found."""
     if any(finding.mount for finding in findings):
         return []

@@ -24,7 +24,7 @@ from msgspec import Struct
 from pynmea2 import NMEASentence
 
 from gateway.core.errors import Fault
-from gateway.diagnostics.detect.identify import Mount, identify
+from gateway.diagnostics.detect.identify import FoundMount, identify
 from gateway.diagnostics.detect.port_listener import PortListener, Tunable
 from gateway.diagnostics.detect.ports import SerialPortInfo, gateway_of_another, holder, serving_gateway
 from gateway.protocols.base.spec import Question
@@ -36,7 +36,7 @@ _TEXT = re.compile(rb"[ -~\r\n\t]+")
 _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
-class Verdict(StrEnum):
+class PortVerdict(StrEnum):
     """The result for a port without a mount. For a mount it is the name of its protocol, or one of its states."""
 
     SILENT = "silent"
@@ -86,7 +86,7 @@ def questions(named: str | None) -> list[Question]:
 async def probe(ear: PortListener, patience: Patience, named: str | None = None) -> str:
     """Query an open port and return the verdict. Raises OSError if the port disappears meanwhile."""
     if not await _fell_quiet(ear, patience):
-        return Verdict.GPS if sentence(ear.heard) else Verdict.TALKER
+        return PortVerdict.GPS if sentence(ear.heard) else PortVerdict.TALKER
     ear.forget()
     asked = questions(named)
     waits = [patience.first] * (len(asked) - 1)
@@ -97,15 +97,15 @@ async def probe(ear: PortListener, patience: Patience, named: str | None = None)
         if verdict is not None:
             return verdict
     if not ear.heard:
-        return Verdict.SILENT
+        return PortVerdict.SILENT
     if sentence(ear.heard):
-        return Verdict.GPS
-    return Verdict.STRANGER if _TEXT.fullmatch(ear.heard) else Verdict.GARBLED
+        return PortVerdict.GPS
+    return PortVerdict.STRANGER if _TEXT.fullmatch(ear.heard) else PortVerdict.GARBLED
 
 
 async def overhear(ear: PortListener, seconds: float) -> str:
     """Listen to a device that sends by itself and tell whether it is a GPS receiver. Raises OSError."""
-    return await _wait(ear, seconds, lambda: Verdict.GPS if sentence(ear.heard) else None) or Verdict.TALKER
+    return await _wait(ear, seconds, lambda: PortVerdict.GPS if sentence(ear.heard) else None) or PortVerdict.TALKER
 
 
 def _judge(ear: PortListener, question: Question) -> str | None:
@@ -119,7 +119,7 @@ def judge(heard: bytes, still: float, question: Question) -> str | None:
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
     if heard.startswith((question.request, *(asked.request for asked in before if asked.late))):
-        return Verdict.ECHO
+        return PortVerdict.ECHO
     for asked in (*(asked for asked in before if asked.late), question):
         if (said := asked.judge(heard, still)) is not None:
             return said
@@ -162,14 +162,14 @@ OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
 #: Seconds to listen at each rate to a device that sends by itself: a GPS receiver sends every second.
 EAVESDROP = 1.6
 #: Verdicts after which other rates are tried.
-OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
+OPEN = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
 #: Another program has the port; and that program is a gateway; or may be the one of another user. A gateway in the
 #: network offers the mount.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
-class Finding(Struct, frozen=True):
+class PortFinding(Struct, frozen=True):
     """The result for one port. ``state`` is a verdict, or why there is none: ``served``, ``busy``, ``foreign``,
     ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says
     more; it took ``seconds``."""
@@ -178,40 +178,40 @@ class Finding(Struct, frozen=True):
     state: str
     baud: int | None = None
     reason: str = ""
-    mount: Mount | None = None
+    mount: FoundMount | None = None
     rates: int = 0
     seconds: float = 0.0
 
 
-async def look_at_all(places: Iterable[SerialPortInfo]) -> list[Finding]:
+async def look_at_all(places: Iterable[SerialPortInfo]) -> list[PortFinding]:
     """Examine several ports at the same time."""
     return await asyncio.gather(*(look(place) for place in places))
 
 
-async def ask_servers(urls: Sequence[str] | None) -> list[Finding]:
+async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     """Return the mounts that servers at these addresses offer; None asks the whole network."""
     found = []
     for spec in PROTOCOLS.values():
         for one in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
             place = SerialPortInfo(one.where, one.where, f"{spec.title}: {one.server}")
-            mount = Mount(
+            mount = FoundMount(
                 spec.name, one.product, "", "?", (), one.seconds, "jnow", None, None,
                 tells_model=False, tells_place=True, answers={},
             )  # fmt: skip
-            gateway = Finding(place, OFFERED, reason=one.product)
-            found.append(gateway if one.gateway else Finding(place, spec.name, mount=mount, seconds=one.seconds))
+            gateway = PortFinding(place, OFFERED, reason=one.product)
+            found.append(gateway if one.gateway else PortFinding(place, spec.name, mount=mount, seconds=one.seconds))
     return found
 
 
 async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
-) -> Finding:
+) -> PortFinding:
     """Examine one port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
     if wire is None and (process := serving_gateway(place.url)):
-        return Finding(place, SERVED, reason=f"mount-gateway, process {process}")
+        return PortFinding(place, SERVED, reason=f"mount-gateway, process {process}")
     who = holder(place.url) if wire is None else ""
     if who:
-        return Finding(place, BUSY, reason=f"in use by {who}")
+        return PortFinding(place, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time
     began = now()
     ear = PortListener(wire or SerialTransport(place.url, USUAL))
@@ -220,8 +220,8 @@ async def look(
     except Exception as error:  # pyserial has more kinds of failure than OSError
         state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
         if state == BUSY and (who := gateway_of_another()):
-            return Finding(place, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
-        return Finding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
+            return PortFinding(place, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
+        return PortFinding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
         verdict, baud, rates = await _at_every_rate(ear, place, first, others)
         state, mount, reason = str(verdict), None, ""
@@ -238,9 +238,9 @@ async def look(
                 raise
             except Exception as error:  # a defect in a driver must affect this port only
                 reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
-        return Finding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
+        return PortFinding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
     except OSError as error:
-        return Finding(place, VANISHED, reason=str(error), seconds=now() - began)
+        return PortFinding(place, VANISHED, reason=str(error), seconds=now() - began)
     finally:
         await ear.end()
 
@@ -253,7 +253,7 @@ async def _at_every_rate(
     verdict, baud, rates = await probe(ear, first, protocol), USUAL, 1
     if not place.has_rates or verdict not in OPEN:
         return verdict, baud, rates
-    talks, garbled = verdict == Verdict.TALKER, verdict == Verdict.GARBLED
+    talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
     for baud in OTHERS:
         try:
             ear.tune(baud)
@@ -264,8 +264,8 @@ async def _at_every_rate(
         verdict = await (overhear(ear, EAVESDROP) if talks else probe(ear, others, protocol))
         if verdict not in OPEN:
             return verdict, baud, rates
-        garbled = garbled or verdict == Verdict.GARBLED
-    return Verdict.TALKER if talks else Verdict.GARBLED if garbled else Verdict.SILENT, USUAL, rates
+        garbled = garbled or verdict == PortVerdict.GARBLED
+    return PortVerdict.TALKER if talks else PortVerdict.GARBLED if garbled else PortVerdict.SILENT, USUAL, rates
 
 
 async def who_answers(url: str, baud: int) -> str | None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 
 from gateway.core.about import RELEASED
-from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Port, Result, Said
+from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Port, Said
 from gateway.protocols.registry import ANY_PORT, PROTOCOLS
 
 #: The oldest and the newest version of Python that mount-gateway is tested with.
@@ -287,6 +287,6 @@ CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
 }
 
 
-def examine(facts: Facts) -> list[Result]:
+def examine(facts: Facts) -> list[CheckResult]:
     """Return the results of all checks, in their order."""
-    return [Result(name, *said) for name, look in CHECKS.items() for said in look(facts)]
+    return [CheckResult(name, *said) for name, look in CHECKS.items() for said in look(facts)]

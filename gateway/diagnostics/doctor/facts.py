@@ -18,7 +18,7 @@ State = Literal["good", "note", "bad"]
 Said = tuple[State, str, str]
 
 
-class Result(Struct, frozen=True):
+class CheckResult(Struct, frozen=True):
     """One line of the report: the check, its state, what was found, and what to do about it."""
 
     check: str
@@ -48,7 +48,7 @@ class Port(Struct, frozen=True):
     modem_manager_ignores: bool = False
 
 
-class Listener(Struct, frozen=True):
+class ListeningProcess(Struct, frozen=True):
     """The process that listens on a TCP port; ``process`` is 0 if this user may not see it."""
 
     port: int
@@ -95,7 +95,7 @@ class Facts(Struct, frozen=True):
     clock_synchronized: bool | None
     #: Running programs that are known to disturb serial ports, with their process ids.
     meddlers: dict[str, int]
-    listeners: list[Listener]
+    listeners: list[ListeningProcess]
     state_folder: str
     state_problem: str
     gateways: list[Running]

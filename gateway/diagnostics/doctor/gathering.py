@@ -31,7 +31,7 @@ from gateway.astro.ephemeris.almanac import DAY, stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
 from gateway.diagnostics.doctor.checks import USUAL
-from gateway.diagnostics.doctor.facts import Facts, Listener, Package, Port, Running
+from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
 from gateway.system.files import directory
 from gateway.system.own_commands import pip_command
 from gateway.system.processes import PROC, listeners
@@ -231,9 +231,9 @@ def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
     return found
 
 
-def listening(ports: Collection[int], proc: Path = PROC) -> list[Listener]:
+def listening(ports: Collection[int], proc: Path = PROC) -> list[ListeningProcess]:
     """Return the processes that listen on these TCP ports."""
-    return [Listener(port, *owner) for port, owner in listeners(ports, proc)]
+    return [ListeningProcess(port, *owner) for port, owner in listeners(ports, proc)]
 
 
 def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:

@@ -21,7 +21,7 @@ from gateway.core.about import version
 SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not measurable"
 
 
-class Rate(Struct, frozen=True):
+class MeasuredRate(Struct, frozen=True):
     """How fast an axis turned that was to turn so fast, negative the other way; by how many degrees it ran on after
     each stop, empty if it hardly moved. Only if the mount moved on ``evenly`` it shows the rate exactly.
     """
@@ -33,10 +33,10 @@ class Rate(Struct, frozen=True):
     evenly: bool
 
     @property
-    def rounded(self) -> Rate:
+    def rounded(self) -> MeasuredRate:
         """The same to 0.04"/s and 0.01°: in more digits somebody might find where the mount pointed."""
         run_ons = tuple(round(way, 2) for way in self.run_ons)
-        return Rate(self.axis, round(self.assumed, 5), round(self.real, 5), run_ons, self.evenly)
+        return MeasuredRate(self.axis, round(self.assumed, 5), round(self.real, 5), run_ons, self.evenly)
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
@@ -48,7 +48,7 @@ class Finding(Struct, frozen=True, omit_defaults=True):
     assumed: str = ""
     means: str = ""
     keys: dict[str, object] = {}
-    rate: Rate | None = None
+    rate: MeasuredRate | None = None
 
     @property
     def line(self) -> str:
@@ -62,7 +62,7 @@ def rest_of(stage: str) -> str:
     return f"the rest of {stage}"
 
 
-class Report(Protocol):
+class StageReporter(Protocol):
     """Takes the findings of a stage, and how far it has come; ``before`` is what it had found when it was ended."""
 
     before: list[Finding]
@@ -110,7 +110,7 @@ def save(path: Path, findings: Findings) -> None:
     path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))
 
 
-class Result(Struct, frozen=True):
+class ProofFile(Struct, frozen=True):
     """The file that a check makes: the mount's identity, the version of the gateway, and the findings by stage.
 
     Words that may tell a place, a time or a name are left out: all of the sky, and why something was not tried.
@@ -124,7 +124,7 @@ class Result(Struct, frozen=True):
     stages: dict[str, list[Finding]]
 
 
-def result(findings: Findings, simulated: bool) -> Result:
+def result(findings: Findings, simulated: bool) -> ProofFile:
     """Return what others may read of the findings."""
 
     def shown(stage: str, finding: Finding) -> Finding:
@@ -133,7 +133,7 @@ def result(findings: Findings, simulated: bool) -> Result:
         return replace(finding, rate=None if finding.rate is None else finding.rate.rounded)
 
     stages = {stage: [shown(stage, one) for one in found] for stage, found in findings.stages.items()}
-    return Result(findings.mount, findings.version, findings.equatorial, version(), simulated, stages)
+    return ProofFile(findings.mount, findings.version, findings.equatorial, version(), simulated, stages)
 
 
 def write(folder: Path, findings: Findings, simulated: bool) -> Path:

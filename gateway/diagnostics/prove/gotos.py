@@ -11,9 +11,9 @@ from math import cos, inf, radians
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.telescope import Ended, Telescope
-from gateway.mount.motion.run_on import Place
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, StageReporter
+from gateway.diagnostics.prove.telescope import CheckedMount, Ended
+from gateway.mount.motion.run_on import TimedPosition
 
 #: Seconds that a goto may take, and after which one is cancelled.
 LONGEST, CANCELLED = 300.0, 2.0
@@ -33,7 +33,7 @@ STEPS = 4
 Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
-def cramped(telescope: Telescope, sky: op.Equatorial | None = None) -> str:
+def cramped(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
     """Return why the small motions have no room there, or where the mount points; empty if they have."""
     if sky is None and telescope.latest is not None:
         sky = telescope.latest.sky
@@ -52,7 +52,7 @@ def cramped(telescope: Telescope, sky: op.Equatorial | None = None) -> str:
     return ""
 
 
-async def to_place(telescope: Telescope, report: Report) -> None:
+async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
     """Go to a place with room. Raises Ended."""
     why = cramped(telescope)
     site = telescope.controller.sources.site()
@@ -76,7 +76,7 @@ async def to_place(telescope: Telescope, report: Report) -> None:
     report.found(Finding("goto to a better place", SAME))
 
 
-async def _allowed(telescope: Telescope, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
+async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
     """Return the first goal that the rules allow, or None and why the last was refused."""
     refusal: Fault | None = None
     for goal in goals:
@@ -86,7 +86,7 @@ async def _allowed(telescope: Telescope, goals: Iterable[op.Equatorial]) -> tupl
     return None, str(refusal or "all are too near to the meridian or the pole")
 
 
-async def near(telescope: Telescope, here: op.Equatorial) -> tuple[op.Equatorial | None, str]:
+async def near(telescope: CheckedMount, here: op.Equatorial) -> tuple[op.Equatorial | None, str]:
     """Return a goal 5° from here that the rules allow, or None and why there is none."""
     aside = FAR / max(0.2, cos(radians(here.dec)))
     ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
@@ -102,7 +102,7 @@ async def near(telescope: Telescope, here: op.Equatorial) -> tuple[op.Equatorial
     return await _allowed(telescope, filter(stays, goals))
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Go 5° and back, and go again and cancel it. Raises Ended."""
 
     async def go(to: op.Equatorial) -> tuple[str, None]:
@@ -130,7 +130,7 @@ async def run(telescope: Telescope, report: Report) -> None:
 
 
 async def there_and_back(
-    telescope: Telescope, report: Report, names: tuple[str, str], go: Go, means: str
+    telescope: CheckedMount, report: StageReporter, names: tuple[str, str], go: Go, means: str
 ) -> tuple[op.Equatorial, op.Equatorial] | None:
     """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended.
 
@@ -163,7 +163,7 @@ async def there_and_back(
     return start, goal
 
 
-def stay_if_elsewhere(here: Place, goal: op.Equatorial) -> None:
+def stay_if_elsewhere(here: TimedPosition, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
     if (off := apart(here.sky, goal)) > ELSEWHERE:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")

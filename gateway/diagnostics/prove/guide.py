@@ -17,8 +17,8 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import Fault, UserError
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Report, rest_of
-from gateway.diagnostics.prove.telescope import WHO, Ended, StoppedByOthers, Telescope
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, rest_of
+from gateway.diagnostics.prove.telescope import WHO, CheckedMount, Ended, StoppedByOthers
 
 #: What is asked after the space bar.
 AFTER_STOP = "y: next stage  a: this one again  q: leave"
@@ -34,8 +34,8 @@ class Stage(NamedTuple):
     name: str
     will: str
     moves: bool
-    run: Callable[[Telescope, Report], Awaitable[None]]
-    why: Callable[[Telescope], str] = lambda telescope: "it belongs to every check"
+    run: Callable[[CheckedMount, StageReporter], Awaitable[None]]
+    why: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
     points: bool = False
 
 
@@ -61,7 +61,7 @@ class Person(Protocol):
     async def key(self, question: str, keys: str) -> str: ...
 
 
-class Guide:
+class GuidedCheck:
     """One session. ``keep`` is called with the findings after every stage."""
 
     def __init__(
@@ -72,7 +72,7 @@ class Guide:
         keep: Callable[[Findings], None],
         stages: tuple[Stage, ...] = STAGES,
     ) -> None:
-        self._telescope, self._person, self._findings, self._keep = Telescope(gateway), person, findings, keep
+        self._telescope, self._person, self._findings, self._keep = CheckedMount(gateway), person, findings, keep
         self._stages = stages
         self._here: list[Finding] = []
         self.before: list[Finding] = []

@@ -6,10 +6,10 @@ import asyncio
 
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_words
-from gateway.diagnostics.prove.telescope import ACROSS, Ended, Telescope
-from gateway.diagnostics.prove.view import Program
+from gateway.diagnostics.prove.telescope import ACROSS, CheckedMount, Ended
+from gateway.diagnostics.prove.view import SurfaceConnection
 from gateway.protocols.registry import surfaces
 from gateway.protocols.wireformat.command_set import load
 
@@ -23,7 +23,7 @@ LATE = LASTS / 8.0
 OFF = 0.25
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     abilities = telescope.driver.can_do(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
@@ -35,7 +35,7 @@ async def run(telescope: Telescope, report: Report) -> None:
         report.found(Finding("guiding", NOT_MEASURABLE, words))
         return
     presented = next(name for name in surfaces() if "guiding" in load(name).extra("prove.toml"))
-    program, pulse = Program(telescope, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
+    program, pulse = SurfaceConnection(telescope, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
     telescope.mine = True
     try:
         for axis, pair in enumerate(PAIRS, 1):

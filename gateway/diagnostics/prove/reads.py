@@ -12,8 +12,8 @@ from contextlib import suppress
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
 from gateway.diagnostics.log.conversation import Heard, Side
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Report
-from gateway.diagnostics.prove.telescope import Telescope
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
+from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.registry import streams
 
@@ -38,7 +38,7 @@ SOON, BUSY = 0.3, 1.0
 EXCHANGES = 6.0
 
 
-async def told(telescope: Telescope, name: str) -> Heard:
+async def told(telescope: CheckedMount, name: str) -> Heard:
     """Ask the mount itself, whatever the gateway knows already. Raises Fault."""
     driver = telescope.driver
     side = Side(driver.protocol.name, driver.model)
@@ -55,7 +55,7 @@ def _readable(driver: Driver) -> Iterator[str]:
             yield name
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.found(_identity(identity, telescope.driver))
@@ -89,7 +89,7 @@ async def run(telescope: Telescope, report: Report) -> None:
     report.found(_times(took, telescope.controller.line.typical_rtt))
 
 
-async def settings(telescope: Telescope, report: Report) -> None:
+async def settings(telescope: CheckedMount, report: StageReporter) -> None:
     """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
     if not telescope.settings:
         report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))

@@ -12,8 +12,8 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import Fault
 from gateway.core.operations import Values
 from gateway.diagnostics.prove import reads
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, Report
-from gateway.diagnostics.prove.telescope import Telescope
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, StageReporter
+from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
 
@@ -23,7 +23,7 @@ AGREES = 0.5
 CLOCK, ZONE = 120.0, 45.0
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     sources = telescope.controller.sources
     sites, times = sources.sites(), sources.times()
@@ -43,7 +43,7 @@ async def run(telescope: Telescope, report: Report) -> None:
     report.found(await _overhead(telescope))
 
 
-def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
+def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
     """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
@@ -58,7 +58,7 @@ def _site(telescope: Telescope, sites: Sequence[Site]) -> Finding:
     return Finding("site", NOT_MEASURABLE, f"only {sites[0].source} tells it")
 
 
-async def _overhead(telescope: Telescope) -> Finding:
+async def _overhead(telescope: CheckedMount) -> Finding:
     """Compare altitude and azimuth, as the mount tells them, with those of its right ascension and declination."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
     overhead = driver.protocol.extra("prove.toml")["overhead"]

@@ -16,8 +16,16 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.operations import Direction
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, Rate, Report
-from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, Motion, Telescope
+from gateway.diagnostics.prove.findings import (
+    DIFFERS,
+    NOT_MEASURABLE,
+    NOT_TRIED,
+    SAME,
+    Finding,
+    MeasuredRate,
+    StageReporter,
+)
+from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
 #: The keys of the hand control, by whose numbers programs name the rates; of several with one speed the last is tried.
@@ -49,7 +57,7 @@ class Velocity(NamedTuple):
     short: bool
 
 
-def velocity(telescope: Telescope, motion: Motion, axis: int, speed: float) -> Velocity | None:
+def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
     """Return how an axis (1 or 2) moved that was to turn at this speed; None without a position before and after."""
     if motion.before is None or motion.after is None:
         return None
@@ -73,7 +81,7 @@ def velocity(telescope: Telescope, motion: Motion, axis: int, speed: float) -> V
     return Velocity(rate, error, abs(way), rest - abs(rate) * left, short)
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
     speeds = {telescope.speed(key): key for key in KEYS}
@@ -103,7 +111,7 @@ async def run(telescope: Telescope, report: Report) -> None:
         report.found(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
 
 
-async def _measured(telescope: Telescope, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
+async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on it. Raises Ended."""
     axis = pair[0].axis
     motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
@@ -114,7 +122,7 @@ async def _measured(telescope: Telescope, what: str, speed: float, key: int, pai
     way, least = max(onwards.way, back.way), STEPS * telescope.ticks[axis - 1]
     run_ons = (onwards.run_on, back.run_on) if way > least else ()
     finding = judged(what, abs(rate), error, speed, onwards, way, least)
-    return replace(finding, rate=Rate(axis, speed, rate, run_ons, not onwards.short))
+    return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.short))
 
 
 def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:
@@ -165,7 +173,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
     return Finding(what, DIFFERS, measured, assumed, means, keys)
 
 
-async def tracking(telescope: Telescope) -> Finding:
+async def tracking(telescope: CheckedMount) -> Finding:
     """Watch whether the mount tracks as it says. Raises Ended."""
     tracks = telescope.status.tracking is not op.Tracking.OFF
     before = await telescope.rest()

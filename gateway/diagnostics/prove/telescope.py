@@ -21,7 +21,7 @@ from gateway.core import requests
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
 from gateway.core.wire_log import Entry
-from gateway.mount.motion.run_on import Place, drift
+from gateway.mount.motion.run_on import TimedPosition, drift
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.unattended import SWITCHED_OFF
@@ -61,19 +61,19 @@ class Motion(NamedTuple):
 
     began: float = 0.0
     ended: float = 0.0
-    before: Place | None = None
-    places: tuple[Place, ...] = ()
-    after: Place | None = None
+    before: TimedPosition | None = None
+    places: tuple[TimedPosition, ...] = ()
+    after: TimedPosition | None = None
     refused: str = ""
 
 
-class Telescope:
+class CheckedMount:
     """The mount of one gateway, from when it has been identified."""
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
-        self._stops, self._places = self.controller.stops, list[Place]()
+        self._stops, self._places = self.controller.stops, list[TimedPosition]()
         #: Whether a motion of the check is under way; what the mount had told of its settings at first.
         self.mine, self.settings = False, dict[str, str]()
         self._epoch: Pair | None = None
@@ -87,7 +87,7 @@ class Telescope:
         self.controller.wire_log.sinks.append(self._noted)
 
     @property
-    def latest(self) -> Place | None:
+    def latest(self) -> TimedPosition | None:
         """The last position that the mount has reported."""
         return self.controller.reader.latest()
 
@@ -157,7 +157,7 @@ class Telescope:
     async def ask(self, request: requests.Request) -> requests.Answer:
         return await self.gateway.request_handler.take(request)
 
-    async def look(self) -> Place:
+    async def look(self) -> TimedPosition:
         """Ask the mount for its position and status. Raises Ended."""
         await self.ask(requests.See())
         self.check()
@@ -170,7 +170,7 @@ class Telescope:
         answer = await stopped(self.controller)
         return "" if answer.done else answer.words
 
-    async def rest(self) -> Place:
+    async def rest(self) -> TimedPosition:
         """Wait until the mount rests, and return where. Raises Ended."""
         controller = self.controller
 
@@ -221,7 +221,7 @@ class Telescope:
             )
         return Motion(began, ended, before, places, after)
 
-    def _changed(self, before: Place, after: Place, fast: bool) -> bool:
+    def _changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
         """Whether a reading has changed; of a fast motion, by more than the sky does that passes."""
         return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
 
@@ -271,7 +271,7 @@ class Telescope:
             if abs(change) > CALCULATED:
                 self._steps[number] = min(self._steps[number], max(FINEST, abs(change)))
 
-    def axes(self, place: Place) -> Pair:
+    def axes(self, place: TimedPosition) -> Pair:
         """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""
         if self._epoch is None:
             try:
@@ -285,16 +285,16 @@ class Telescope:
             return hour_angle, place.sky.dec
         return hour_angle_to_horizon(hour_angle, place.sky.dec, self.controller.astrometry.place().latitude)
 
-    def turned(self, before: Place, after: Place) -> Pair:
+    def turned(self, before: TimedPosition, after: TimedPosition) -> Pair:
         """Return by how much both axes have turned over the ground."""
         (first, second), (then, there) = self.axes(before), self.axes(after)
         return wrap180(then - first), there - second
 
-    def drift(self, before: Place, after: Place) -> float:
+    def drift(self, before: TimedPosition, after: TimedPosition) -> float:
         """Return the motion between two positions beyond what a drive explains that is on or off."""
         return drift(before.sky, after.sky, after.at - before.at)
 
-    def moved(self, before: Place, after: Place, tracks: bool) -> float:
+    def moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
         """Return the motion between two positions over the sky, or over the ground if it does not track."""
         passed = 0.0 if tracks else SIDEREAL_RATE * (after.at - before.at)
         return separation(before.sky.ra + passed, before.sky.dec, after.sky.ra, after.sky.dec)

@@ -9,9 +9,9 @@ from gateway.app.gateway import Gateway
 from gateway.core import operations as op
 from gateway.core.operations import Values
 from gateway.diagnostics.log.conversation import Heard, Side
-from gateway.diagnostics.prove.findings import Report
+from gateway.diagnostics.prove.findings import StageReporter
 from gateway.diagnostics.prove.gotos import LONGEST, there_and_back
-from gateway.diagnostics.prove.telescope import WHO, Ended, Telescope
+from gateway.diagnostics.prove.telescope import WHO, CheckedMount, Ended
 from gateway.protocols.registry import other_surface
 from gateway.protocols.wireformat.command_set import load
 from gateway.transport.handler import Connected
@@ -20,10 +20,10 @@ from gateway.transport.handler import Connected
 PATIENCE, EVERY = 6.0, 0.5
 
 
-class Program:
+class SurfaceConnection:
     """A connection to the surface of this protocol. Raises Ended if the gateway has none."""
 
-    def __init__(self, telescope: Telescope, protocol: str) -> None:
+    def __init__(self, telescope: CheckedMount, protocol: str) -> None:
         gateway: Gateway = telescope.gateway
         self._telescope, self._heard = telescope, b""
         self._side, self._commands = Side(protocol), load(protocol).commands
@@ -50,10 +50,10 @@ class Program:
         return self._side.reply(self._heard)
 
 
-async def run(telescope: Telescope, report: Report) -> None:
+async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     presented = other_surface(telescope.driver.protocol.name)
-    program, commands = Program(telescope, presented), load(presented).extra("prove.toml")["goto"]
+    program, commands = SurfaceConnection(telescope, presented), load(presented).extra("prove.toml")["goto"]
 
     async def go(to: op.Equatorial) -> tuple[str, op.Equatorial | None]:
         telescope.mine = True

@@ -19,7 +19,7 @@ from gateway.astro.ephemeris.almanac import SHIPPED, decoded
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, remarks, taken
+from gateway.diagnostics.command_outcomes import STANDS_FOR, MountKind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, denies, stage, watched
@@ -96,7 +96,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         for otherwise, changed in _circumstances(at):
             if (other := play_one(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = taken(row, driven, Kind(at.model or "", counted(at)))
+        ways = taken(row, driven, MountKind(at.model or "", counted(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -164,7 +164,7 @@ def play_one(
                 watched(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
             presented = traits(face, command, dict(whole_gateway.face.model))
-            said = outcome(row, driven, Kind(mount.model or "", counted(mount), aligned, wedge), presented)
+            said = outcome(row, driven, MountKind(mount.model or "", counted(mount), aligned, wedge), presented)
             if denies(played, command, whole_gateway.face.surface):
                 return played, "refused", said
             idle = (

@@ -19,7 +19,7 @@ from gateway.core.operations import Read, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.base.wants import (
@@ -130,14 +130,14 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
 
 def stage(
     face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
-) -> Stage:
+) -> RehearsalMount:
     """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
 
     ``lacking`` is a part of the simulated mount that this one has not.
     What old mounts do not report is in the settings: name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
-    return Stage(
+    return RehearsalMount(
         mount.model or spec.default_model,
         mount.version,
         start=START,
@@ -165,7 +165,7 @@ async def _until(reached: Callable[[], bool], seconds: float) -> None:
 class Player:
     """Plays frames on one stage, each as a connection of its own."""
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: RehearsalMount) -> None:
         self.stage = stage
         self.driver: Driver = stage.driver
         self.surface = surface = stage.face.surface

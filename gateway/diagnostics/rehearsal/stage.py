@@ -15,7 +15,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.link.line import MountLink
@@ -28,7 +28,7 @@ from gateway.transport.wires import Connection, SimulatedTransport
 PRESENTED, DRIVEN = pairs()[0]
 
 
-class Stage:
+class RehearsalMount:
     """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. It needs a running
     event loop.
 
@@ -53,8 +53,8 @@ class Stage:
         speed: float = 1.0,
         config: dict[str, Any] | None = None,
         host_ahead: float = 0.0,
-        on: Stage | None = None,
-        access: Access = Access(),
+        on: RehearsalMount | None = None,
+        access: AccessRules = AccessRules(),
         ramps: bool = True,
         sky: Sky | None = None,
         named: bool = False,
@@ -119,7 +119,7 @@ class Stage:
 
 
 class Visitor:
-    def __init__(self, stage: Stage, host: str) -> None:
+    def __init__(self, stage: RehearsalMount, host: str) -> None:
         self.heard = b""
         self._more = TimedEvent()
         self.guest = stage.acceptor.accept(Connected(host, host, self._hear))

@@ -17,7 +17,7 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
-from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, SiteOfNight
+from gateway.diagnostics.report.night import Incident, Night, Pointing, ProgramConnections, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
 
 #: Positions are kept every so many seconds, or when the tube has moved by more than so many degrees.
@@ -63,7 +63,7 @@ class _Gathering:
         self._rows = protocol.night
         self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
         self._speaking: dict[str, Side] = {}
-        self._programs: dict[str, Program] = {}
+        self._programs: dict[str, ProgramConnections] = {}
         self._asked: deque[tuple[float, str]] = deque(maxlen=DUE)
         self._told: dict[str, tuple[float, float]] = {}
 
@@ -89,7 +89,7 @@ class _Gathering:
                 self._given_up(len(self._asked))
                 self._speaking.pop(MOUNT, None)
             if words and len(self.night.remarks) < MOST:
-                self.night.remarks.append(Remark(time, MOUNT, words))
+                self.night.remarks.append(Incident(time, MOUNT, words))
             return
         side = self._side(MOUNT)
         if event.arrow == ">":
@@ -158,7 +158,7 @@ class _Gathering:
                 program.refused += 1
             if len(self.night.refusals) < MOST:
                 who = event.side if program is None else program.host
-                self.night.refusals.append(Remark(time, who, event.data.decode("latin-1")))
+                self.night.refusals.append(Incident(time, who, event.data.decode("latin-1")))
         elif event.arrow == ">":
             if program is None:
                 program = self._program(event.side, event.side, self.sides.protocol(event.side), time)
@@ -173,8 +173,8 @@ class _Gathering:
         program = self._program(event.side, host, self.night.surfaces[number - 1], time)
         program.connections += 1
 
-    def _program(self, side: str, host: str, surface: str, time: float) -> Program:
-        program = self.night.programs.setdefault((host, surface), Program(host, surface, time, time))
+    def _program(self, side: str, host: str, surface: str, time: float) -> ProgramConnections:
+        program = self.night.programs.setdefault((host, surface), ProgramConnections(host, surface, time, time))
         self._programs[side] = program
         return program
 

@@ -24,7 +24,7 @@ class Pointing(NamedTuple):
     dec: float
 
 
-class Remark(NamedTuple):
+class Incident(NamedTuple):
     """A problem or a refusal: whom it concerned, and a description."""
 
     time: float
@@ -33,7 +33,7 @@ class Remark(NamedTuple):
 
 
 @dataclass
-class Program:
+class ProgramConnections:
     """All connections from one host to one surface."""
 
     host: str
@@ -73,9 +73,9 @@ class Night:
     unanswered: int = 0
     gotos: int = 0
     #: Problems of the connection with the mount, and the gateway's notes about the mount.
-    remarks: list[Remark] = field(default_factory=list)
-    refusals: list[Remark] = field(default_factory=list)
-    programs: dict[tuple[str, str], Program] = field(default_factory=dict)
+    remarks: list[Incident] = field(default_factory=list)
+    refusals: list[Incident] = field(default_factory=list)
+    programs: dict[tuple[str, str], ProgramConnections] = field(default_factory=dict)
     cut: str = ""
     #: The version that recorded it, with its commit.
     recorded_by: str = ""

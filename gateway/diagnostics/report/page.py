@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.diagnostics.report import plots
-from gateway.diagnostics.report.night import Night, Remark
+from gateway.diagnostics.report.night import Incident, Night
 from gateway.diagnostics.report.plots import TrackPoint, at, light, track
 from gateway.diagnostics.report.svg import clock
 
@@ -99,7 +99,7 @@ def table_of_programs(night: Night) -> str:
     return table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
-def table_of_remarks(found: Sequence[Remark], none: str, of_programs: bool) -> str:
+def table_of_remarks(found: Sequence[Incident], none: str, of_programs: bool) -> str:
     """Return a table with each remark once: how often it occurred, first and last; the most frequent first."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in found:

@@ -18,9 +18,9 @@ from aiohttp import web
 from msgspec import Struct
 
 from gateway.app.pages import Pages, application, for_own_page, same_token
-from gateway.fleet.client import Access, Connect
+from gateway.fleet.client import BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import ONLINE, Message, Received, Topics
+from gateway.fleet.topics import ONLINE, MqttMessage, Received, Topics
 from gateway.transport.web_server import WebServer
 
 #: Gateway and mount.
@@ -124,7 +124,7 @@ ECHO_TIMEOUT, FLOOD = 3.0, 5000
 NOT_SENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
 
 
-class Stop(Struct, frozen=True, forbid_unknown_fields=True):
+class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
     """A request to stop one mount; both fields empty: all mounts."""
 
     gateway: str = ""
@@ -139,7 +139,7 @@ class Overview:
 
     def __init__(
         self,
-        access: Access,
+        access: BrokerAccess,
         prefix: str,
         look: Path,
         clock: Callable[[], float],
@@ -191,14 +191,14 @@ class Overview:
         else:
             self._roster.receive(heard)
 
-    async def send_stop(self, stop: Stop) -> str:
+    async def send_stop(self, stop: StopForm) -> str:
         """Send a stop to one mount or all; return why it was not sent, or an empty text."""
         topics = Topics(self._prefix, stop.gateway)
         topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
         if not self._connected:
             return f"the broker is not there ({self._why})"
         heard = self._waiting_for_echo.setdefault(topic, asyncio.Event())
-        self._link.publish(Message(topic, b"stop"))
+        self._link.publish(MqttMessage(topic, b"stop"))
         try:
             async with asyncio.timeout(ECHO_TIMEOUT):
                 await heard.wait()
@@ -225,7 +225,7 @@ class Overview:
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
         try:
-            stop = msgspec.json.decode(await request.read(), type=Stop)
+            stop = msgspec.json.decode(await request.read(), type=StopForm)
         except ValueError:
             raise web.HTTPBadRequest(reason="This names no mount.") from None
         if bool(stop.gateway) != bool(stop.mount) or set(stop.gateway + stop.mount) & set("/+#\0"):

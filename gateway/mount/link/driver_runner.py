@@ -62,7 +62,7 @@ TRY_AGAIN = 5.0
 _T = TypeVar("_T")
 
 
-class Reply(Struct):
+class ReceivedReply(Struct):
     """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
 
     values: Values
@@ -77,21 +77,21 @@ class ReplyVerifier:
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
         self._late_replies = line.transaction.late
-        self._known: dict[tuple[object, ...], Reply] = {}
+        self._known: dict[tuple[object, ...], ReceivedReply] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, command: Send, priority: int) -> tuple[Reply, int]:
+    async def exchange(self, command: Send, priority: int) -> tuple[ReceivedReply, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
         kind = self._line.reply_rules.expected(command).answer_kind
         if kind is None:
             asked = self._now()
-            return Reply(await self._send_order(command, priority), None, asked, self._now()), 1
+            return ReceivedReply(await self._send_order(command, priority), None, asked, self._now()), 1
         key = (
             command.command,
             command.raw,
             *sorted((name, value) for name, value in command.values.items() if name != "low"),
         )
-        agreeing: list[Reply] = []
+        agreeing: list[ReceivedReply] = []
         longest = slow = late_count = needed = 0
         times = 0
         while times < TRIES:
@@ -124,7 +124,7 @@ class ReplyVerifier:
             raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
         return reply, times
 
-    def _remember(self, key: tuple[object, ...], reply: Reply) -> None:
+    def _remember(self, key: tuple[object, ...], reply: ReceivedReply) -> None:
         """Remember the last reply; if there are too many, forget the oldest."""
         self._known.pop(key, None)
         self._known[key] = reply
@@ -152,7 +152,7 @@ class ReplyVerifier:
             if times > min(late_count, MOST_LATE):
                 return answer
 
-    async def _ask(self, command: Send, priority: int) -> Reply:
+    async def _ask(self, command: Send, priority: int) -> ReceivedReply:
         """Return one reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Values = {}
@@ -168,10 +168,10 @@ class ReplyVerifier:
             except Fault as fault_reply:
                 fault, took = fault_reply.with_traceback(None), fault_reply.took
             came = self._now()
-            return Reply(values, fault, came - took, came)
+            return ReceivedReply(values, fault, came - took, came)
         raise NoAnswer
 
-    def _replies_needed(self, kind: str, known: Reply | None, reply: Reply, late_count: int) -> int:
+    def _replies_needed(self, kind: str, known: ReceivedReply | None, reply: ReceivedReply, late_count: int) -> int:
         """Return how many replies in a row must agree, this one included, for it to be accepted."""
         least = min(late_count, MOST_LATE) + 1
         if known is None:
@@ -187,7 +187,7 @@ class ReplyVerifier:
             return max(2, least)
         return max(UNREACHABLE if self._line.typical_rtt <= QUICK else IF_SLOW, least)
 
-    def _agree(self, kind: str, before: Reply, after: Reply) -> bool:
+    def _agree(self, kind: str, before: ReceivedReply, after: ReceivedReply) -> bool:
         """Whether both replies can be correct."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
@@ -198,12 +198,12 @@ class ReplyVerifier:
             return _clock_agrees(before, after)
         return before.values == after.values
 
-    def _possible_motion(self, before: Reply, after: Reply) -> float:
+    def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
         took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
         return NEAR + self._fastest * (after.came - before.came + took)
 
-    def _distance(self, before: Reply, after: Reply, poleward: float = 0.0) -> float:
+    def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
 
         If the latitude is read by a request of its own, it may have grown by ``poleward`` degrees since.
@@ -235,7 +235,7 @@ def _seconds(values: Values) -> float:
     return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
 
 
-def _clock_agrees(before: Reply, after: Reply) -> bool:
+def _clock_agrees(before: ReceivedReply, after: ReceivedReply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
     drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2

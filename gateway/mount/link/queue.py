@@ -40,7 +40,7 @@ FOLLOW_UP_ITERATIONS = 8
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
 
-class Request:
+class QueuedCommand:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
     __slots__ = ("asked", "chosen", "command", "future", "number", "priority")
@@ -62,7 +62,7 @@ class RequestQueue:
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._numbers = count()
-        self._waiting: list[Request] = []
+        self._waiting: list[QueuedCommand] = []
         self._urgent: list[float] = []
         self._motions = self._passed_over = 0
         self._wake = TimedEvent()
@@ -73,7 +73,7 @@ class RequestQueue:
     def add(self, command: Send, priority: int) -> Outcome:
         """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
-        self._waiting.append(Request(command, priority, next(self._numbers), future))
+        self._waiting.append(QueuedCommand(command, priority, next(self._numbers), future))
         self._wake.set()
         return future
 
@@ -104,7 +104,7 @@ class RequestQueue:
 
     async def next(
         self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
-    ) -> Request | None:
+    ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
         ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet needed before a command, both in
@@ -134,10 +134,10 @@ class RequestQueue:
         self.take(first)
         return first
 
-    def by_turn(self) -> list[Request]:
+    def by_turn(self) -> list[QueuedCommand]:
         return by_turn(self._waiting, self._loop.time(), self._motions, self._passed_over)
 
-    def take(self, first: Request) -> None:
+    def take(self, first: QueuedCommand) -> None:
         self._waiting.remove(first)
         self._motions = self._motions + 1 if first.priority == MOTION else 0
         self._passed_over = 0 if first.priority == SETTING else self._passed_over + 1
@@ -180,14 +180,14 @@ class RequestQueue:
             request.fail(NoAnswer())
         self._waiting.clear()
 
-    def _is_settled(self, request: Request, now: float) -> bool:
+    def _is_settled(self, request: QueuedCommand, now: float) -> bool:
         """Whether the request was cancelled, or has waited too long and was refused here."""
         if not request.future.done() and too_late(request, now):
             request.future.set_exception(Busy(STARTED_TOO_LATE))
         return request.future.done()
 
 
-def by_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: int) -> list[Request]:
+def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_over: int) -> list[QueuedCommand]:
     """Return the waiting requests in the order in which they will be sent.
 
     ``motions`` is how many exchanges in a row were motions, ``passed_over`` how many there were since the last setting.
@@ -196,7 +196,7 @@ def by_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: i
     waited = before_all if motions >= IN_A_ROW else WAITED
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
 
-    def turn(one: Request) -> tuple[float, int, int]:
+    def turn(one: QueuedCommand) -> tuple[float, int, int]:
         if one.chosen and one.priority in READS:
             return POSITION - 0.5, one.priority, one.number
         aged = now - one.asked > AGED.get(one.priority, 1e9)
@@ -205,7 +205,7 @@ def by_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: i
     return sorted(waiting, key=turn)
 
 
-def held_back(first: Request, now: float, urgent: float | None, typical_rtt: float) -> float | None:
+def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rtt: float) -> float | None:
     """Return the seconds that a read waits for something due at loop time ``urgent``; None if it need not wait.
 
     ``typical_rtt`` is the average reply time in seconds.
@@ -215,6 +215,6 @@ def held_back(first: Request, now: float, urgent: float | None, typical_rtt: flo
     return max(0.0, urgent - now) + AFTER_DUE
 
 
-def too_late(one: Request, now: float) -> bool:
+def too_late(one: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
     return one.command.prompt and now - one.asked > MAX_START_DELAY

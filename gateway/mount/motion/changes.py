@@ -39,7 +39,7 @@ from gateway.mount.motion.wanted import (
     Halted,
     NotOrdered,
     Order,
-    Press,
+    PressedArrow,
     Slew,
     Wanted,
 )
@@ -171,7 +171,7 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
     if order.by is not None and axis is not None:
         others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
-        wanted = replace(wanted, pressed=(*others, Press(order.by.who, axis, wanted.gotos)))
+        wanted = replace(wanted, pressed=(*others, PressedArrow(order.by.who, axis, wanted.gotos)))
     return _append(wanted, order, now, slewing)
 
 

@@ -35,7 +35,7 @@ PART = 0.4
 SLOW = 0.05
 
 
-class Sample(Struct, frozen=True):
+class AxisSample(Struct, frozen=True):
     """The axes at a time, in coordinates in which an axis at rest is constant; ``digit`` is the resolution, degrees."""
 
     at: float
@@ -72,7 +72,7 @@ def visible(ending: Ending) -> bool:
     return ending.speed >= 2.0 * SLOW
 
 
-def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
+def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
     """Return the speed of the axes since the end was sent, degrees a second; None if the samples do not show it yet.
 
     Of the samples since then the last two that are far enough apart count, which leaves out the run-on before them.
@@ -86,7 +86,7 @@ def speed(ending: Ending, samples: Sequence[Sample]) -> float | None:
     return None
 
 
-def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
+def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step:
     """Return what to do about an end now."""
     if not visible(ending):
         return Step.DONE
@@ -109,7 +109,7 @@ class EndWatch:
     def __init__(self, now: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
         self._now, self._warn, self._wanted = now, warn, wanted
         self.again: Signal[frozenset[int]] = Signal()
-        self.samples: list[Sample] = []
+        self.samples: list[AxisSample] = []
         self._ending: Ending | None = None
 
     @property
@@ -135,7 +135,7 @@ class EndWatch:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
             self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),), begun)
 
-    def look(self, sample: Sample) -> None:
+    def look(self, sample: AxisSample) -> None:
         """Take a position, and emit ``again`` if the end must be sent again."""
         self.samples = [*self.samples[1 - REMEMBERED :], sample]
         ending = self.ending

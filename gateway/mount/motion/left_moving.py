@@ -14,7 +14,7 @@ from msgspec import Struct
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import MOVING
-from gateway.mount.motion.ends import PART, SLOW, Sample
+from gateway.mount.motion.ends import PART, SLOW, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
 #: Seconds for which a mark counts without a look at the mount.
@@ -38,7 +38,7 @@ class LeftMotion(Struct, frozen=True, omit_defaults=True):
 
 
 def left_motion(
-    wanted: Wanted, speed: Callable[[op.Move | op.MoveAxis], float], samples: list[Sample]
+    wanted: Wanted, speed: Callable[[op.Move | op.MoveAxis], float], samples: list[AxisSample]
 ) -> LeftMotion | None:
     """Return what the gateway has set moving; None if positions could not show whether that goes on."""
     begun = [*wanted.by_hand.values(), *(one.operation for one in wanted.pending if isinstance(one.operation, MOVING))]
@@ -59,14 +59,14 @@ def left_motion(
     return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
 
 
-def turning(before: Sample, after: Sample) -> tuple[float, float]:
+def turning(before: AxisSample, after: AxisSample) -> tuple[float, float]:
     """Return the speeds of both axes between two samples, degrees a second."""
     elapsed = max(after.at - before.at, 1e-6)
     return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
 
 
 def still_left(
-    left: LeftMotion, before: Sample, after: Sample, slewing: bool, remaining: tuple[float, float]
+    left: LeftMotion, before: AxisSample, after: AxisSample, slewing: bool, remaining: tuple[float, float]
 ) -> frozenset[int]:
     """Return the axes that still move as marked. ``slewing``: the mount reports a goto; ``remaining``: the greater of
     the ways that its axes have to the marked goal, at both samples, degrees.
@@ -80,6 +80,6 @@ def still_left(
     return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
 
 
-def rests(before: Sample, after: Sample, slewing: bool) -> bool:
+def rests(before: AxisSample, after: AxisSample, slewing: bool) -> bool:
     """Whether nothing moves but by tracking."""
     return not slewing and max(map(abs, turning(before, after))) < SLOW

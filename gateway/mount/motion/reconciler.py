@@ -34,7 +34,7 @@ from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.stopping import StopSender
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
-from gateway.mount.safety.admission.motions import Admission
+from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.protocols.base.driver import FollowUps, Schedule
 
 #: Is awaited before a motion begins.
@@ -56,7 +56,7 @@ class Reconciler:
         context: Context,
         follow_ups: FollowUps,
         runner: DriverRunner,
-        admission: Admission,
+        admission: MotionAdmission,
         consequences: Consequences,
         announcers: Sequence[Announce],
     ) -> None:

@@ -31,7 +31,7 @@ PULSE_WAITS = 1.5
 DIGITS = 1.25
 
 
-class Place(Struct, frozen=True):
+class TimedPosition(Struct, frozen=True):
     """A position, the loop time of its request, and that of its arrival."""
 
     at: float
@@ -47,7 +47,7 @@ class RunOn(Struct, frozen=True):
     since: float
     goto: bool
     heard: float
-    places: tuple[Place, ...] = ()
+    places: tuple[TimedPosition, ...] = ()
 
 
 def drift(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
@@ -63,7 +63,7 @@ def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float
     return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
 
 
-def seen(run_on: RunOn, here: Place, equatorial: bool, digit: float) -> RunOn | None:
+def seen(run_on: RunOn, here: TimedPosition, equatorial: bool, digit: float) -> RunOn | None:
     """Return the run-on after a position; None if the mount is at rest. ``digit`` is the position's resolution."""
     if here.asked < run_on.since:
         return replace(run_on, heard=here.at)
@@ -126,7 +126,7 @@ class RunOnWatch:
         """Note that the mount may move by a command of an earlier run."""
         self._rested_at = -1
 
-    def ended(self, goto: bool, latest: Place | None = None, by_others: bool = False) -> None:
+    def ended(self, goto: bool, latest: TimedPosition | None = None, by_others: bool = False) -> None:
         """Note an end that the mount has acknowledged, or a goto that has ended by itself: the ``latest`` position,
         from shortly before then, may show that it rests already. ``by_others``: somebody else moves the mount. A
         repeated end, and one of a mount that has been seen at rest since its last motion, change nothing.
@@ -143,7 +143,7 @@ class RunOnWatch:
         """Note that a motion has begun, or that the mount sleeps: nothing runs on. Pulses wait as before."""
         self.value = None
 
-    def position(self, here: Place, equatorial: bool, digit: float) -> None:
+    def position(self, here: TimedPosition, equatorial: bool, digit: float) -> None:
         """Take a position that the mount has reported."""
         if self.value is not None:
             self.value = seen(self.value, here, equatorial, digit)

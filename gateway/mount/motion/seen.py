@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.mount.motion.ends import Sample
+from gateway.mount.motion.ends import AxisSample
 from gateway.mount.site.astrometry import SiteAstrometry
 
 #: A change of right ascension in degrees that no motor makes between two positions: a sync, or the pole was passed.
@@ -143,10 +143,10 @@ def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: f
 
 def axis_sample(
     astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float, place: op.Equatorial
-) -> Sample:
+) -> AxisSample:
     """Return a position as readings of the two axes: right ascension and declination, or azimuth and altitude."""
     digit = COARSE_DIGIT if coarse else DIGIT
     if status is None or status.equatorial or astrometry.site_clock.site() is None:
-        return Sample(now, (place.ra, place.dec), digit)
+        return AxisSample(now, (place.ra, place.dec), digit)
     there = astrometry.horizon(place)
-    return Sample(now, (there.az, there.alt), digit)
+    return AxisSample(now, (there.az, there.alt), digit)

@@ -32,7 +32,7 @@ LONGEST, LOOK = 15.0, 0.1
 FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
 
 
-class Wait(NamedTuple):
+class Postponement(NamedTuple):
     """Why an order is postponed: the refusal after ``longest`` seconds; without one it is carried out then."""
 
     longest: float
@@ -112,7 +112,7 @@ class Order(Struct, frozen=True):
         """Whether it may wait longer; if not, it is refused while the client still waits for its outcome."""
         return self.not_while_busy or now < min(self.since + longest, self.until)
 
-    def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Wait | None:
+    def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
         """Return why it has to wait although it is due; None if it need not.
 
         A goto is judged by site and clock, so it waits for those that programs were promised before it.
@@ -120,12 +120,12 @@ class Order(Struct, frozen=True):
         if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
             refusal = incoming.holds_up(now, occupied)
             if refusal is not None:
-                return Wait(FOR_SETTINGS, refusal)
+                return Postponement(FOR_SETTINGS, refusal)
         if occupied and self.can_be_postponed:
-            return Wait(LONGEST, Busy())
+            return Postponement(LONGEST, Busy())
         arrow = isinstance(self.operation, op.Move | op.MoveAxis)
         if arrow and incoming.sending and now < self.since + FOR_EXCHANGE:
-            return Wait(FOR_EXCHANGE, None)
+            return Postponement(FOR_EXCHANGE, None)
         return None
 
 
@@ -189,7 +189,7 @@ class Tap(Struct, frozen=True):
     until: float
 
 
-class Press(Struct, frozen=True):
+class PressedArrow(Struct, frozen=True):
     """An arrow of an axis that a host has pressed, and how many gotos had been ordered by then."""
 
     who: str
@@ -221,7 +221,7 @@ class Wanted(Struct, frozen=True):
     focus: FocusMotion | None = None
     pending: tuple[Order, ...] = ()
     pulses: tuple[GuidePulse, ...] = ()
-    pressed: tuple[Press, ...] = ()
+    pressed: tuple[PressedArrow, ...] = ()
     taps: tuple[Tap, ...] = ()
     kept: tuple[Order, ...] = ()
     halted: tuple[Halted, ...] = ()

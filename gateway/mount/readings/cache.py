@@ -74,7 +74,7 @@ def angles(value: op.Equatorial | op.Horizontal) -> Pair:
     return (value.az, value.alt) if isinstance(value, op.Horizontal) else (value.ra, value.dec)
 
 
-class Entry(Struct):
+class CachedAnswer(Struct):
     """An answer (or the Fault that it was), the loop time at which it arrived, and the seconds for which it is fresh.
 
     It was ``asked`` for at this loop time, after so many ``orders``. A position has its ``reading`` as it was reported,
@@ -88,7 +88,7 @@ class Entry(Struct):
     asked: float = 0.0
     orders: int = 0
     reading: Reading | None = None
-    before: Entry | None = None
+    before: CachedAnswer | None = None
     course: Any = None
     source: Kind | None = None
     forgotten: bool = False
@@ -99,8 +99,8 @@ class ReadingsCache:
 
     def __init__(self, link: MountLink) -> None:
         self._link = link
-        self.entries: dict[Kind, Entry] = {}
-        self._own: dict[op.Own, Entry] = {}
+        self.entries: dict[Kind, CachedAnswer] = {}
+        self._own: dict[op.Own, CachedAnswer] = {}
         self._asked: dict[Kind, float] = {}
         #: A number that grows whenever an answer may have changed, and that of the orders and settings sent so far.
         self.version = self.orders = 0
@@ -113,9 +113,9 @@ class ReadingsCache:
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
         """Store a reading that the mount reported, or that follows from a command that it acknowledged."""
-        self.store(kind, Entry(value), now)
+        self.store(kind, CachedAnswer(value), now)
 
-    def store(self, kind: Kind, entry: Entry, now: float) -> None:
+    def store(self, kind: Kind, entry: CachedAnswer, now: float) -> None:
         """Store an answer that has just arrived."""
         entry.at, entry.lasts = now, MAX_AGE.get(kind, 0.0)
         self.entries[kind] = entry
@@ -205,7 +205,7 @@ class ReadingsCache:
         """Store the reply to a request that was sent after so many ``orders``; of too many, the oldest is dropped."""
         self._own.pop(operation, None)
         if lasts:
-            self._own[operation] = Entry(answer, now, lasts, orders=orders)
+            self._own[operation] = CachedAnswer(answer, now, lasts, orders=orders)
         if len(self._own) > REMEMBERED:
             del self._own[next(iter(self._own))]
 

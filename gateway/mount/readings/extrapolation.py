@@ -20,7 +20,7 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import FASTEST
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits
-from gateway.mount.readings.cache import Entry, Kind, Pair, Reading, angles
+from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angles
 from gateway.mount.safety.hour_angle import past_meridian, turned_by_side
 
 Inside = Callable[[float, float], bool]
@@ -41,7 +41,7 @@ NEARER = 0.5
 HALVINGS = 8
 
 
-class Course(Struct, frozen=True):
+class Extrapolation(Struct, frozen=True):
     """An extrapolation: its start, the rates (degrees a second), the largest distances, the longest time in seconds."""
 
     begins: Reading
@@ -59,7 +59,7 @@ def course(
     goal: Pair | None = None,
     polar: bool = True,
     inside: Inside | None = None,
-) -> Course:
+) -> Extrapolation:
     """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is one.
 
     ``fastest``: degrees a second that no motor exceeds. ``digit``: the resolution of readings, degrees. ``polar``: the
@@ -68,7 +68,7 @@ def course(
     """
     rates = None if before is None else _rates(before, last, fastest, digit, polar)
     if before is None or rates is None:
-        return Course(last)
+        return Extrapolation(last)
     rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
     lasts = LONGEST
     if polar:
@@ -76,12 +76,12 @@ def course(
         ends = last.at[0] + _until(rates[0], TURN), last.at[1] + _until(rates[1], to_pole)
         lasts = min(lasts, min(ends) - last.complete)
         if lasts < 0.0:
-            return Course(last)
-    free = Course(last, rates, rooms, lasts)
+            return Extrapolation(last)
+    free = Extrapolation(last, rates, rooms, lasts)
     return free if inside is None else _within(free, inside)
 
 
-def place(going: Course, now: float) -> Pair:
+def place(going: Extrapolation, now: float) -> Pair:
     """Return the position at a time: the first angle in [0, 360), the second in [-180, 180)."""
     begins = going.begins
     if going.rates == (0.0, 0.0):
@@ -123,7 +123,7 @@ def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
     return NEARER * abs(left) if abs(left) <= abs(was) else inf
 
 
-def _within(going: Course, inside: Inside) -> Course:
+def _within(going: Extrapolation, inside: Inside) -> Extrapolation:
     """Shorten the course so that it stays within the limits."""
     begins = going.begins
 
@@ -133,19 +133,19 @@ def _within(going: Course, inside: Inside) -> Course:
     if allowed(going.lasts) or not inside(*begins.place):
         return going
     if not allowed(0.0):
-        return Course(begins)
+        return Extrapolation(begins)
     good, bad = 0.0, going.lasts
     for _ in range(HALVINGS):
         middle = (good + bad) / 2.0
         good, bad = (middle, bad) if allowed(middle) else (good, middle)
-    return Course(begins, going.rates, going.rooms, good)
+    return Extrapolation(begins, going.rates, going.rooms, good)
 
 
 # --- the course of a mount: its goal, and the limits as a test of one position ---------------------------------------
 # Whether the mount is stopped at a limit is decided elsewhere, from real readings.
 
 
-def course_of(context: Context, kind: Kind, entry: Entry) -> Course:
+def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
     """Return the course after the last reading of a kind, calculated once."""
     if entry.course is None:
         assert entry.reading is not None
@@ -159,7 +159,7 @@ def course_of(context: Context, kind: Kind, entry: Entry) -> Course:
             polar=kind is not op.AxisPosition,
             inside=_inside(context, kind),
         )
-    result: Course = entry.course
+    result: Extrapolation = entry.course
     return result
 
 

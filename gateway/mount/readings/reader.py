@@ -21,10 +21,10 @@ from gateway.core.waiting import mark_retrieved, result_of, shared_result
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import POSITION, READ
-from gateway.mount.motion.run_on import Place
+from gateway.mount.motion.run_on import TimedPosition
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.presence import Program
-from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, OWN_AGE, Entry, Kind, Reading, angles
+from gateway.mount.presence import ProgramId
+from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, OWN_AGE, CachedAnswer, Kind, Reading, angles
 from gateway.mount.readings.extrapolation import EARLIER, SOONEST, course_of, equatorial, place
 from gateway.mount.site.readers import ReadBy
 
@@ -78,12 +78,12 @@ class Reader:
         self.goto_over: Signal[None] = Signal()
         self.goto_missed: Signal[str] = Signal()
 
-    def latest(self) -> Place | None:
+    def latest(self) -> TimedPosition | None:
         """Return the last position that the mount has reported, however old; None before the first."""
         last = self._cache.entries.get(op.Position)
         if last is None or last.reading is None:
             return None
-        return Place(last.reading.complete, last.asked, last.value)
+        return TimedPosition(last.reading.complete, last.asked, last.value)
 
     # --- answers from the cache -------------------------------------------------------------------------------------
 
@@ -121,7 +121,7 @@ class Reader:
             return False
         return now - max(at, complete) > SOONEST
 
-    def peek_own(self, operation: op.Own, program: Program) -> bytes:
+    def peek_own(self, operation: op.Own, program: ProgramId) -> bytes:
         """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
         reply: bytes = self._cache.own(operation, self._now())
         return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
@@ -164,7 +164,7 @@ class Reader:
             self._cache.version += 1
         return self._moment
 
-    def _going_on(self, kind: Kind, entry: Entry, moment: float) -> object:
+    def _going_on(self, kind: Kind, entry: CachedAnswer, moment: float) -> object:
         """Return where a moving mount is at a moment."""
         return type(entry.value)(*place(course_of(self._context, kind, entry), moment))
 
@@ -188,7 +188,7 @@ class Reader:
         except Unsupported:
             return NOT_CACHED
 
-    def _is_overridden(self, operation: op.Own, program: Program) -> bool:
+    def _is_overridden(self, operation: op.Own, program: ProgramId) -> bool:
         """Whether a program gets another site or clock from the gateway than the mount's own."""
         if operation.keep not in ("clock", "site"):
             return False
@@ -257,7 +257,7 @@ class Reader:
             value = self.peek(kind)
         return answer if value is NOT_CACHED else value
 
-    async def answer_own(self, operation: op.Own, program: Program) -> bytes:
+    async def answer_own(self, operation: op.Own, program: ProgramId) -> bytes:
         """Return the mount's own reply, cached or by an exchange that all waiting clients share. Raises Fault."""
         if self._is_overridden(operation, program):
             raise Unsupported
@@ -342,11 +342,11 @@ class Reader:
             entry.value = entry.value or gotos != self._wanted.gotos  # another goto may have begun meanwhile
         elif kind is op.HorizontalPosition and entry.value is None:
             seen = await self.read(op.Position())
-            entry = Entry(self._astrometry.horizon(seen), source=op.Position)
+            entry = CachedAnswer(self._astrometry.horizon(seen), source=op.Position)
         self._publish(kind, entry)
         return entry.value
 
-    async def _request(self, operation: op.Operation) -> Entry:
+    async def _request(self, operation: op.Operation) -> CachedAnswer:
         """Ask the mount and return its answer. Raises Fault."""
         priority = POSITION if isinstance(operation, op.Position) else READ
         try:
@@ -358,22 +358,22 @@ class Reader:
         self.exchanges[type(operation)] = self._runner.exchanges
         return self._arrived(operation, value)
 
-    def _arrived(self, operation: op.Operation, value: object) -> Entry:
+    def _arrived(self, operation: op.Operation, value: object) -> CachedAnswer:
         """Return the entry for an answer that has just arrived: a position in the equinox of date, with its times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(cast(op.Equatorial, value))
         if not isinstance(value, op.Equatorial | op.Horizontal):
-            return Entry(value)
+            return CachedAnswer(value)
         half = self._link.typical_rtt / 2.0
         first, second = self._driver.read_at or (self._now(), self._now())
         reading = Reading(angles(value), (first - half, second - half))
-        return Entry(value, asked=self._runner.asked_at, reading=reading)
+        return CachedAnswer(value, asked=self._runner.asked_at, reading=reading)
 
     def take(self, operation: op.Operation, value: object) -> None:
         """Take a reading that the mount reported in an exchange of another part."""
         self._publish(type(operation), self._arrived(operation, value))
 
-    def _publish(self, kind: Kind, entry: Entry) -> None:
+    def _publish(self, kind: Kind, entry: CachedAnswer) -> None:
         """Store a reading, and pass it to the limits by signals."""
         if entry.reading is not None:
             self._continue(kind, entry)
@@ -385,32 +385,32 @@ class Reader:
         elif kind is op.AxisPosition:
             self.axes.emit(entry.value)
 
-    def _continue(self, kind: Kind, entry: Entry) -> None:
+    def _continue(self, kind: Kind, entry: CachedAnswer) -> None:
         """Note the position before this one, by which its course is calculated, and whether the mount has run on."""
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.value is not None:
-            here = Place(self._now(), entry.asked, entry.value)
+            here = TimedPosition(self._now(), entry.asked, entry.value)
             context.run_on.position(here, equatorial(context), self._driver.resolution)
         if last is not None and last.reading is not None:
             near = min(entry.reading.at) - min(last.reading.at) < SOONEST
             entry.before, last.before = last.before if near else last, None
 
-    async def _axes_from_the_sky(self) -> Entry:
+    async def _axes_from_the_sky(self) -> CachedAnswer:
         """Calculate the axis readings for a mount that does not report them."""
         if not (await self.read(op.GetStatus())).equatorial:  # the axes of a fork are azimuth and altitude
-            return Entry(await self.read(op.HorizontalPosition()), source=op.HorizontalPosition)
+            return CachedAnswer(await self.read(op.HorizontalPosition()), source=op.HorizontalPosition)
         seen = await self.read(op.Position())
-        return Entry(self._astrometry.axes(seen, wedge=not self._driver.german), source=op.Position)
+        return CachedAnswer(self._astrometry.axes(seen, wedge=not self._driver.german), source=op.Position)
 
-    async def _while_it_rests(self, operation: op.Operation) -> Entry:
+    async def _while_it_rests(self, operation: op.Operation) -> CachedAnswer:
         """Return the answer, or none once the mount moves: then two positions of two requests each take too long."""
         reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
                 if (await asyncio.wait({reading}, timeout=MOTION_CHECK))[0]:
                     return reading.result()
-            return Entry(None)
+            return CachedAnswer(None)
         finally:
             reading.cancel()
 

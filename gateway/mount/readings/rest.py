@@ -30,7 +30,7 @@ CREEP = 30.0 * ARCSECOND
 TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
-class Sample(NamedTuple):
+class RestSample(NamedTuple):
     """A sample: position and axes in degrees, and how fast the first axis may turn by tracking, degrees a second."""
 
     at: float
@@ -44,7 +44,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
 
     A mount that hibernates is at rest and is not asked.
     """
-    samples: deque[Sample] = deque()
+    samples: deque[RestSample] = deque()
     rate, trouble, begun = None, Fault("the mount has not reported its position"), _begun(context)
     apart = max(APART, context.driver.resolution / CREEP)
     try:
@@ -80,7 +80,7 @@ def _begun(context: Context) -> tuple[int, tuple[int, int]]:
     return context.wanted.value.slews, context.wanted.value.begun
 
 
-async def _sample(context: Context, reader: Reader) -> Sample:
+async def _sample(context: Context, reader: Reader) -> RestSample:
     """Take a sample by new requests to the mount. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
     position: op.Equatorial = await reader.read_now(op.Position())
@@ -94,10 +94,10 @@ async def _sample(context: Context, reader: Reader) -> Sample:
     tracking_speed = TRACKING_SPEED
     if not status.equatorial and status.tracking is not op.Tracking.OFF:
         tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
-    return Sample(at, position, axes, tracking_speed)
+    return RestSample(at, position, axes, tracking_speed)
 
 
-def _unexplained(before: Sample, after: Sample, fine: float) -> float:
+def _unexplained(before: RestSample, after: RestSample, fine: float) -> float:
     """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
     elapsed = after.at - before.at
     moved = drift(before.position, after.position, elapsed)

@@ -83,7 +83,7 @@ def check_past(limits: Limits, turned: float, german: bool | None) -> None:
         raise PastMeridian
 
 
-class Reading(Struct, frozen=True):
+class MeridianReading(Struct, frozen=True):
     """How far the tube was past the meridian at a loop time."""
 
     at: float
@@ -96,7 +96,7 @@ class HourAngleWatch:
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side
         #: The last three readings since the last goto.
-        self._readings: tuple[Reading, ...] = ()
+        self._readings: tuple[MeridianReading, ...] = ()
         #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
         self._turned: float | None = None
 
@@ -156,7 +156,7 @@ class HourAngleWatch:
                 self._add(last.at, self._turned)
 
     def _add(self, at: float, turned: float) -> None:
-        self._readings = (*self._readings[-2:], Reading(at, past_meridian(turned, self._mount.driver.german)))
+        self._readings = (*self._readings[-2:], MeridianReading(at, past_meridian(turned, self._mount.driver.german)))
 
     def _side(self) -> str | None:
         """Return the pier side that a German mount told last, and start a new read if that is old."""
@@ -168,7 +168,7 @@ class HourAngleWatch:
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
 
-def _by_readings(readings: tuple[Reading, ...], now: float) -> PastNow | None:
+def _by_readings(readings: tuple[MeridianReading, ...], now: float) -> PastNow | None:
     """Judge by the last readings of the first axis, continued to ``now``."""
     if len(readings) < 2:
         return None

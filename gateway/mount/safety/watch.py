@@ -22,7 +22,7 @@ from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.ends import DIGITS, EndWatch, Sample
+from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
@@ -334,7 +334,7 @@ class LimitWatch:
                 "mount (a stalled motor, a cable?)"
             )
 
-    def _axes(self, now: float, place: op.Equatorial) -> Sample:
+    def _axes(self, now: float, place: op.Equatorial) -> AxisSample:
         """Return a position as readings of the two axes."""
         mount = self._mount
         status = mount.cache.value(op.GetStatus)
@@ -376,18 +376,18 @@ def blind(moving: Moving, age: float, since_stop: float) -> str:
     return ""
 
 
-class Course(Struct, frozen=True):
+class AxisCourse(Struct, frozen=True):
     """The motion of one axis: commanded speed, time of the first position, last position, and degrees seen since."""
 
     speed: float
     began: float
-    last: Sample
+    last: AxisSample
     seen: float = 0.0
 
-    def after(self, axis: int, sample: Sample) -> Course:
+    def after(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add one position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
-        return Course(self.speed, self.began, sample, self.seen + step)
+        return AxisCourse(self.speed, self.began, sample, self.seen + step)
 
 
 class StallWatch:
@@ -398,21 +398,21 @@ class StallWatch:
     """
 
     def __init__(self) -> None:
-        self._courses: dict[int, Course] = {}
+        self._courses: dict[int, AxisCourse] = {}
 
     def clear(self) -> None:
         """Forget all motions: nothing moves by hand."""
         self._courses.clear()
 
-    def find_stalled(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
+    def find_stalled(self, sample: AxisSample, ordered: Mapping[int, float], round_trip: float) -> int | None:
         """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
-        courses: dict[int, Course] = {}
+        courses: dict[int, AxisCourse] = {}
         for axis, speed in ordered.items():
             if speed < FROM:
                 continue
             before = self._courses.get(axis)
             same = before is not None and before.speed == speed
-            courses[axis] = before.after(axis, sample) if before and same else Course(speed, sample.at, sample)
+            courses[axis] = before.after(axis, sample) if before and same else AxisCourse(speed, sample.at, sample)
         self._courses = courses
         for axis, course in courses.items():
             elapsed = sample.at - course.began

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy
 from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
-from gateway.mount.presence import Program
+from gateway.mount.presence import ProgramId
 from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 
 #: How often a setting is sent, and the seconds after the first attempt, the second …
@@ -76,13 +76,13 @@ class IncomingSettings:
     def __init__(self) -> None:
         self.pending: Pending = {}
         self.sending: type[Operation] | None = None
-        self.unfinished: dict[Program, float] = {}
+        self.unfinished: dict[ProgramId, float] = {}
 
-    def expect(self, program: Program, until: float) -> None:
+    def expect(self, program: ProgramId, until: float) -> None:
         """Expect the rest of a site or clock of this program, or that it is sent without it, at a loop time."""
         self.unfinished[program] = until + SLACK
 
-    def complete(self, program: Program) -> None:
+    def complete(self, program: ProgramId) -> None:
         """Note that a program has set all of it."""
         self.unfinished.pop(program, None)
 

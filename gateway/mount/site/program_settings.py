@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import Moment, Place, SetSite
-from gateway.mount.presence import Program
+from gateway.mount.presence import ProgramId
 
 #: So many programs are remembered, those that have set something last.
 REMEMBERED = 200
@@ -44,7 +44,7 @@ class SiteOfProgram(Struct, frozen=True):
         return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
 
 
-def said_by(program: Program, place: Place, unix: float) -> SiteOfProgram:
+def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
     """Return a site that this program sets at a time of this computer, Unix seconds."""
     return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
 
@@ -66,15 +66,15 @@ class ProgramSettings:
     """Holds the settings of all programs; ``newest`` is the site that a program has set last, if the mount lacks it."""
 
     def __init__(self) -> None:
-        self._own: dict[Program, OwnSettings] = {}
+        self._own: dict[ProgramId, OwnSettings] = {}
         self.newest: SiteOfProgram | None = None
         #: Whether a half of a site waits for the other.
         self.half = False
 
-    def of(self, program: Program) -> OwnSettings:
+    def of(self, program: ProgramId) -> OwnSettings:
         return self._own.get(program, NOTHING)
 
-    def put(self, program: Program, own: OwnSettings) -> None:
+    def put(self, program: ProgramId, own: OwnSettings) -> None:
         self._own.pop(program, None)
         if own != NOTHING:
             self._own[program] = own
@@ -90,12 +90,12 @@ class ProgramSettings:
         """The clock that a program has set last, if the mount has not taken it."""
         return max((own.clock for own in self if own.clock is not None), key=lambda clock: clock[1], default=None)
 
-    def set_site(self, program: Program, place: Place, unix: float) -> None:
+    def set_site(self, program: ProgramId, place: Place, unix: float) -> None:
         """Set a whole site at a time of this computer, Unix seconds."""
         self.put(program, replace(self.of(program), site=place, half=None))
         self.newest = said_by(program, place, unix)
 
-    def forget(self, kind: Literal["site", "clock"], program: Program | None = None) -> None:
+    def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
         for one, own in list(self._own.items()):
             if program in (None, one):

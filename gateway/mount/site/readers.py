@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
-from gateway.mount.presence import Program
+from gateway.mount.presence import ProgramId
 from gateway.mount.site.program_settings import OwnSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock
 
@@ -14,7 +14,7 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 class ReadBy:
     """Site and clock of one mount for one program. What it sets here it reads again, whatever the mount tells."""
 
-    def __init__(self, site_clock: SiteClock, program: Program) -> None:
+    def __init__(self, site_clock: SiteClock, program: ProgramId) -> None:
         self._known, self._program = site_clock, program
 
     @property

@@ -17,7 +17,7 @@ from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Refused, Uns
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
-from gateway.mount.presence import Program
+from gateway.mount.presence import ProgramId
 from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.readers import ReadBy
@@ -37,7 +37,7 @@ class SiteAndClock:
         self._context, self._runner, self.sync = context, runner, sync
         self._site_clock = context.site_clock
         #: Each takes the operation, and the program that asked for it.
-        self.handlers: dict[type[op.Operation], Callable[[Any, Program], Any]] = {
+        self.handlers: dict[type[op.Operation], Callable[[Any, ProgramId], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
             op.SiderealTime: self._sidereal_time,
@@ -53,7 +53,7 @@ class SiteAndClock:
         self._reading_gps = asyncio.Lock()
         self._asked_site = -GPS_SEARCH
 
-    def _read_by(self, program: Program) -> ReadBy:
+    def _read_by(self, program: ProgramId) -> ReadBy:
         return ReadBy(self._site_clock, program)
 
     async def _first_answers(self) -> None:
@@ -63,7 +63,7 @@ class SiteAndClock:
         except TimeoutError:
             raise NoAnswer from None
 
-    async def _get_site(self, _: op.GetSite, program: Program) -> op.Place:
+    async def _get_site(self, _: op.GetSite, program: ProgramId) -> op.Place:
         if self._read_by(program).site() is None:
             await self._first_answers()
         if self._read_by(program).site() is None:
@@ -78,7 +78,7 @@ class SiteAndClock:
         self._asked_site = now
         await self.renew(op.GetSite)
 
-    async def _get_clock(self, _: op.GetClock, program: Program) -> op.Moment:
+    async def _get_clock(self, _: op.GetClock, program: ProgramId) -> op.Moment:
         if self._read_by(program).clock() is None:
             await self._first_answers()
         moment = self._read_by(program).clock()
@@ -87,12 +87,12 @@ class SiteAndClock:
             moment = op.Moment(self._read_by(program).unix(), self._read_by(program).own.zone or 0.0)
         return moment
 
-    async def _sidereal_time(self, _: op.SiderealTime, program: Program) -> float:
+    async def _sidereal_time(self, _: op.SiderealTime, program: ProgramId) -> float:
         await self._get_site(op.GetSite(), program)
         await self._get_clock(op.GetClock(), program)
         return self._context.astrometry_for(program).sidereal_time()
 
-    async def _get_gps(self, operation: op.GetGps, _: Program) -> op.Gps:
+    async def _get_gps(self, operation: op.GetGps, _: ProgramId) -> op.Gps:
         await self._first_answers()
         async with self._reading_gps:
             seen = self._site_clock.gps()
@@ -104,7 +104,7 @@ class SiteAndClock:
 
     # --- setting ----------------------------------------------------------------------------------------------------
 
-    async def _set_site(self, operation: op.SetSite, program: Program) -> None:
+    async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
         """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._read_by(program).forget_site()
@@ -140,7 +140,7 @@ class SiteAndClock:
             return False
         return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
 
-    def complete(self, program: Program) -> None:
+    def complete(self, program: ProgramId) -> None:
         """Send the site of which this program has set a half or both."""
         whole = self._read_by(program).take_site()
         if whole is not None and not self._context.closed:
@@ -148,7 +148,7 @@ class SiteAndClock:
             self._read_by(program).keep_site(whole)
             self.sync.queue(whole, by=program)
 
-    async def _set_clock(self, operation: op.SetClock, program: Program) -> None:
+    async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
         """Use the client's clock at once. Raises Invalid for a year that this mount's clock does not take, Refused."""
         years = self._context.driver.years
         try:
@@ -165,7 +165,7 @@ class SiteAndClock:
         if operation.heard:
             await self._heard(operation)
 
-    async def _set_zone(self, operation: op.SetZone, program: Program) -> None:
+    async def _set_zone(self, operation: op.SetZone, program: ProgramId) -> None:
         self._context.incoming.complete(program)
         self._read_by(program).keep_zone(operation.offset)
 
@@ -187,7 +187,7 @@ class SiteAndClock:
         if why:
             raise Refused(f"The mount refused it: {why}")
 
-    async def _clock_from_gps(self, operation: op.ClockFromGps, program: Program) -> None:
+    async def _clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
         """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""
         try:
             mount_too = await self.sync.may_set()
@@ -207,10 +207,10 @@ class SiteAndClock:
         )
         self._context.note_once("the clock that was set by the GPS is kept in the gateway")
 
-    async def _set_motor(self, operation: op.SetGuideRate | op.Backlash, _: Program) -> None:
+    async def _set_motor(self, operation: op.SetGuideRate | op.Backlash, _: ProgramId) -> None:
         await self.sync.now_or_later(operation)
 
-    async def _periodic_error(self, operation: op.PeriodicError, _: Program) -> None:
+    async def _periodic_error(self, operation: op.PeriodicError, _: ProgramId) -> None:
         """On and off are settings that may be sent again; a toggle is sent once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)

@@ -19,7 +19,7 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
-from gateway.mount.presence import NOBODY, Program
+from gateway.mount.presence import NOBODY, ProgramId
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning, site_text
 from gateway.mount.site import pending_settings
@@ -102,7 +102,7 @@ class SyncSettings:
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
-    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: Program = NOBODY) -> None:
+    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: ProgramId = NOBODY) -> None:
         """Queue a setting of a program for the mount; it replaces an older one of its kind."""
         self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due, by.host))
         if self._link.state in ("down", "opening"):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.mechanics.simulated import Simulated
-    from gateway.transport.http_wire import Dialect
+    from gateway.transport.http_wire import HttpDialect
     from gateway.transport.web_server import Web
 
 
@@ -168,7 +168,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     web: Callable[[], Web] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
     #: If its mounts are reached over HTTP: makes the converter from lines to HTTP for an address ``http://…``.
-    over_http: Callable[[str], Dialect] | None = None
+    over_http: Callable[[str], HttpDialect] | None = None
     #: Takes model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings as keywords.
     make_simulator: Callable[..., Simulated] | None = None
     #: Flags that only this simulated mount has, with their help texts; the settings used in rehearsals.

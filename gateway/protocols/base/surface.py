@@ -31,7 +31,7 @@ ACKNOWLEDGED = b"#"
 Handler = Callable[..., object]
 
 
-class Ending(NamedTuple):
+class UrgentEnd(NamedTuple):
     """What an urgent command ends at once: the operation to perform, and the queued frames that are discarded."""
 
     operation: Operation
@@ -68,13 +68,13 @@ class Surface:
         #: Why the presented model does not have a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
-    def ending(self, session: Session, frame: bytes) -> Ending | None:
+    def ending(self, session: Session, frame: bytes) -> UrgentEnd | None:
         """Return what an urgent command ends before it has its turn; None for all other commands."""
         command = self.protocol.ends_at_once.get(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
-        return Ending(
+        return UrgentEnd(
             self._operation(session, row, {}) if command.urgent == "axis" else AbortMotion(),
             self.protocol.taken_back_by(command),
         )

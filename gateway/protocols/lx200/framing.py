@@ -44,7 +44,7 @@ def stops() -> tuple[bytes, ...]:
     return tuple([command.request.prefix for command in commands if command.urgent in ("stop", "axis", "part")])
 
 
-class Framer:
+class Lx200Framer:
     """Cuts a byte stream into whole commands, ``b":GR#"``, ``b"$Q#"`` or ``b"\x06"``."""
 
     #: Nothing is held back until the line is quiet.

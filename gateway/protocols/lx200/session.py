@@ -8,7 +8,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog.objects import CatalogObject
 from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, Kept, Session
 
@@ -41,7 +41,7 @@ class Draft(Struct):
         self.touched, self.stamped, self.carried = 0.0, False, frozenset()
 
 
-class SearchLimits(Struct, frozen=True):
+class LibraryLimits(Struct, frozen=True):
     """The limits of ``browse`` and ``identify``: magnitudes, sizes and field diameter in arcminutes, types, quality."""
 
     brighter: float = -5.5
@@ -61,7 +61,7 @@ class LxKept(Kept):
     az: float | None = None
     alt: float | None = None
     #: The selected object: an entry of a catalogue or a moving object, and its description.
-    entry: Entry | None = None
+    entry: CatalogObject | None = None
     moving: MoonPlace | PlanetPlace | None = None
     object: str | None = None
     moon: MoonPlace = _MIDDLE
@@ -70,7 +70,7 @@ class LxKept(Kept):
     stars: int | Literal["model"] | None = "model"
     #: The catalogues chosen in the mount's own library, by command.
     own_catalogs: Mapping[str, Fields] = {}
-    search: SearchLimits = SearchLimits()
+    search: LibraryLimits = LibraryLimits()
     #: Altitude limits, degrees, and the fastest slew, degrees per second.
     lowest: float | None = None
     highest: float | None = None

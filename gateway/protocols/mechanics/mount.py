@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from gateway.astro.axes import Build, Geometry, Pair, Sky
+from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, Axis, Leg
 
@@ -30,7 +30,7 @@ class Mechanics:
     in degrees a second squared; infinite for motors without ramps, whose speed changes at once.
     """
 
-    def __init__(self, build: Build, sky: Sky, now: float, axes: Pair) -> None:
+    def __init__(self, build: Build, sky: Observer, now: float, axes: Pair) -> None:
         self.build, self.sky, self.true_sky = build, sky, sky
         self.fastest = 4.0  # degrees a second
         self.acceleration = self.fastest / RAMP_SECONDS
@@ -203,7 +203,7 @@ class Mechanics:
         self.correction = correction
         self._renew_aim(now)
 
-    def relocate(self, now: float, sky: Sky) -> None:
+    def relocate(self, now: float, sky: Observer) -> None:
         """Use another site or clock: the axes stay, the position they are believed to point at changes."""
         self._advance_and_note(now)
         self.sky = sky

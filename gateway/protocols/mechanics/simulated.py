@@ -17,7 +17,7 @@ from gateway.protocols.mechanics.mount import Mechanics
 Later = Callable[[float, bytes], None]
 
 
-class Framer(Protocol):
+class TimedFramer(Protocol):
     """Cuts commands out of the bytes of one connection; ``now`` is when they arrived."""
 
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
@@ -35,7 +35,7 @@ class Simulated(ABC):
         """Advance to the present time of the clock."""
 
     @abstractmethod
-    def framer(self) -> Framer:
+    def framer(self) -> TimedFramer:
         """Make the framer of one connection."""
 
     @abstractmethod
@@ -43,11 +43,11 @@ class Simulated(ABC):
         """Carry out a command and return its immediate reply."""
 
     @cached_property
-    def _framer(self) -> Framer:
+    def _framer(self) -> TimedFramer:
         """The framer of the first connection."""
         return self.framer()
 
-    def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
+    def feed(self, data: bytes, framer: TimedFramer | None = None, later: Later | None = None) -> bytes:
         """Process bytes from the port and return the immediate replies; delayed ones go to ``later``."""
         self.advance_to_now()
         return b"".join([self.answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])

@@ -36,7 +36,7 @@ UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 STRAY_AFTER = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
-class Verdict(Enum):
+class Continuation(Enum):
     """What the bytes after an interrupted command are: its end, a part of it, its end and more, commands, or noise."""
 
     END = auto()
@@ -112,18 +112,18 @@ class Interrupted:
         return count > self.missing or (count > 1 and self.burst == self._first and is_question(bytes(self.burst)))
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Continuation:
         """What the burst is if nothing else belongs to it."""
         count = len(self.burst)
         if not self._legal() or (count != self.missing and self._one_command()):
-            return Verdict.COMMANDS
+            return Continuation.COMMANDS
         if count == self.missing:
-            return Verdict.END
+            return Continuation.END
         if count > self.missing and self._cut(self.missing)[1]:
-            return Verdict.END_AND_MORE
+            return Continuation.END_AND_MORE
         if self._cut(0)[1] or any(mark.startswith(self.burst) or self.burst.startswith(mark) for mark in _marks()):
-            return Verdict.COMMANDS
-        return Verdict.PART if count < self.missing else Verdict.NOISE
+            return Continuation.COMMANDS
+        return Continuation.PART if count < self.missing else Continuation.NOISE
 
     def _legal(self) -> bool:
         """Whether the bytes may stand where those that were missing would."""
@@ -164,7 +164,7 @@ def all_lengths() -> dict[int, int]:
     return found
 
 
-class Framer(LengthFramer):
+class NexStarFramer(LengthFramer):
     """Cuts whole requests out of a byte stream, whether or not the presented hand control knows them.
 
     ``remembers``: the end of a dropped partial command is recognised, if it arrives late, and dropped, too.
@@ -223,13 +223,13 @@ class Framer(LengthFramer):
     def _settle(self, interrupted: Interrupted) -> list[bytes]:
         """Decide about the bytes after an interrupted command; return those commands that were not passed on yet."""
         burst, missing, verdict = bytes(interrupted.burst), interrupted.missing, interrupted.verdict
-        if verdict is Verdict.PART:
+        if verdict is Continuation.PART:
             interrupted.skip_part()
         else:
             self._interrupted = None
-        commands = {Verdict.COMMANDS: burst, Verdict.END_AND_MORE: burst[missing:]}.get(verdict, b"")
+        commands = {Continuation.COMMANDS: burst, Continuation.END_AND_MORE: burst[missing:]}.get(verdict, b"")
         if ignored := burst[: len(burst) - len(commands)]:
-            self._dropping = verdict is Verdict.NOISE
+            self._dropping = verdict is Continuation.NOISE
             self.dropped.add(ignored, self.noise if self._dropping else self.late_end)
         return [frame for frame in self._cut(commands) if not ends_motion(frame)]
 

@@ -26,7 +26,7 @@ FIRST = 0.2
 WELL, REFUSED, ENDED_SHORT = 0, -1, -2
 
 
-class Framer(LengthFramer):
+class StellariumFramer(LengthFramer):
     """Cuts messages by their length. Those of another type are cut too: the tables decide about them.
 
     Bytes with an impossible length are dropped with all that arrive with them, and the bytes after half a message until

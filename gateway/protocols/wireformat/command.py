@@ -15,7 +15,7 @@ from gateway.core.errors import MappingError
 from gateway.core.operations import Values
 from gateway.core.wire_log import show
 from gateway.protocols.wireformat.fields import Codec, codec
-from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, Reply, Source, Version, parse_version
+from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, ReplyForm, Source, Version, parse_version
 
 
 class FrameTemplate:
@@ -155,10 +155,10 @@ def _requests(request: str | list[str | int]) -> list[Source]:
     return [str(piece) for piece in request]
 
 
-def _replies(reply: str | list[str | int | Reply] | None) -> list[Reply]:
+def _replies(reply: str | list[str | int | ReplyForm] | None) -> list[ReplyForm]:
     if reply is None:
         return []
-    variants = [item for item in reply if isinstance(item, Reply)]
+    variants = [item for item in reply if isinstance(item, ReplyForm)]
     if isinstance(reply, str) or not variants:
-        return [Reply(wire=reply)]  # type: ignore[arg-type]
+        return [ReplyForm(wire=reply)]  # type: ignore[arg-type]
     return variants

@@ -56,7 +56,7 @@ def show_version(version: Version) -> str:
     return ".".join([shown, *(f"{part:02d}" for part in rest)])
 
 
-class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ReplyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``.
 
     ``says`` is what the error means, if the mount sends no text.
@@ -86,7 +86,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     help: str
     request: str | list[str | int] = ""
-    reply: str | list[str | int | Reply] | None = None
+    reply: str | list[str | int | ReplyForm] | None = None
     models: list[str] | None = None
     since: str | None = None
     beyond: str | None = None

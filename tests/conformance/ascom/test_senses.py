@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.astro.spherical import wrap180
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from tests.conformance.ascom.properties import connect
 from tests.conformance.ascom.telescope import Telescope
@@ -49,7 +49,7 @@ def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> No
     model, driven, told, latitude, hours, east, north = row
 
     async def program() -> None:
-        async with Stage(
+        async with RehearsalMount(
             model,
             start=START,
             driven=driven,
@@ -73,7 +73,9 @@ def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> No
 @pytest.mark.parametrize(("model", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
 def test_over_the_horizon(model: str, driven: str) -> None:
     async def program() -> None:
-        async with Stage(model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}) as own:
+        async with RehearsalMount(
+            model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}
+        ) as own:
             exact_sky.load(own.controller.astrometry.sky)
             scope = Telescope(own)
             await connect(scope)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, taken
+from gateway.diagnostics.command_outcomes import MountKind, outcome, remarks, taken
 from gateway.diagnostics.rehearsal.play import Play, changes, denies, is_no, no_form
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
@@ -44,7 +44,7 @@ class Case(NamedTuple):
     #: The presented model's traits.
     face: frozenset[str]
     driven: CommandSet
-    mount: Kind
+    mount: MountKind
     #: Whether the presented model does not have the command and ignores it.
     lacking: bool
 

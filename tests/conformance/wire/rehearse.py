@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
-from gateway.diagnostics.command_outcomes import Kind, versions
+from gateway.diagnostics.command_outcomes import MountKind, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, stage
 from gateway.diagnostics.rehearsal.samples import example, value
@@ -154,7 +154,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
         row,
         traits(pair.face, command),
         driven,
-        Kind(pair.mount.model or "", counted(pair.mount), *state),
+        MountKind(pair.mount.model or "", counted(pair.mount), *state),
         bool(surface.lacks(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"

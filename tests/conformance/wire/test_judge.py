@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.app.config import Endpoint
-from gateway.diagnostics.command_outcomes import Kind
+from gateway.diagnostics.command_outcomes import MountKind
 from gateway.diagnostics.rehearsal.play import Play, PlayedStep
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.command_set import load
@@ -62,7 +62,7 @@ def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
     def words(answer: bytes, *notes: PlayedStep) -> list[str]:
         events = (PlayedStep("act", "", request), PlayedStep("answer", "", answer), *notes, PlayedStep("reply", ""))
         row = protocol.commands["Mn"], protocol.surface["Mn"]
-        case = Case(*row, frozenset(), nexstar, Kind("cpc", (4, 21), aligned=True), False)
+        case = Case(*row, frozenset(), nexstar, MountKind("cpc", (4, 21), aligned=True), False)
         return differences(case, Seen(Play(b":Mn#", events, b"", (request,)), learnt=True), surface, frozenset())
 
     assert words(b"#") == []

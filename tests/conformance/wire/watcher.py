@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from gateway.core.motion_kinds import ENDS
 from gateway.core.operations import Operation, Read, named
 from gateway.diagnostics.rehearsal.play import WATCHED_SETTING, Before, Play, Player, changes
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relayed
 from gateway.protocols.registry import mounts
@@ -34,7 +34,7 @@ class Seen(NamedTuple):
 
 
 class Watcher(Player):
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: RehearsalMount) -> None:
         super().__init__(stage)
         self._session: Session | None = None
         self._before = self._known = ""

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.alpaca.simulator.telescope import Refusal
+from gateway.protocols.alpaca.simulator.telescope import AlpacaError
 from tests.integration.alpaca.test_servers import arrive, goal, server
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
@@ -37,7 +37,7 @@ def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1,
         nonlocal left
         if left and method == "GET" and path.endswith(f"/{member}") and given.items() <= parameters.items():
             left -= 1
-            raise Refusal(number, "Something went wrong")
+            raise AlpacaError(number, "Something went wrong")
         return usual(method, path, parameters)
 
     bridge.sim.respond = respond  # type: ignore[method-assign]

@@ -18,7 +18,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
-from gateway.transport.http_wire import HttpWire, Request
+from gateway.transport.http_wire import HttpRequest, HttpWire
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
@@ -37,7 +37,7 @@ class OverHttp(HttpWire):
     async def _reach(self) -> tuple[tuple[str, int], bool]:
         return ("127.0.0.1", 1), True
 
-    async def _ask(self, session: object, request: Request) -> tuple[int, bytes]:
+    async def _ask(self, session: object, request: HttpRequest) -> tuple[int, bytes]:
         await asyncio.sleep(self._latency + (self.late if request.moves else 0.0))
         fields = urlencode(request.fields)
         status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())

@@ -16,7 +16,7 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.alpaca.simulator.telescope import INVALID_OPERATION, Refusal
+from gateway.protocols.alpaca.simulator.telescope import INVALID_OPERATION, AlpacaError
 from tests.integration.alpaca.test_servers import arrive, goal, server
 from tests.support.in_process_gateway import Bridge
 
@@ -36,7 +36,7 @@ def serves(bridge: Bridge, instead: Callable[[Served, str, str, dict[str, str]],
 def refuses(bridge: Bridge, member: str, **fields: str) -> None:
     def instead(usual: Served, method: str, name: str, given: dict[str, str]) -> Any:
         if method == "PUT" and name == member and fields.items() <= given.items():
-            raise Refusal(INVALID_OPERATION, "Not in this season")
+            raise AlpacaError(INVALID_OPERATION, "Not in this season")
         return usual(method, name, given)
 
     serves(bridge, instead)
@@ -131,7 +131,7 @@ def test_a_goto_waits_until_the_motion_before_it_has_ended(first: str) -> None:
                 if (method, name) == ("GET", "slewing") and one.clock() < ends:
                     return True
                 if name.startswith("slewto") and one.clock() < ends:
-                    raise Refusal(INVALID_OPERATION, "The mount is not at rest")
+                    raise AlpacaError(INVALID_OPERATION, "The mount is not at rest")
                 return usual(method, name, given)
 
             serves(one, instead)

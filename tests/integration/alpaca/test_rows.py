@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, separation, wrap360
 from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
 from tests.support.process import Running, ask, run_to_end
 from tests.support.sampling import WHOLE
 
-SITE = Sky(45.0, 10.0)
+SITE = Observer(45.0, 10.0)
 #: Half a second of right ascension, and half an arcsecond.
 EXACT = 10.0
 

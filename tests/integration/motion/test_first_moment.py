@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, wrap360
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
@@ -33,7 +33,7 @@ def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latenc
         bridge.controller.start()
         await asyncio.sleep(moment * latency)
         hour_angle, dec = horizon_to_hour_angle(*LOW, 45.0)
-        ra = wrap360(Sky(45.0, 10.0).sidereal(bridge.clock()) - hour_angle)
+        ra = wrap360(Observer(45.0, 10.0).sidereal(bridge.clock()) - hour_angle)
         bridge.client().tell(THREE_HOURS_SLOW + b"r" + eight_digits(ra) + b"," + eight_digits(dec))
         for _ in range(200):
             await asyncio.sleep(0.1)

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support import exact_sky
@@ -25,7 +25,7 @@ async def ask(program: Visitor, line: str) -> Any:
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def declination_after(own: Stage, direction: int) -> float:
+async def declination_after(own: RehearsalMount, direction: int) -> float:
     """Guide for two seconds; return the change of the true declination, arcseconds."""
     client = own.client()
     await ask(client, "put connect")
@@ -40,7 +40,9 @@ async def declination_after(own: Stage, direction: int) -> float:
 @pytest.mark.parametrize("mount", ["cgem", "cge"])
 def test_alpaca_north_raises_the_declination_on_both_sides(mount: str, site: tuple[float, float], hours: float) -> None:
     async def program() -> None:
-        async with Stage(mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}) as own:
+        async with RehearsalMount(
+            mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}
+        ) as own:
             exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             await ask(client, "put connect")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import hour_angle_to_horizon, separation
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.simulated import Simulated
 from tests.support import exact_sky
@@ -40,8 +40,8 @@ async def ask(program: Visitor, line: str) -> Any:
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> Stage:
-    stage = Stage(
+def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> RehearsalMount:
+    stage = RehearsalMount(
         mount[0], start=START, driven=mount[1], presented=presented, site=mount[2], named=True, config={"sun": 0.0}
     )
     if mount[3]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
 from tests.support.truth import moving
@@ -28,14 +28,14 @@ async def ask(program: Visitor, line: str) -> Any:
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: Stage) -> Visitor:
+async def connected(own: RehearsalMount) -> Visitor:
     exact_sky.load(own.controller.astrometry.sky)
     client = own.client()
     assert await ask(client, "put connected Connected=True") is None
     return client
 
 
-async def told_until_rest(own: Stage, client: Visitor) -> None:
+async def told_until_rest(own: RehearsalMount, client: Visitor) -> None:
     """Ask twenty times a second: never at rest while the axes move, and soon at rest after that."""
     clock, rests = own.controller.now, None
     while True:
@@ -53,7 +53,7 @@ async def told_until_rest(own: Stage, client: Visitor) -> None:
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: float) -> None:
     async def program() -> None:
-        async with Stage(
+        async with RehearsalMount(
             mount[0], start=START, driven=mount[1], presented="alpaca", named=True, latency=latency
         ) as own:
             client = await connected(own)
@@ -70,7 +70,7 @@ def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: flo
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_an_aborted_goto_is_told_until_rest_on_every_surface(mount: tuple[str, str]) -> None:
     async def program(presented: str, goto: list[bytes], stop: bytes, slews: bytes, done: bytes) -> None:
-        async with Stage(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
+        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
             exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             for frame in goto:
@@ -96,7 +96,7 @@ def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
     """INDI would never leave *slewing*, and Hamlib drops its gotos."""
 
     async def program() -> None:
-        async with Stage("cpc", start=START, presented="lx200", named=True) as own:
+        async with RehearsalMount("cpc", start=START, presented="lx200", named=True) as own:
             client = own.client()
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2.0)
@@ -112,7 +112,7 @@ def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
 @pytest.mark.parametrize("mount", [*MOUNTS[:2], *MOUNTS[3:]], ids="-".join)
 def test_a_pulse_right_after_an_arrow_is_as_long_as_it_should_be(mount: tuple[str, str]) -> None:
     async def program() -> None:
-        async with Stage(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
             client = await connected(own)
             polar = await ask(client, "get alignmentmode") != 0
             if not polar:
@@ -138,7 +138,7 @@ def test_a_pulse_right_after_an_arrow_is_as_long_as_it_should_be(mount: tuple[st
 
 def test_without_a_position_it_is_not_known_whether_it_moves() -> None:
     async def program() -> None:
-        async with Stage("cpc", start=START, presented="alpaca", named=True) as own:
+        async with RehearsalMount("cpc", start=START, presented="alpaca", named=True) as own:
             client = await connected(own)
             await ask(client, "put moveaxis Axis=0 Rate=3.0")
             await asyncio.sleep(2.0)

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from tests.support.sampling import as_a_rule
 from tests.support.taps import FACES, LATENCIES, LENGTHS, MOUNTS, Axes, at_keypad, judged, stage, tap
@@ -25,7 +25,7 @@ def test_a_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
         assert not (why := run(judged(face, mount, seconds, latency))), (latency, seconds, why)
 
 
-def refusals(own: Stage) -> list[str]:
+def refusals(own: RehearsalMount) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent]
 
 

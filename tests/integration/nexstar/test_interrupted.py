@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.nexstar.framing import Framer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
 
@@ -40,7 +40,7 @@ def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | None) -> 
             await asyncio.sleep(3.0)
             assert not [frame for frame in bridge.sent()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
             assert not moving(bridge.sim)
-            assert (end, Framer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
+            assert (end, NexStarFramer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
             assert await client.ask(b"Kz", until=b"#") == b"z#"
 
     run(play())

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.axes import Sky
+from gateway.astro.axes import Observer
 from gateway.diagnostics.virtual_time import run
 from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
@@ -165,7 +165,7 @@ def test_a_mount_that_was_set_at_its_keys_meanwhile_is_left_as_it_is() -> None:
             cable.pull()
             await asyncio.sleep(2.0)
             await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
-            bridge.sim.relocate(Sky(50.0, 20.0, bridge.sim.mechanics.sky.ahead))
+            bridge.sim.relocate(Observer(50.0, 20.0, bridge.sim.mechanics.sky.ahead))
             await plugged_in(bridge, cable)
             assert bridge.sim.mechanics.sky[:2] == (50.0, 20.0)
             assert await client.ask(b":Gt#") == b"+50*00#"

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200 import framing as lx200
-from gateway.protocols.nexstar.framing import Framer as NexStarFramer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
 
@@ -119,8 +119,8 @@ def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
     run(play())
 
 
-@pytest.mark.parametrize("framer", [lx200.Framer, NexStarFramer])
-def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[NexStarFramer]) -> None:
+@pytest.mark.parametrize("framer", [lx200.Lx200Framer, NexStarFramer])
+def test_noise_for_hours_takes_no_memory(framer: type[lx200.Lx200Framer] | type[NexStarFramer]) -> None:
     cutting = framer()
     for _ in range(100):
         cutting.feed(b"\xff" * 1000, 0.0)

@@ -13,7 +13,7 @@ import pytest
 from gateway.app.bindings import access
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
-from gateway.clients.access import Access, Rights
+from gateway.clients.access import AccessRules, Rights
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.virtual_time import run
@@ -58,7 +58,7 @@ def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
 def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first: bool) -> None:
     async def program() -> None:
-        allowed = Access(hibernate=True)
+        allowed = AccessRules(hibernate=True)
         async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
             caller = Caller(bridge.acceptor)
             if not first:

@@ -15,7 +15,7 @@ from gateway.app.bindings import presents_mount
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
@@ -178,7 +178,7 @@ def test_a_hand_control_that_is_mute_to_v_is_asked_once_and_answered_for() -> No
 
 
 def test_who_only_looks_sees_the_mount_itself_and_sets_nothing() -> None:
-    @shared("cge", access=Access(read_only=True))
+    @shared("cge", access=AccessRules(read_only=True))
     async def looks(bridge: Bridge) -> None:
         client = bridge.client()
         assert await client.ask(APPROACH) == b"\1#"

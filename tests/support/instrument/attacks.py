@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from random import Random
 from typing import Any, NamedTuple
 
-from gateway.astro.axes import Build, Geometry, Pair, Sky
+from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 from gateway.protocols.mechanics.truth import sun
 from tests.support.instrument.worlds import CIRCLE, HOUR, KINDS, NOTHING, SITES, Slip, World, altitude_at, on_date
@@ -54,7 +54,7 @@ class Result(NamedTuple):
 def sun_at(world: World) -> Pair:
     """Return azimuth and altitude of the Sun."""
     ra, dec = sun(world.now)
-    return hour_angle_to_horizon(wrap180(Sky(*world.site).sidereal(world.now) - ra), dec, world.site[0])
+    return hour_angle_to_horizon(wrap180(Observer(*world.site).sidereal(world.now) - ra), dec, world.site[0])
 
 
 def leading_to(world: World, azimuth: float, altitude: float) -> Pair:
@@ -154,7 +154,7 @@ async def parks(world: World, dice: Random) -> None:
 
 async def arrows_at_the_pier(world: World, dice: Random) -> None:
     for letter, hours in (("w", -1.0), ("e", 1.0)):
-        ra = Sky(*world.site).sidereal(world.now) - hours * 15.0
+        ra = Observer(*world.site).sidereal(world.now) - hours * 15.0
         if not await world.goto(ra % 360.0, 10.0 if world.site[0] > 0 else -10.0):
             await world.rest(90.0)
         await arrow(world, letter, 22.0, dice.choice(("RS", "RM")))

@@ -14,11 +14,11 @@ from random import Random
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from gateway.astro.axes import Build, Geometry, Pair, Sky
-from gateway.astro.ephemeris.sky import Sky as Ephemeris
+from gateway.astro.axes import Build, Geometry, Observer, Pair
+from gateway.astro.ephemeris.sky import Observer as Ephemeris
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun
 
@@ -90,7 +90,7 @@ def on_date(dice: Random, site: Pair, day: bool) -> float:
 
 
 def altitude_at(site: Pair, ra: float, dec: float, unix: float) -> float:
-    return hour_angle_to_horizon(wrap180(Sky(*site).sidereal(unix) - ra), dec, site[0])[1]
+    return hour_angle_to_horizon(wrap180(Observer(*site).sidereal(unix) - ra), dec, site[0])[1]
 
 
 class Look(NamedTuple):
@@ -143,7 +143,7 @@ class World:
             config["site"] = configured
         if slip.doubtful:
             config["computer_clock"] = "doubtful"
-        self.stage = Stage(
+        self.stage = RehearsalMount(
             made.model, made.version, driven=made.driven, presented="lx200", surface="lx200gps", start=start,
             site=site, latency=slip.latency, sky=EPHEMERIS, config=config, host_ahead=slip.computer,
             simulated=dict(made.simulated),
@@ -178,7 +178,7 @@ class World:
     def place(self, azimuth: float, altitude: float) -> Pair:
         """Return right ascension and declination of a point over the true horizon."""
         hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, self.site[0])
-        return wrap360(Sky(*self.site).sidereal(self.now) - hour_angle), dec
+        return wrap360(Observer(*self.site).sidereal(self.now) - hour_angle), dec
 
     def believed(self, place: Pair) -> float:
         """Return the altitude of a place by the site and clock that the mount tells."""

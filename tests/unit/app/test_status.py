@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.mount_state import mount_state
-from gateway.app.status import Rate, State, StatusLine, status
+from gateway.app.status import AverageRate, State, StatusLine, status
 from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
@@ -88,7 +88,7 @@ def test_status_tells_the_age_of_a_position_once(age: float, told: str) -> None:
 
 
 def test_a_rate_is_that_of_the_last_looks() -> None:
-    rate = Rate(2)
+    rate = AverageRate(2)
     counts = [(0, 7), (1, 11), (2, 13), (4, 13), (6, 13)]
     assert [rate.per_second(at, count) for at, count in counts] == [0, 4, 3, 2 / 3, 0]
 
@@ -103,7 +103,7 @@ def gateway(bridge: Bridge, name: str | None = None) -> Any:
 def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
     async def program() -> None:
         async with Bridge(mount="cpc") as bridge:
-            pier, rate = gateway(bridge), Rate()
+            pier, rate = gateway(bridge), AverageRate()
             await asyncio.sleep(20)
             settled = len(bridge.sent())
             await asyncio.sleep(30)
@@ -184,7 +184,7 @@ def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
             bridge.controller.line._down("the mount does not answer")
             with pytest.raises(NoAnswer):
                 await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
-            assert "down: the mount does not answer" in status([status_line(gateway(bridge), Rate())])
+            assert "down: the mount does not answer" in status([status_line(gateway(bridge), AverageRate())])
 
     run(program())
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.astro.catalog import deepsky, names, objects, stars
-from gateway.astro.catalog.objects import QUALITIES, Entry, SearchLimits, describe, quality
+from gateway.astro.catalog.objects import QUALITIES, CatalogObject, SearchLimits, describe, quality
 from gateway.astro.spherical import separation
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
@@ -111,7 +111,7 @@ def test_brighter_is_better_and_thinner_is_worse() -> None:
 
 
 def test_a_description_leaves_out_what_nobody_has_measured() -> None:
-    assert describe(Entry("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
+    assert describe(CatalogObject("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
 
 
 # --- searching ----------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
 from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
 from gateway.core.errors import UserError
-from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, Result, save
+from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, ProofFile, save
 from gateway.diagnostics.prove.guide import STAGES
 from tests.support.process import GATEWAY
 
@@ -133,7 +133,7 @@ def test_after_a_signal_nothing_else_begins(where: str, monkeypatch: pytest.Monk
     monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: 0)
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 0
-    written = msgspec.json.decode((tmp_path / "prove-m-unknown.json").read_bytes(), type=Result)
+    written = msgspec.json.decode((tmp_path / "prove-m-unknown.json").read_bytes(), type=ProofFile)
     assert written.simulated == (where == "sim")
 
 
@@ -186,7 +186,7 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
     assert all(screen.count(words) == 1 for words in ("found Celestron", "Your mount: ")), screen
     assert "+ rates = [" in screen and "rates = [" in toml.read_text()
     assert {path.name for path in folder.iterdir()} == {"findings.json", "prove-6-8se-4.21.json"}
-    written = msgspec.json.decode((folder / "prove-6-8se-4.21.json").read_bytes(), type=Result)
+    written = msgspec.json.decode((folder / "prove-6-8se-4.21.json").read_bytes(), type=ProofFile)
     assert written.simulated and written.mount == MOUNT and written.stages == done
     assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= COLUMNS
     assert "Wrote prove/prove-6-8se-4.21.json" in screen

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.app.config import endpoints, parse_device, parse_endpoint, parse_site
 from gateway.app.config.endpoints import suggest_address
-from gateway.app.control.stop_command import Report
+from gateway.app.control.stop_command import StopReport
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
@@ -407,9 +407,9 @@ def test_what_is_no_site_is_refused(text: str) -> None:
 def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     asked: list[object] = []
 
-    async def order_all(scope: object, mount: str | None, word: str) -> Report:
+    async def order_all(scope: object, mount: str | None, word: str) -> StopReport:
         asked.append(mount)
-        return Report([], [])
+        return StopReport([], [])
 
     monkeypatch.setattr("gateway.app.control.stop_command.order_all", order_all)
     for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):

@@ -13,7 +13,7 @@ from msgspec.structs import fields
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import mount_state
-from gateway.clients.access import Access, harmless, networks
+from gateway.clients.access import AccessRules, harmless, networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.diagnostics.virtual_time import run
@@ -25,7 +25,7 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.nexstar_flows import precise, up
 from tests.unit.transport.test_ports import address, ask
 
-LOOKS = Access(read_only=True)
+LOOKS = AccessRules(read_only=True)
 
 
 def serve(program: Callable[[Gateway, list[str]], Awaitable[None]], at: str = "tcp://127.0.0.1:0", **keys: Any) -> None:
@@ -121,7 +121,7 @@ def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> Non
     """Else whoever closes and comes again could have any number of commands under way."""
 
     async def program() -> None:
-        async with Bridge(latency=0.2, access=Access(most=3), presented="nexstar", surface="6-8se") as bridge:
+        async with Bridge(latency=0.2, access=AccessRules(most=3), presented="nexstar", surface="6-8se") as bridge:
             for _ in range(3):
                 client = bridge.client()
                 client.tell(b"T\2t" * 20)
@@ -177,12 +177,12 @@ def test_without_a_host_only_this_computer_can_connect() -> None:
 
 
 def test_addresses_of_both_families_and_lines_without_any() -> None:
-    access = Access(allow=networks(["192.168.1.0/24", "fd00::/8", "10.1.2.3"]))
+    access = AccessRules(allow=networks(["192.168.1.0/24", "fd00::/8", "10.1.2.3"]))
     admitted = ["192.168.1.77", "::ffff:192.168.1.77", "fd12::1", "10.1.2.3"]
     assert [access.admits(host) for host in admitted] == [True] * 4
     assert not any(access.admits(host) for host in ["192.168.2.1", "10.1.2.4", "::1", "fe80::1%eth0", "?", ""])
-    assert Access().admits("pty:/tmp/lx200")
-    assert Access(read_only=True).is_read_only("pty:/tmp/lx200")
+    assert AccessRules().admits("pty:/tmp/lx200")
+    assert AccessRules(read_only=True).is_read_only("pty:/tmp/lx200")
 
 
 @each(
@@ -309,7 +309,7 @@ def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
 
     async def program() -> None:
-        async with Bridge(access=Access(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
+        async with Bridge(access=AccessRules(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
             owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
             owner.tell(b":W3#")
             assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
@@ -342,7 +342,7 @@ def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
 def test_whoever_looks_may_stop(stop: bytes) -> None:
     async def program() -> None:
-        access = Access(read_only=networks(["10.9.0.0/16"]))
+        access = AccessRules(read_only=networks(["10.9.0.0/16"]))
         async with Bridge(access=access) as bridge:
             mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
             mover.tell(b":RM#:Mn#")
@@ -360,7 +360,7 @@ def test_whoever_looks_may_stop(stop: bytes) -> None:
 
 def test_nexstar_clients_that_only_look() -> None:
     async def program() -> None:
-        access = Access(read_only=networks(["10.9.0.0/16"]))
+        access = AccessRules(read_only=networks(["10.9.0.0/16"]))
         async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
             mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
             for command in (b"e", b"z", b"t", b"w", b"h", b"p", b"J", b"L"):

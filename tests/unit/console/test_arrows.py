@@ -13,7 +13,7 @@ from gateway.app.gateway import Gateway
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from tests.support.console.browser import Node, Page, node
 from tests.support.console.plays import DELAYS, JITTERS, play
@@ -40,7 +40,7 @@ def named(monkeypatch: pytest.MonkeyPatch) -> None:
 @asynccontextmanager
 async def opened(
     scripts: Node, delay: float = 0.0, mount: str = "cpc", latency: float = 0.1, pages: int = 1
-) -> AsyncIterator[tuple[Stage, list[Page]]]:
+) -> AsyncIterator[tuple[RehearsalMount, list[Page]]]:
     async with AsyncExitStack() as stack:
         own = await stack.enter_async_context(stage("lx200", mount, latency))
         mounts = Mounts([own.gateway])
@@ -53,7 +53,7 @@ async def opened(
         yield own, shown
 
 
-def refusals(own: Stage) -> list[str]:
+def refusals(own: RehearsalMount) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent if "console" in notice.side]
 
 

@@ -32,7 +32,7 @@ def read(do: str, **fields: Any) -> Any:
         ({"do": "track", "on": False}, requests.Track(on=False, **MINE)),
         ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite(48.0, 11.0, **MINE)),
         ({"do": "stop"}, requests.Stop(ME)),
-        ({"do": "let_go", "direction": "north", "press": 3}, messages.LetGo("north", 3)),
+        ({"do": "let_go", "direction": "north", "press": 3}, messages.ReleaseArrow("north", 3)),
     ],
 )
 def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:

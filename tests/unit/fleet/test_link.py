@@ -12,11 +12,14 @@ import pytest
 from gateway.fleet import link as links
 from gateway.fleet.client import LARGEST
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import EVENTS, Message, Outbox, Received
+from gateway.fleet.topics import EVENTS, MqttMessage, Outbox, Received
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
-HERE, GONE = Message("a/availability", b"online", retain=True), Message("a/availability", b"offline", retain=True)
+HERE, GONE = (
+    MqttMessage("a/availability", b"online", retain=True),
+    MqttMessage("a/availability", b"offline", retain=True),
+)
 
 
 @pytest.fixture(autouse=True)
@@ -51,8 +54,8 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-def state(payload: bytes) -> Message:
-    return Message("a/state", payload, retain=True, newest=True)
+def state(payload: bytes) -> MqttMessage:
+    return MqttMessage("a/state", payload, retain=True, newest=True)
 
 
 def test_it_says_that_it_is_there_and_that_it_goes() -> None:
@@ -111,7 +114,7 @@ def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> Non
             there.broker.mute = True
             for number in range(1000):
                 there.link.publish(state(b"%d" % number))
-                there.link.publish(Message("a/event", b"%d" % number))
+                there.link.publish(MqttMessage("a/event", b"%d" % number))
             await asyncio.sleep(0)
             there.broker.mute = False
             await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
@@ -180,7 +183,7 @@ def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
 def test_an_outbox_never_grows() -> None:
     outbox = Outbox()
     for number in range(EVENTS * 3):
-        outbox.put(Message("a/event", b"%d" % number))
+        outbox.put(MqttMessage("a/event", b"%d" % number))
         outbox.put(state(b"%d" % number))
     assert [message.payload for message in outbox.take(3)] == [b"599", b"400", b"401"]
     assert len(outbox.take(10_000)) == EVENTS - 2 and not outbox.take(1)

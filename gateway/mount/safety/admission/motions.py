@@ -47,7 +47,7 @@ SETTLES = 3.0
 SITE_TIMEOUT = 4.0
 
 
-class Admission:
+class MotionAdmission:
     """Admits the motions of one mount; the reconciler calls ``admit`` before each. ``preview`` tells in advance."""
 
     def __init__(self, mount: Context, ask: Readings, watch: LimitWatch, previews: bool = False) -> None:
@@ -62,7 +62,9 @@ class Admission:
 
         The rules use the last readings. Where they need one that was not read yet, only the goto can tell.
         """
-        rules = Admission(self._mount, LastReadings(self._mount.cache, self._mount.driver), self._watch, previews=True)
+        rules = MotionAdmission(
+            self._mount, LastReadings(self._mount.cache, self._mount.driver), self._watch, previews=True
+        )
         try:
             await rules._admit(op.Goto(goal.ra, goal.dec))
         except NotRead:

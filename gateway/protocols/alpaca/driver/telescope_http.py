@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from gateway.protocols.alpaca.http.chain import check
-from gateway.transport.http_wire import Request
+from gateway.transport.http_wire import HttpRequest
 
 #: What HTTP answers if all is well, and for a member or a parameter that a server does not have.
 OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
@@ -38,9 +38,9 @@ class TelescopeHttp:
         self._url, self._number = url, urlsplit(url).path.strip("/") or "0"
         self._path = f"/api/v1/telescope/{self._number}/"
         self._client, self._requests = random.randrange(1, 2**32), count(1)
-        self.first = (Request("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
+        self.first = (HttpRequest("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
 
-    def opened(self, request: Request, status: int, body: bytes) -> None:
+    def opened(self, request: HttpRequest, status: int, body: bytes) -> None:
         """Look whether there is a telescope, and which gateways are on the way to it. Raises OSError."""
         told: Any = None
         if status == OK:
@@ -53,7 +53,7 @@ class TelescopeHttp:
             which = f"it has no telescope {self._number} (HTTP status {status})"
             raise OSError(errno.ENODEV, f"no Alpaca server is there, or {which}")
 
-    def request(self, line: bytes) -> Request:
+    def request(self, line: bytes) -> HttpRequest:
         verb, member, *words = line.decode("ascii").split()
         fields = {}
         for word in words:
@@ -62,7 +62,7 @@ class TelescopeHttp:
         ends = member == "abortslew" or (member == "moveaxis" and not float(fields["Rate"]))
         moves = False if ends else True if verb == "put" and member.startswith(BEGINS) else None
         numbers = {"ClientID": str(self._client), "ClientTransactionID": str(next(self._requests) % 2**32)}
-        return Request(verb.upper(), self._path + member, fields | numbers, moves)
+        return HttpRequest(verb.upper(), self._path + member, fields | numbers, moves)
 
     def reply(self, status: int, body: bytes) -> bytes:
         if status != OK:

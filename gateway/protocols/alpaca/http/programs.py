@@ -40,7 +40,7 @@ class NoAnswerInTime(Exception):
     """A request timed out, or too many are waiting; it may have been carried out all the same."""
 
 
-class Program:
+class AlpacaClient:
     """One Alpaca client, with a connection of its own to the gateway."""
 
     def __init__(self, accept: Accept, name: str, host: str) -> None:
@@ -98,21 +98,21 @@ class Programs:
 
     def __init__(self, accept: Accept) -> None:
         self._accept = accept
-        self._known: dict[tuple[str, int], Program] = {}
+        self._known: dict[tuple[str, int], AlpacaClient] = {}
 
-    def of(self, host: str, client: int, stop: bool = False) -> Program:
+    def of(self, host: str, client: int, stop: bool = False) -> AlpacaClient:
         """Return the program of this ClientID on a host; a ``stop`` ignores the maximum. Raises ConnectionRefused."""
         self._sweep()
         program = self._known.get((host, client))
         if program is None or program.gone:
             if len(self._known) >= MOST and not stop:
                 raise ConnectionRefused
-            program = self._known[host, client] = Program(self._accept, _name(host, client), host)
+            program = self._known[host, client] = AlpacaClient(self._accept, _name(host, client), host)
         return program
 
-    def extra_connection(self, host: str, client: int) -> Program:
+    def extra_connection(self, host: str, client: int) -> AlpacaClient:
         """Return another connection for a program, which is no sign of life of it. Raises ConnectionRefused."""
-        return Program(self._accept, f"{_name(host, client)}-arrival", host)
+        return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
         """Forget closed and silent programs; if there are too many also an idle one, first those that only read."""
@@ -160,7 +160,7 @@ class Device:
         return reply
 
 
-async def _arrival(extra: Program) -> str:
+async def _arrival(extra: AlpacaClient) -> str:
     """Wait until the goto has ended, and return why if that was before its goal. Other requests of the program are
     answered meanwhile.
     """

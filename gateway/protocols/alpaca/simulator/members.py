@@ -15,8 +15,8 @@ from gateway.protocols.alpaca.simulator.telescope import (
     CONNECTING,
     NO_ACTION,
     NOT_SET,
-    Refusal,
-    Telescope,
+    AlpacaError,
+    AlpacaTelescope,
     ranged,
     rows,
 )
@@ -26,7 +26,7 @@ from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 DRIVES = (SIDEREAL_RATE, LUNAR_RATE, SOLAR_RATE)
 
 
-def read(sim: Telescope, name: str, *values: Any) -> Any:
+def read(sim: AlpacaTelescope, name: str, *values: Any) -> Any:
     """Return the value of a member: what it is made to tell, or what it has. Raises Refusal."""
     if name in sim.tells:
         return sim.tells[name]
@@ -43,7 +43,7 @@ def _when(unix: float) -> str:
     return datetime.fromtimestamp(unix, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _target(sim: Telescope, ra: float | None = None, dec: float | None = None) -> tuple[float, float]:
+def _target(sim: AlpacaTelescope, ra: float | None = None, dec: float | None = None) -> tuple[float, float]:
     """Return the target in degrees; a right ascension in hours and a declination replace it. Raises Refusal."""
     if ra is not None and dec is not None:
         sim.target = [ranged(ra, 0.0, 24.0, "RightAscension") * 15.0, ranged(dec, -90.0, 90.0, "Declination")]
@@ -52,27 +52,27 @@ def _target(sim: Telescope, ra: float | None = None, dec: float | None = None) -
 
 def _set(value: float | None) -> float:
     if value is None:
-        raise Refusal(NOT_SET, "The target has not been set")
+        raise AlpacaError(NOT_SET, "The target has not been set")
     return value
 
 
-def _side(sim: Telescope, flipped: bool) -> int:
+def _side(sim: AlpacaTelescope, flipped: bool) -> int:
     """Return the side of the pier: 0 east, where the tube looks west, 1 west, -1 without a pier."""
     return int(flipped == (sim.sky.latitude >= 0.0)) if sim.model == "german" else -1
 
 
-def _destination(sim: Telescope, hours: float, dec: float) -> int:
+def _destination(sim: AlpacaTelescope, hours: float, dec: float) -> int:
     ra, _ = sim.of_date(hours * 15.0, dec)
     return _side(sim, sim.mechanics.geometry.other_side(wrap180(sim.sky.sidereal(sim.now) - ra)))
 
 
-def _state(sim: Telescope) -> list[dict[str, Any]]:
+def _state(sim: AlpacaTelescope) -> list[dict[str, Any]]:
     names = [name for name in rows()["which"]["state"] if name.lower() not in sim.lacks]
     values = {name: read(sim, name.lower()) for name in names} | {"TimeStamp": _when(sim.now)}
     return [{"Name": name, "Value": value} for name, value in values.items()]
 
 
-def _axis_rates(sim: Telescope, axis: int) -> list[dict[str, float]]:
+def _axis_rates(sim: AlpacaTelescope, axis: int) -> list[dict[str, float]]:
     rates = () if ranged(axis, 0, 2, "Axis") == 2 else sim.kind.rates
     return [{"Minimum": low, "Maximum": high} for low, high in rates]
 
@@ -98,27 +98,27 @@ READS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def _action(sim: Telescope, *_: str) -> None:
-    raise Refusal(NO_ACTION, "There are no actions")
+def _action(sim: AlpacaTelescope, *_: str) -> None:
+    raise AlpacaError(NO_ACTION, "There are no actions")
 
 
-def _connect(sim: Telescope, on: bool, seconds: float = 0.0) -> None:
+def _connect(sim: AlpacaTelescope, on: bool, seconds: float = 0.0) -> None:
     sim.connected_since = min(sim.connected_since, sim.now + seconds) if on else float("inf")
 
 
-def _pulse(sim: Telescope, direction: int, milliseconds: int) -> None:
+def _pulse(sim: AlpacaTelescope, direction: int, milliseconds: int) -> None:
     sim.pulse(int(ranged(direction, 0, 3, "Direction")), ranged(milliseconds, 0, 10_000, "Duration") / 1000.0)
 
 
-def _slew(sim: Telescope, *place: float) -> None:
+def _slew(sim: AlpacaTelescope, *place: float) -> None:
     sim.slew(*_target(sim, *place))
 
 
-def _sync(sim: Telescope, *place: float) -> None:
+def _sync(sim: AlpacaTelescope, *place: float) -> None:
     sim.mechanics.sync(sim.now, *sim.of_date(*_target(sim, *place)))
 
 
-def _track_rate(sim: Telescope, rate: int) -> None:
+def _track_rate(sim: AlpacaTelescope, rate: int) -> None:
     sim.drive_rate = int(ranged(rate, 0, 2, "TrackingRate"))
     sim.mechanics.set_drive_rate(sim.now, DRIVES[rate])
 
@@ -126,7 +126,7 @@ def _track_rate(sim: Telescope, rate: int) -> None:
 def _put(name: str, low: float, high: float, unit: float = 1.0, at: int | None = None) -> Callable[..., None]:
     """Return what keeps a value within these limits in an attribute, or in one place of a list."""
 
-    def put(sim: Telescope, value: float) -> None:
+    def put(sim: AlpacaTelescope, value: float) -> None:
         value = ranged(value, low, high, name) * unit
         if at is None:
             setattr(sim, name, value)
@@ -143,18 +143,18 @@ def _locate(field: str, most: float) -> Callable[..., None]:
 
 
 WRITES: dict[str, Callable[..., None]] = {
-    "abortslew": Telescope.abort, "action": _action, "connect": lambda sim: _connect(sim, True, CONNECTING),
+    "abortslew": AlpacaTelescope.abort, "action": _action, "connect": lambda sim: _connect(sim, True, CONNECTING),
     "connected": _connect, "disconnect": lambda sim: _connect(sim, False),
     "findhome": lambda sim: sim.go(sim.start, "home"), "guideratedeclination": _put("guides", 0.0, SIDEREAL_RATE, at=1),
-    "guideraterightascension": _put("guides", 0.0, SIDEREAL_RATE, at=0), "moveaxis": Telescope.move_at_rate,
-    "park": Telescope.park, "pulseguide": _pulse,
+    "guideraterightascension": _put("guides", 0.0, SIDEREAL_RATE, at=0), "moveaxis": AlpacaTelescope.move_at_rate,
+    "park": AlpacaTelescope.park, "pulseguide": _pulse,
     "setpark": lambda sim: setattr(sim, "park_at", sim.mechanics.axes(sim.now)),
     "siteelevation": _put("elevation", -300.0, 10_000.0), "sitelatitude": _locate("latitude", 90.0),
     "sitelongitude": _locate("longitude", 180.0), "synctocoordinates": _sync, "synctotarget": _sync,
     "targetdeclination": _put("target", -90.0, 90.0, at=1),
-    "targetrightascension": _put("target", 0.0, 24.0, 15.0, at=0), "tracking": Telescope.track,
+    "targetrightascension": _put("target", 0.0, 24.0, 15.0, at=0), "tracking": AlpacaTelescope.track,
     "trackingrate": _track_rate, "unpark": lambda sim: setattr(sim, "at", ""),
-    "utcdate": Telescope.set_clock,
-    **dict.fromkeys(("slewtoaltaz", "slewtoaltazasync"), Telescope.slew_altaz),
+    "utcdate": AlpacaTelescope.set_clock,
+    **dict.fromkeys(("slewtoaltaz", "slewtoaltazasync"), AlpacaTelescope.slew_altaz),
     **dict.fromkeys(("slewtocoordinates", "slewtocoordinatesasync", "slewtotarget", "slewtotargetasync"), _slew),
 }  # fmt: skip

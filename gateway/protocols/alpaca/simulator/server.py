@@ -20,8 +20,8 @@ from gateway.protocols.alpaca.simulator.telescope import (
     NOT_CONNECTED,
     NOT_IMPLEMENTED,
     PARKED,
-    Refusal,
-    Telescope,
+    AlpacaError,
+    AlpacaTelescope,
     rows,
 )
 from gateway.protocols.mechanics.simulated import Later
@@ -73,7 +73,7 @@ def _headers(head: bytes) -> dict[str, str]:
     return {name.strip().lower(): value.strip() for name, _, value in rows}
 
 
-class SimulatedAlpaca(Telescope):
+class SimulatedAlpaca(AlpacaTelescope):
     """A simulated telescope with its server."""
 
     def framer(self) -> RequestFramer:
@@ -122,7 +122,7 @@ class SimulatedAlpaca(Telescope):
                 answer = self.respond(method, url.path, given)
                 value = {} if method == "PUT" else {"Value": answer}
                 return 200, json.dumps({**value, **numbers, "ErrorNumber": 0, "ErrorMessage": ""})
-            except Refusal as refusal:
+            except AlpacaError as refusal:
                 return 200, json.dumps({**numbers, "ErrorNumber": refusal.number, "ErrorMessage": str(refusal)})
         except (NotUnderstood, UnicodeError) as error:
             return 400, str(error)
@@ -143,13 +143,13 @@ class SimulatedAlpaca(Telescope):
             raise NotUnderstood(f"{member}: {missing.pop()} is missing")
         values = [_value(name, given[name], kind) for name, kind in wants.items()]
         if self.lacks & {member, f"{member}_{method.lower()}"}:
-            raise Refusal(NOT_IMPLEMENTED, f"{member} is not implemented in this driver.")
+            raise AlpacaError(NOT_IMPLEMENTED, f"{member} is not implemented in this driver.")
         if member not in which["always"] and not self.connected:
-            raise Refusal(NOT_CONNECTED, f"{member}: the telescope is not connected")
+            raise AlpacaError(NOT_CONNECTED, f"{member}: the telescope is not connected")
         if method == "GET":
             return read(self, member, *values)
         if self.at == "park" and (member in which["unparked"] or (member, values) == ("tracking", [True])):
-            raise Refusal(PARKED, f"{member} is not possible while the telescope is parked")
+            raise AlpacaError(PARKED, f"{member} is not possible while the telescope is parked")
         WRITES[member](self, *values)
         self.waits = member in which["blocking"] or (self.blocks and member.startswith(("slew", "park", "findhome")))
         return None

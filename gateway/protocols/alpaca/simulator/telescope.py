@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any, NamedTuple
 
-from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.axes import Build, Observer, Pair
 from gateway.astro.ephemeris.sky import Sky as Ephemeris
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
@@ -41,7 +41,7 @@ CONNECTING = 0.5
 FASTEST = 4.0
 
 
-class Refusal(Exception):
+class AlpacaError(Exception):
     """An error with a number, which the server sends with HTTP status 200."""
 
     def __init__(self, number: int, words: str) -> None:
@@ -49,7 +49,7 @@ class Refusal(Exception):
         self.number = number
 
 
-class Kind(NamedTuple):
+class SimulatedKind(NamedTuple):
     """A kind of mount: ASCOM's AlignmentMode, the position at power-on in the north, and its AxisRates."""
 
     build: Build
@@ -59,16 +59,18 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "german": Kind(Build.GERMAN, 2, (90.0, 90.0), ((0.001, FASTEST),)),
-    "altaz": Kind(Build.ALTAZ, 0, (180.0, 45.0), ((0.001, 0.5), (1.0, FASTEST))),
-    "polar": Kind(Build.WEDGE, 1, (180.0, 0.0), tuple((rate, rate) for rate in (0.0042, 0.067, 0.5, 2.0, FASTEST))),
+    "german": SimulatedKind(Build.GERMAN, 2, (90.0, 90.0), ((0.001, FASTEST),)),
+    "altaz": SimulatedKind(Build.ALTAZ, 0, (180.0, 45.0), ((0.001, 0.5), (1.0, FASTEST))),
+    "polar": SimulatedKind(
+        Build.WEDGE, 1, (180.0, 0.0), tuple((rate, rate) for rate in (0.0042, 0.067, 0.5, 2.0, FASTEST))
+    ),
 }
 
 
 def ranged(value: float, low: float, high: float, name: str) -> float:
     """Return the value. Raises Refusal if it is out of range."""
     if not low <= value <= high:
-        raise Refusal(INVALID_VALUE, f"{name} {value:g} is out of range, {low:g} to {high:g}")
+        raise AlpacaError(INVALID_VALUE, f"{name} {value:g} is out of range, {low:g} to {high:g}")
     return value
 
 
@@ -78,7 +80,7 @@ def rows() -> dict[str, Any]:
     return load("alpaca").extra("simulator.toml")
 
 
-class Telescope(Simulated):
+class AlpacaTelescope(Simulated):
     """``site`` is latitude and longitude east, degrees; ``clock`` returns Unix seconds. ``aligned``: it tracks at the
     start; ``lowest`` is the altitude below which it refuses a slew. Raises UserError for an unknown model.
     """
@@ -117,7 +119,7 @@ class Telescope(Simulated):
             first = 0.0
         self.start: Pair = (first, second)
         self.park_at = self.start
-        self.mechanics = Mechanics(self.kind.build, Sky(*site), self.now, self.start)
+        self.mechanics = Mechanics(self.kind.build, Observer(*site), self.now, self.start)
         self.mechanics.fastest, self.mechanics.speed = FASTEST, speed
         self.mechanics.acceleration = FASTEST / RAMP_SECONDS if ramps else math.inf
         self.connected_since, self.elevation = math.inf, 100.0
@@ -145,7 +147,7 @@ class Telescope(Simulated):
         return self.now >= self.connected_since
 
     @property
-    def sky(self) -> Sky:
+    def sky(self) -> Observer:
         """The site and the clock that it believes in."""
         return self.mechanics.sky
 
@@ -188,7 +190,7 @@ class Telescope(Simulated):
     def slew(self, ra: float, dec: float) -> None:
         """Slew to a position in degrees. Raises Refusal if it does not track, or below its lowest altitude."""
         if not self.tracks:
-            raise Refusal(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
+            raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
         ra, dec = self.of_date(ra, dec)
         self._reachable(hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)[1])
         self.release()
@@ -197,7 +199,7 @@ class Telescope(Simulated):
     def slew_altaz(self, azimuth: float, altitude: float) -> None:
         """Slew to a direction, and rest there. Raises Refusal if it tracks, or below its lowest altitude."""
         if self.tracks:
-            raise Refusal(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
+            raise AlpacaError(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
         ranged(azimuth, 0.0, 360.0, "Azimuth")
         self._reachable(ranged(altitude, -90.0, 90.0, "Altitude"))
         there = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
@@ -207,7 +209,7 @@ class Telescope(Simulated):
 
     def _reachable(self, altitude: float) -> None:
         if altitude < self.lowest:
-            raise Refusal(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
+            raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
     def go(self, axes: Pair, to: str = "") -> None:
         """Slew to axis positions; ``to`` is ``park`` or ``home``, where it does not track."""
@@ -226,16 +228,16 @@ class Telescope(Simulated):
         try:
             unix = datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
         except ValueError:
-            raise Refusal(INVALID_VALUE, f"{text!r} is no date") from None
+            raise AlpacaError(INVALID_VALUE, f"{text!r} is no date") from None
         if not self.keeps_clock:
             self.mechanics.relocate(self.now, self.sky._replace(ahead=unix - self.now))
 
     def move_at_rate(self, axis: int, rate: float) -> None:
         """MoveAxis: axis 0 or 1. Raises Refusal for a rate that AxisRates does not have."""
         if ranged(axis, 0, 2, "Axis") == 2:
-            raise Refusal(NOT_IMPLEMENTED, "There is no third axis")
+            raise AlpacaError(NOT_IMPLEMENTED, "There is no third axis")
         if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rates):
-            raise Refusal(INVALID_VALUE, f"Rate {rate:g} is not in AxisRates")
+            raise AlpacaError(INVALID_VALUE, f"Rate {rate:g} is not in AxisRates")
         self.move_axis(axis + 1, rate)
 
     def move_axis(self, axis: int, rate: float) -> None:

@@ -17,7 +17,7 @@ from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import tell, told_side
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, GotoState, Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Lx200GotoState, ask
 
 #: A goto counts as under way for at least START_GRACE seconds, and until :D# has replied QUIET times with no bars.
 START_GRACE = 0.8
@@ -121,7 +121,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     return False
 
 
-def _stands(mount: Lx200Driver, state: GotoState) -> bool:
+def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
     One that tells its state has bars that are true: a goto of an OnStep may wait for a person at the meridian.
@@ -166,7 +166,7 @@ def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send the command that begins a goto."""
     mount.must_move()
     count_motion(mount, *MOUNT)
-    yield from mount.begin_goto(GotoState(then=then), _order(mount, command), _bars)
+    yield from mount.begin_goto(Lx200GotoState(then=then), _order(mount, command), _bars)
 
 
 def _order(mount: Lx200Driver, command: str) -> Steps:

@@ -46,7 +46,7 @@ class Speed(Struct, frozen=True):
     west: bool | None = None
 
 
-class Abilities(Struct, frozen=True):
+class ModelSpeeds(Struct, frozen=True):
     """Whether a model has :Rg, :RA and :RE, :Sw; its default fastest rate and the range; its drive rates, hertz.
 
     ``keys`` are the speeds of another maker's rate commands, degrees per second; they are added to tracking.
@@ -68,12 +68,12 @@ def ratio_error(asked: float, done: float) -> float:
     return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf
 
 
-def nearest(able: Abilities, degrees: float) -> Speed:
+def nearest(able: ModelSpeeds, degrees: float) -> Speed:
     """Return the choice for a direction key that is nearest to this speed, degrees per second."""
     return _best([*_arrows(able, degrees)], degrees)
 
 
-def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
+def instead_of_tracking(able: ModelSpeeds, west: float, drive: float) -> Speed:
     """Return the choice that turns the right ascension motor nearest to ``west`` degrees per second (signed).
 
     ``drive`` is the current drive rate, degrees per second.
@@ -97,7 +97,7 @@ def _best(speeds: list[Speed], asked: float) -> Speed:
     return next(speed for speed in speeds if ratio_error(asked, speed.degrees) <= least + ALIKE)
 
 
-def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
+def _arrows(able: ModelSpeeds, degrees: float) -> Iterator[Speed]:
     """Yield the speeds of a direction key, the simpler ones first."""
     if able.keys:
         yield from (Speed(command, speed) for command, speed in able.keys)
@@ -122,7 +122,7 @@ def _arrows(able: Abilities, degrees: float) -> Iterator[Speed]:
             yield Speed("RS", float(fastest), fastest=fastest)
 
 
-def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
+def _drives(able: ModelSpeeds, west: float, drive: float) -> Iterator[Speed]:
     """Yield drive rates, with and without a direction key that adds to them."""
     yield Speed(None, drive)
     if able.keys:
@@ -144,7 +144,7 @@ def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
         yield Speed("RG", _speed(hertz) + sign * guide, guide=1.0 if able.guides else None, hertz=hertz, west=sign > 0)
 
 
-def _hertz(able: Abilities, degrees: float) -> float:
+def _hertz(able: ModelSpeeds, degrees: float) -> float:
     low, high = able.hertz
     return min(high, max(low, round(degrees * 3600.0 * SIDEREAL_HERTZ / SIDEREAL_ARCSECONDS, 1)))
 

@@ -26,7 +26,7 @@ from gateway.core.operations import (
 )
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
-from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
+from gateway.protocols.lx200.driver.speeds import SPEEDS, ModelSpeeds, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
@@ -45,7 +45,7 @@ PUSHED = "This device only tells where the telescope points: it is pushed by han
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
 
-class GotoState(GotoUnderWay):
+class Lx200GotoState(GotoUnderWay):
     """A goto under way; ``quiet`` counts how often :D# has replied with no bars.
 
     ``read`` is when a position was read last, ``place`` where it was when it last ``moved``.
@@ -117,7 +117,7 @@ class Lx200Driver(Driver):
         #: The drive rate that was requested last; None for the telescope's default.
         self.rate: TrackRate | None = None
         # motion
-        self.goto: GotoState | None = None
+        self.goto: Lx200GotoState | None = None
         self.moving: dict[int, str] = {}  # axis -> letter of the direction of a motion by hand
         self.pulsing: dict[int, str] = {}  # axis -> letter of a guide pulse that the gateway must end
         #: When the last pulse that the telescope times itself ends.
@@ -334,11 +334,11 @@ class Lx200Driver(Driver):
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 
     @property
-    def abilities(self) -> Abilities:
+    def abilities(self) -> ModelSpeeds:
         """What its model offers to choose a speed from."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
-        return Abilities(
+        return ModelSpeeds(
             self.supports("Rg"),
             self.supports("RA"),
             self.supports("Sw"),

@@ -9,7 +9,7 @@ from gateway.astro.axes import Build
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
 from gateway.core.operations import Place, Values
 from gateway.protocols.lx200.nmea import rmc
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
@@ -19,19 +19,19 @@ _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.
 _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
-def form(sim: Telescope, name: str, **values: object) -> bytes:
+def form(sim: MeadeTelescope, name: str, **values: object) -> bytes:
     """Return the reply of a command in the current format, with the degree sign that this telescope sends."""
     template = sim.protocol.commands[name].form("high" if sim.high else "low", sim.model)
     return b"" if template is None else template.encode(values).replace(b"*", sim.degree)
 
 
-def equatorial(sim: Telescope, name: str, _: Values) -> bytes:
+def equatorial(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GR :GD"""
     ra, dec = sim.position()
     return form(sim, name, ra=ra, dec=dec)
 
 
-def horizon(sim: Telescope, name: str, _: Values) -> bytes:
+def horizon(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GZ :GA - a classic writes an apostrophe before the seconds of the azimuth."""
     ra, dec = sim.position()
     az, alt = hour_angle_to_horizon(wrap180(sim.mechanics.sky.sidereal(sim.now) - ra), dec, sim.site[0])
@@ -39,7 +39,7 @@ def horizon(sim: Telescope, name: str, _: Values) -> bytes:
     return reply.replace(b":", b"'") if name == "GZ" and sim.classic else reply
 
 
-def bars(sim: Telescope, name: str, _: Values) -> bytes:
+def bars(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:D - one bar until a slew ends; on a classic 16 columns for each axis, with bars for the remaining distance."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
@@ -55,7 +55,7 @@ def _bar(degrees: float) -> bytes:
     return (b"\xff" * max(1, min(BARS, round(abs(degrees) / 180.0 * BARS)))).ljust(BARS)
 
 
-def status(sim: Telescope, name: str, _: Values) -> bytes:
+def status(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GW - mount type, tracking, alignment: three characters without a #."""
     polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
     build = "G" if sim.mechanics.build is Build.GERMAN else "P" if polar else "A"
@@ -63,13 +63,13 @@ def status(sim: Telescope, name: str, _: Values) -> bytes:
     return f"{build}{'T' if tracks else 'N'}{'P' if sim.parked else int(sim.aligned)}".encode()
 
 
-def hertz(sim: Telescope, name: str, _: Values) -> bytes:
+def hertz(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GT - an LX200GPS writes a sign."""
     rate = sim.kept.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
-def menu(sim: Telescope, name: str, _: Values) -> bytes:
+def menu(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:G0 :G1 :G2 - 16 columns on a classic, empty on other models."""
     if not sim.classic:
         return b"#"
@@ -77,7 +77,7 @@ def menu(sim: Telescope, name: str, _: Values) -> bytes:
     return f"{'>' if word[0] == sim.letter else ' '}{word:<15}#".encode()
 
 
-def help_text(sim: Telescope, name: str, _: Values) -> bytes:
+def help_text(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:?? :?+ :?-"""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
     sim.kept["help"] = max(0, min(len(_HELP) - 1, sim.kept.get("help", 0) + step))

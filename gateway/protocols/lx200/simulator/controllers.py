@@ -10,7 +10,7 @@ from __future__ import annotations
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
-from gateway.protocols.mechanics.simulated import Framer
+from gateway.protocols.mechanics.simulated import TimedFramer
 
 ACK, HASH = b"\x06", ord("#")
 IGNORED = b" \r\n\x06"
@@ -74,7 +74,7 @@ class Controller(SimulatedLx200):
         self.error = 0
         self.kept.update(lowest=-10.0, highest=90.0)
 
-    def framer(self) -> Framer:  # type: ignore[override]
+    def framer(self) -> TimedFramer:  # type: ignore[override]
         return FrameCutter(79 if self.onstep else 28, self.onstep)
 
     def times(self, number: int) -> float:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import altitude
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 
 class Thing(NamedTuple):
@@ -39,12 +39,12 @@ _STEPS = {"LF": 0, "LN": 1, "LB": -1}
 _SKY = Sky()
 
 
-def _aim(sim: Telescope, ra: float, dec: float, name: str) -> None:
+def _aim(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
     sim.kept["ra"], sim.kept["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
     sim.kept["object"] = name
 
 
-def choose(sim: Telescope, name: str, values: Values) -> None:
+def choose(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:LM :LC"""
     number = values["number"]
     for thing in _THINGS:
@@ -52,14 +52,14 @@ def choose(sim: Telescope, name: str, values: Values) -> None:
             _aim(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
 
 
-def star(sim: Telescope, name: str, values: Values) -> None:
+def star(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:LS"""
     place = _STARS.get(values["number"])
     if place is not None:
         _aim(sim, *place, f"STAR{values['number']}")
 
 
-def step(sim: Telescope, name: str, _: Values) -> None:
+def step(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:LF :LN :LB - the first, next or previous object above the horizon; only on a classic."""
     if not sim.classic:
         return
@@ -69,7 +69,7 @@ def step(sim: Telescope, name: str, _: Values) -> None:
         _aim(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
 
 
-def catalogue(sim: Telescope, name: str, values: Values) -> bytes:
+def catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Lo :Ls - "not found" is 0 for :Lo and 2 for :Ls; only a classic sends it."""
     present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
@@ -77,14 +77,14 @@ def catalogue(sim: Telescope, name: str, values: Values) -> bytes:
     return b"0" if name == "Lo" else b"2"
 
 
-def describe(sim: Telescope, name: str, _: Values) -> bytes:
+def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:LI :Lf"""
     if not sim.classic:
         return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
     return f"{sim.kept.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
 
 
-def moon(sim: Telescope, name: str, values: Values) -> bytes:
+def moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SE :Se - aim at the Moon's centre for every feature; 0 while the Moon is below the horizon."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:

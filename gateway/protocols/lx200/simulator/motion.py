@@ -10,7 +10,7 @@ import math
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180, wrap360
 from gateway.core.operations import Values
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 #: :RG and :RC in multiples of the sidereal rate, :RM in degrees per second; :RS is the fastest rate.
 GUIDE, CENTER, FIND = 1.0, 16.0, 2.0
@@ -19,36 +19,36 @@ _ABOVE = {True: b"2Object above    higher limit.  #", False: b"2Object Below Hig
 _SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
-def set_target(sim: Telescope, name: str, values: Values) -> bytes:
+def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sr :Sd :Sa :Sz"""
     sim.kept.update(values)
     return b"1"
 
 
-def altitude(sim: Telescope, ra: float, dec: float) -> float:
+def altitude(sim: MeadeTelescope, ra: float, dec: float) -> float:
     """Return the altitude of a position of date at the selected site, degrees."""
     hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
 
-def slew(sim: Telescope, name: str, _: Values) -> bytes:
+def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MS"""
     ra, dec = sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0)
     return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
-def from_horizon(sim: Telescope) -> Pair:
+def from_horizon(sim: MeadeTelescope) -> Pair:
     """Return right ascension and declination of the target of :Sz and :Sa."""
     hour_angle, dec = horizon_to_hour_angle(sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0), sim.site[0])
     return wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle), dec
 
 
-def slew_horizontal(sim: Telescope, name: str, _: Values) -> bytes:
+def slew_horizontal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MA - 1 is a refusal."""
     return b"1" if _slew(sim, *from_horizon(sim), sim.kept.get("alt", 0.0)) else b"0"
 
 
-def _slew(sim: Telescope, ra: float, dec: float, height: float) -> bytes | None:
+def _slew(sim: MeadeTelescope, ra: float, dec: float, height: float) -> bytes | None:
     """Begin a slew, or return the refusal."""
     if height < sim.kept["lowest"] - 1e-3:
         return _BELOW[sim.classic]
@@ -60,14 +60,14 @@ def _slew(sim: Telescope, ra: float, dec: float, height: float) -> bytes | None:
     return None
 
 
-def slew_axes(sim: Telescope, goal: Pair) -> None:
+def slew_axes(sim: MeadeTelescope, goal: Pair) -> None:
     """Begin a slew to these axis positions."""
     release(sim)
     sim.goal = goal, True
     sim.mechanics.goto_axes(sim.now, *goal)
 
 
-def unpark(sim: Telescope) -> None:
+def unpark(sim: MeadeTelescope) -> None:
     """Release all direction keys, and unpark the telescope if it is parked."""
     release(sim)
     if sim.parked:
@@ -75,30 +75,30 @@ def unpark(sim: Telescope) -> None:
         sim.track(sim.letter != "L")
 
 
-def sync(sim: Telescope, name: str, _: Values) -> bytes | None:
+def sync(sim: MeadeTelescope, name: str, _: Values) -> bytes | None:
     """:CM :CL"""
     sim.mechanics.sync(sim.now, sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0))
     sim.aligned = True
     return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
 
 
-def rate(sim: Telescope, name: str, _: Values) -> None:
+def rate(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:RG :RC :RM :RS"""
     sim.kept["rate"] = name
 
 
-def key_rate(sim: Telescope, name: str, values: Values) -> None:
+def key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:R<n>"""
     key = values["key"]
     sim.kept["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
-def free_rate(sim: Telescope, name: str, values: Values) -> None:
+def free_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:RA :RE :Rg - degrees per second for :RS, arcseconds per second for :RG."""
     sim.kept[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
-def max_rate(sim: Telescope, name: str, values: Values) -> bytes:
+def max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sw"""
     low, high = sim.row["max_rates"]
     if not low <= values["rate"] <= high:
@@ -107,11 +107,11 @@ def max_rate(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def _guide_speed(sim: Telescope) -> float:
+def _guide_speed(sim: MeadeTelescope) -> float:
     return float(sim.kept.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
 
 
-def _speed(sim: Telescope, axis: int) -> float:
+def _speed(sim: MeadeTelescope, axis: int) -> float:
     """Return the current rate of motion by hand, degrees per second."""
     name = sim.kept["rate"]
     if name == "RG":
@@ -123,7 +123,7 @@ def _speed(sim: Telescope, axis: int) -> float:
     return float(sim.kept.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
 
 
-def axis_of(sim: Telescope, letter: str) -> tuple[int, float]:
+def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
     """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
@@ -133,7 +133,7 @@ def axis_of(sim: Telescope, letter: str) -> tuple[int, float]:
     return axis, sense
 
 
-def arrow(sim: Telescope, name: str, _: Values) -> None:
+def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - the guide rate is added to tracking, the other rates replace it."""
     axis, sense = axis_of(sim, name[1])
     if set(sim.arrows) - {axis}:
@@ -149,7 +149,7 @@ def arrow(sim: Telescope, name: str, _: Values) -> None:
     sim.arrows[axis] = gentle
 
 
-def release(sim: Telescope, *axes: int) -> None:
+def release(sim: MeadeTelescope, *axes: int) -> None:
     """Release the direction keys of these axes, or all; after the last one the telescope tracks where it points.
 
     A polar telescope tracks again as soon as the keys of its first axis are released (:Qe halts eastward motion only).
@@ -164,12 +164,12 @@ def release(sim: Telescope, *axes: int) -> None:
         sim.mechanics.resume(sim.now)
 
 
-def let_go(sim: Telescope, name: str, _: Values) -> None:
+def let_go(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw"""
     release(sim, axis_of(sim, name[1])[0])
 
 
-def stop(sim: Telescope, name: str, _: Values) -> None:
+def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Q - end every motion; computing and waiting for satellites continue."""
     release(sim)
     if sim.mechanics.slewing(sim.now):
@@ -179,7 +179,7 @@ def stop(sim: Telescope, name: str, _: Values) -> None:
         sim.seeking, sim.home = False, 0
 
 
-def pulse(sim: Telescope, name: str, values: Values) -> None:
+def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:Mg"""
     axis, sense = axis_of(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)

@@ -27,9 +27,9 @@ import re
 
 from gateway.core.motion_kinds import may_begin_motion
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.lx200.framing import ACK, Framer, setter
+from gateway.protocols.lx200.framing import ACK, Lx200Framer, setter
 from gateway.protocols.lx200.simulator import answers, library, motion, settings, tracking
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.wireformat.command import Command
 
@@ -73,7 +73,7 @@ def well_formed(name: str, frame: bytes) -> bool:
     return check is None or check.fullmatch(frame) is not None
 
 
-class ClassicFramer(Framer):
+class ClassicFramer(Lx200Framer):
     """Cuts a byte stream into the commands that a classic accepts."""
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
@@ -94,11 +94,11 @@ class ClassicFramer(Framer):
         self._begin()
 
 
-class SimulatedLx200(Telescope):
+class SimulatedLx200(MeadeTelescope):
     """A simulated telescope with its serial port. Raises UserError if the model does not exist."""
 
-    def framer(self) -> Framer:
-        return ClassicFramer() if self.classic else Framer()
+    def framer(self) -> Lx200Framer:
+        return ClassicFramer() if self.classic else Lx200Framer()
 
     def answer(self, frame: bytes, later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):

@@ -9,7 +9,7 @@ from datetime import UTC, date, datetime, timedelta
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
 from gateway.protocols.wireformat import sexagesimal
 
@@ -30,52 +30,52 @@ _SEARCH = {
 _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 
 
-def takes(sim: Telescope, name: str) -> float:
+def takes(sim: MeadeTelescope, name: str) -> float:
     """Return how many seconds pass before the last part of this command's reply."""
     return {"SC": PLANETS if sim.classic else 0.0, "gT": GPS_FIX, "Aa": ALIGNING}.get(name, 0.0)
 
 
-def _local(sim: Telescope) -> datetime:
+def _local(sim: MeadeTelescope) -> datetime:
     return datetime.fromtimestamp(sim.utc() + sim.offset * 3600.0, UTC)
 
 
-def clock(sim: Telescope, name: str, _: Values) -> bytes:
+def clock(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GL :Ga :GC"""
     local = _local(sim)
     return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
 
 
-def offset(sim: Telescope, name: str, _: Values) -> bytes:
+def offset(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GG - without padding on a classic."""
     if sim.classic and sim.offset == int(sim.offset):
         return f"{-int(sim.offset):+d}#".encode()
     return form(sim, name, offset=-sim.offset)
 
 
-def sidereal(sim: Telescope, name: str, _: Values) -> bytes:
+def sidereal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GS - as set by :SS, else by clock and site."""
     return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.kept.get("sidereal ahead", 0.0))
 
 
-def set_sidereal(sim: Telescope, name: str, values: Values) -> bytes:
+def set_sidereal(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SS - changes only the displayed time: the motors use clock and site."""
     sim.kept["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
     return b"1"
 
 
-def _set_clock(sim: Telescope, local: datetime) -> None:
+def _set_clock(sim: MeadeTelescope, local: datetime) -> None:
     sim.ahead = calendar.timegm(local.timetuple()) - sim.offset * 3600.0 - sim.now
     sim.relocate()
 
 
-def set_time(sim: Telescope, name: str, values: Values) -> bytes:
+def set_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SL"""
     midnight = _local(sim).replace(hour=0, minute=0, second=0)
     _set_clock(sim, midnight + timedelta(seconds=int(values["time"])))
     return b"1"
 
 
-def set_date(sim: Telescope, name: str, values: Values) -> bytes:
+def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SC - an LX200GPS expects the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
@@ -88,7 +88,7 @@ def set_date(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1Updating Planetary Data#" + b" " * 24 + b"#"
 
 
-def set_offset(sim: Telescope, name: str, values: Values) -> bytes:
+def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SG - keeps the local time."""
     sim.ahead += (sim.offset + values["offset"]) * 3600.0
     sim.offset = -values["offset"]
@@ -96,7 +96,7 @@ def set_offset(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def stamp(sim: Telescope, name: str, values: Values) -> bytes:
+def stamp(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:hI"""
     try:
         _set_clock(sim, datetime.strptime(values["stamp"], "%y%m%d%H%M%S").replace(tzinfo=UTC))
@@ -105,21 +105,21 @@ def stamp(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def gps_time(sim: Telescope, name: str, _: Values) -> bytes:
+def gps_time(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:gT"""
     sim.ahead = 0.0
     sim.relocate()
     return b"1"
 
 
-def latitude(sim: Telescope, name: str, _: Values) -> bytes:
+def latitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gt - with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
         return form(sim, name, latitude=sim.site[0])
     return _angle(sexagesimal.signed(sim.site[0]))
 
 
-def longitude(sim: Telescope, name: str, _: Values) -> bytes:
+def longitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gg - west positive; unsigned with seconds on an LX200GPS, without on a classic; signed on an Autostar."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
@@ -132,7 +132,7 @@ def _angle(text: str) -> bytes:
     return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
-def set_half(sim: Telescope, name: str, values: Values) -> bytes:
+def set_half(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:St :Sg - an Autostar replies 0 to a valid latitude."""
     north, east = sim.site
     sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
@@ -140,7 +140,7 @@ def set_half(sim: Telescope, name: str, values: Values) -> bytes:
     return b"0" if name == "St" and sim.model == "autostar" else b"1"
 
 
-def select(sim: Telescope, name: str, values: Values) -> None:
+def select(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:W - models count from 0 or from 1; the latter treat 0 as the first site too."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
@@ -148,7 +148,7 @@ def select(sim: Telescope, name: str, values: Values) -> None:
         sim.relocate()
 
 
-def site_name(sim: Telescope, name: str, _: Values) -> bytes:
+def site_name(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GM :GN :GO :GP - a classic shows a line of its menu."""
     number = "MNOP".index(name[1])
     text = sim.names[number].encode("latin-1")
@@ -157,7 +157,7 @@ def site_name(sim: Telescope, name: str, _: Values) -> bytes:
     return text.ljust(_NAME) + (_MARKED if number == sim.site_number else b" ") + b"#"
 
 
-def set_site_name(sim: Telescope, name: str, values: Values) -> bytes:
+def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SM :SN :SO :SP"""
     if not 0 < len(values["name"]) <= sim.row["names"]:
         return b"0"
@@ -165,19 +165,19 @@ def set_site_name(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def set_limit(sim: Telescope, name: str, values: Values) -> bytes:
+def set_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:So :Sh"""
     sim.kept["lowest" if name == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
-def search(sim: Telescope, name: str, _: Values) -> bytes:
+def search(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     field, default = _SEARCH[name[1]]
     return form(sim, name, **{field: sim.kept.get("search " + name[1], default)})
 
 
-def set_search(sim: Telescope, name: str, values: Values) -> bytes:
+def set_search(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy"""
     if name == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
@@ -185,24 +185,24 @@ def set_search(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def step_quality(sim: Telescope, name: str, _: Values) -> None:
+def step_quality(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Sq"""
     present = sim.kept.get("search q", "VP")
     sim.kept["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
-def toggle_format(sim: Telescope, name: str, _: Values) -> None:
+def toggle_format(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:U"""
     sim.high = not sim.high
 
 
-def toggle_pointing(sim: Telescope, name: str, _: Values) -> bytes:
+def toggle_pointing(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:P"""
     on = sim.kept["pointing"] = not sim.kept.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
-def toggle_hours(sim: Telescope, name: str, _: Values) -> None:
+def toggle_hours(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:H"""
     sim.kept["twelve"] = not sim.kept.get("twelve", False)
 

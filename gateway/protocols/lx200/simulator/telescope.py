@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.axes import Build, Observer, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core.errors import UserError
 from gateway.core.operations import Values
@@ -31,7 +31,7 @@ STARTS_HIGH = {"lx200gps"}
 SITES = 4
 
 
-class Telescope(Simulated):
+class MeadeTelescope(Simulated):
     """One simulated telescope.
 
     ``site`` is latitude and longitude, degrees, north and east positive; ``utc_offset`` is local time minus UTC, hours.
@@ -75,7 +75,7 @@ class Telescope(Simulated):
         self.seeking, self.home = False, 0
         self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
         build = Build.GERMAN if dialect else Build.WEDGE if self.letter == "P" else Build.ALTAZ
-        self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
+        self.mechanics = Mechanics(build, Observer(*site), self.now, self.start(build))
         self.mechanics.speed = speed
         self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
         self.power_on()
@@ -135,7 +135,7 @@ class Telescope(Simulated):
 
     def relocate(self) -> None:
         """Apply a new site or time to the mechanics."""
-        self.mechanics.relocate(self.now, Sky(*self.site, self.ahead))
+        self.mechanics.relocate(self.now, Observer(*self.site, self.ahead))
 
     def position(self) -> Pair:
         """Return right ascension and declination of date according to the telescope's alignment, degrees."""
@@ -151,4 +151,4 @@ class Telescope(Simulated):
 
 
 #: Handles a command: (telescope, name, values) -> the reply, or None.
-Handler = Callable[[Telescope, str, Values], bytes | None]
+Handler = Callable[[MeadeTelescope, str, Values], bytes | None]

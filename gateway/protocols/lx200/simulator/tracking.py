@@ -11,7 +11,7 @@ from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, unpark
-from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 
 #: Seconds in which an LX200GPS aligns itself.
@@ -26,18 +26,18 @@ _SLOWEST, _FASTEST = 1, 4
 _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
 
 
-def _drive(sim: Telescope, hertz: float, rate: float) -> None:
+def _drive(sim: MeadeTelescope, hertz: float, rate: float) -> None:
     sim.kept["hertz"] = hertz
     sim.mechanics.set_drive_rate(sim.now, rate)
 
 
-def _drive_manually(sim: Telescope) -> None:
+def _drive_manually(sim: MeadeTelescope) -> None:
     hertz = sim.kept.get("custom", 60.1)
     low, high = _SIDEREAL_HERTZ
     _drive(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
 
 
-def drive(sim: Telescope, name: str, _: Values) -> None:
+def drive(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:TQ :TS :TL :TM"""
     sim.kept["manual"] = name == "TM"
     if name == "TM":
@@ -46,7 +46,7 @@ def drive(sim: Telescope, name: str, _: Values) -> None:
         _drive(sim, *_DRIVES[name])
 
 
-def set_drive(sim: Telescope, name: str, values: Values) -> bytes:
+def set_drive(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:ST :T - a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
@@ -57,7 +57,7 @@ def set_drive(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def step_drive(sim: Telescope, name: str, _: Values) -> None:
+def step_drive(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:T+ :T- - change the manual rate, whether it is in use or not."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = round(sim.kept.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
@@ -66,7 +66,7 @@ def step_drive(sim: Telescope, name: str, _: Values) -> None:
         _drive_manually(sim)
 
 
-def align(sim: Telescope, name: str, _: Values) -> None:
+def align(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:AA :AP :AL - on a telescope without :GW the alignment is lost."""
     release(sim)
     sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
@@ -79,7 +79,7 @@ def align(sim: Telescope, name: str, _: Values) -> None:
         sim.forget()
 
 
-def auto_align(sim: Telescope, name: str, _: Values) -> bytes:
+def auto_align(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Aa"""
     if sim.letter != "A":
         return b"0"
@@ -94,7 +94,7 @@ def auto_align(sim: Telescope, name: str, _: Values) -> bytes:
 # --- park, home, sleep --------------------------------------------------------------------------------------------
 
 
-def park(sim: Telescope, name: str, _: Values) -> None:
+def park(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hP - slew to the horizon in the north, or to the pole; tracking is off."""
     sim.track(False)
     build = sim.mechanics.build
@@ -102,14 +102,14 @@ def park(sim: Telescope, name: str, _: Values) -> None:
     sim.parked = True
 
 
-def seek_home(sim: Telescope, name: str, _: Values) -> None:
+def seek_home(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hS :hF - until home is found, hardly any command is accepted."""
     unpark(sim)
     slew_axes(sim, sim.start(sim.mechanics.build))
     sim.seeking, sim.home = True, 0
 
 
-def sleep(sim: Telescope, name: str, _: Values) -> None:
+def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hN - motors off."""
     release(sim)
     sim.mechanics.cancel(sim.now)
@@ -117,14 +117,14 @@ def sleep(sim: Telescope, name: str, _: Values) -> None:
     sim.asleep = True
 
 
-def wake(sim: Telescope, name: str, _: Values) -> None:
+def wake(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hW"""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.letter != "L" and not sim.parked)
 
 
-def restart(sim: Telescope, name: str, _: Values) -> bytes:
+def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:I"""
     release(sim)
     sim.mechanics.cancel(sim.now)
@@ -135,27 +135,27 @@ def restart(sim: Telescope, name: str, _: Values) -> bytes:
 # --- accessories --------------------------------------------------------------------------------------------------
 
 
-def focus(sim: Telescope, name: str, _: Values) -> None:
+def focus(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:F+ in, :F- out, :FQ"""
     sim.parts["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
 
 
-def focus_speed(sim: Telescope, name: str, values: Values) -> None:
+def focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:FF :FS :F<n>"""
     sim.parts["focus speed"] = {"FF": _FASTEST, "FS": _SLOWEST}.get(name) or values["speed"]
 
 
-def switch(sim: Telescope, name: str, _: Values) -> None:
+def switch(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:f+ :f- :r+ :r- :g+ :g-"""
     sim.parts[_SWITCHES[name[0]]] = name[1] == "+"
 
 
-def backlash(sim: Telescope, name: str, values: Values) -> None:
+def backlash(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:$BA for the second axis, :$BZ for the first."""
     sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
 
 
-def correct(sim: Telescope, name: str, _: Values) -> None:
+def correct(sim: MeadeTelescope, name: str, _: Values) -> None:
     """$Q :$QA :$QZ - $Q toggles both axes, the others turn one axis on or off."""
     if name == "$Q":
         wanted = not sim.parts.get("pec 1", False)
@@ -164,7 +164,7 @@ def correct(sim: Telescope, name: str, _: Values) -> None:
         sim.parts[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
 
 
-def reticle(sim: Telescope, name: str, values: Values) -> None:
+def reticle(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:B+ :B- :B<n> :BD"""
     if name in ("B+", "B-"):
         sim.parts["reticle"] = sim.parts.get("reticle", 0) + (1 if name == "B+" else -1)

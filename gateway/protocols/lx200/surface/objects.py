@@ -15,7 +15,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from gateway.astro.catalog import deepsky, stars
-from gateway.astro.catalog.objects import QUALITIES, Entry, SearchLimits, describe
+from gateway.astro.catalog.objects import QUALITIES, CatalogObject, SearchLimits, describe
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, Unsupported
@@ -101,7 +101,7 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
         session.kept.select_nothing(f"STAR {number} not found")
 
 
-def _aim_at(session: LxSession, entry: Entry) -> Handling:
+def _aim_at(session: LxSession, entry: CatalogObject) -> Handling:
     """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
     kept = session.kept
@@ -131,7 +131,7 @@ def set_moon_target(session: LxSession, values: op.Values) -> Handling:
 
 
 def _select(
-    session: LxSession, catalog: str | None, values: op.Values, look_up: Callable[[str, int], Entry | None]
+    session: LxSession, catalog: str | None, values: op.Values, look_up: Callable[[str, int], CatalogObject | None]
 ) -> Handling:
     """Make the object of that number the target; if there is none, nothing is selected."""
     number = values.get("number")

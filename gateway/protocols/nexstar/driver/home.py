@@ -13,7 +13,7 @@ from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_position, slew_axes, stop_current_motion
-from gateway.protocols.nexstar.driver.state import GotoState, NexStar
+from gateway.protocols.nexstar.driver.state import NexStar, NexStarGotoState
 
 #: Seconds from ``y`` until tracking is turned on.
 AWAKE = 2.0
@@ -51,7 +51,7 @@ def _seek_switches(mount: NexStar) -> Steps:
     yield from stop_current_motion(mount)
     yield from tracking.suspend(mount)
     mount.parked, mount.home_state = False, 2
-    mount.goto = GotoState(since=mount.now(), then="home", seeks=True)
+    mount.goto = NexStarGotoState(since=mount.now(), then="home", seeks=True)
     for device in MOTORS:
         yield Send("level_start", {"device": device})
 

@@ -11,7 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, GotoState, NexStar, rate_zero
+from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, NexStar, NexStarGotoState, rate_zero
 
 #: Seconds after a goto's acknowledgement in which ``L`` = 0 may mean that it has not begun yet.
 START_GRACE = 3.0
@@ -118,7 +118,7 @@ def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
     def sent() -> Steps:
         yield command
 
-    yield from mount.begin_goto(GotoState(then=then), sent(), _slews)
+    yield from mount.begin_goto(NexStarGotoState(then=then), sent(), _slews)
 
 
 def _slews(_: NexStar) -> Steps:
@@ -205,7 +205,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     return False
 
 
-def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
+def _still_seeking(mount: NexStar, state: NexStarGotoState) -> Steps:
     """Return whether a motor still seeks its home switch, by AUX 0x12 of both motors."""
     for device in MOTORS:
         if (yield Send("level_done", {"device": device}))["done"] != FOUND:
@@ -223,7 +223,7 @@ class Arrived(op.Operation, frozen=True):
     left: int = OFF_TRIES
 
 
-def _arrived(mount: NexStar, state: GotoState) -> Steps:
+def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
     """Return whether a short goto ended before ``L`` was first asked: two positions in a row are equal."""
     if mount.now() - state.since < 1.0:
         return False

@@ -26,7 +26,7 @@ JNOW_FROM = (4, 14)
 UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
-class GotoState(GotoUnderWay):
+class NexStarGotoState(GotoUnderWay):
     """A goto under way. ``seeks``: the motors seek their home switches; only they report the end."""
 
     seeks: bool = False
@@ -102,7 +102,7 @@ class NexStar(Driver):
         self.drive = "own"
         self.aligned = False
         # motion
-        self.goto: GotoState | None = None
+        self.goto: NexStarGotoState | None = None
         #: The axes in hand motion and their speeds, degrees a second.
         self.moving: dict[int, float] = {}
         #: The tracking mode to resume after fast motion; None if tracking is not suspended.

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime, timedelta
 
-from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.axes import Build, Observer, Pair
 from gateway.astro.ephemeris.sky import Sky as EphemerisSky
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.operations import Values
@@ -183,7 +183,7 @@ def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
 
 
 def _set_site(sim: SimulatedMount, values: Values) -> None:
-    sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
+    sim.relocate(Observer(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
 
 
 # --- GPS unit and real-time clock -----------------------------------------------------------------------

@@ -10,9 +10,9 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from gateway.protocols.mechanics.simulated import Framer as AnyFramer
 from gateway.protocols.mechanics.simulated import Later
-from gateway.protocols.nexstar.framing import Framer
+from gateway.protocols.mechanics.simulated import TimedFramer as AnyFramer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from gateway.protocols.nexstar.simulator.commands import COMMANDS
 from gateway.protocols.nexstar.simulator.devices import DEVICES
 from gateway.protocols.nexstar.simulator.mount import Handler, SimulatedMount
@@ -34,8 +34,8 @@ class SimulatedHandControl(SimulatedMount):
         super().__init__(model, version, **settings)
         self._opcodes, self._pass_through = _known(model, self.version)
 
-    def framer(self) -> Framer:
-        return Framer(remembers=False)
+    def framer(self) -> NexStarFramer:
+        return NexStarFramer(remembers=False)
 
     def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.axes import Build, Observer, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.core.errors import UserError
 from gateway.core.operations import Values
@@ -137,7 +137,7 @@ class SimulatedMount(Simulated):
         start = GERMAN_START
         if not self.german:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
-        self.mechanics = Mechanics(build, Sky(*self.site), self.now, start)
+        self.mechanics = Mechanics(build, Observer(*self.site), self.now, start)
         self.mechanics.fastest, self.mechanics.speed = fastest, speed
         self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
         self.encoder_offset = [float(self.row.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
@@ -178,7 +178,7 @@ class SimulatedMount(Simulated):
             self.mechanics.rebuild(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
         self.mechanics.track(self.now, mode != OFF, sense=-1 if mode == EQ_SOUTH else 1)
 
-    def relocate(self, sky: Sky) -> None:
+    def relocate(self, sky: Observer) -> None:
         """Use another site or clock. An aligned StarSense loses its alignment."""
         self.mechanics.relocate(self.now, sky)
         if self.starsense and self.aligned:

@@ -23,7 +23,7 @@ import pytest
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, WatchedMount, available
-from gateway.app.watchdog.process import Mount, ServedMount, Watch, waited
+from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, waited
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.shutdown import stop_commands
 from gateway.transport.wires import on_the_wire
@@ -270,7 +270,7 @@ def test_watchdog_needs_no_heartbeat_at_rest(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
-    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["moving", "0", "4d"], [])
     watch.handle(["rest", "0"], [])
     with here, there, pytest.raises(InterruptedError):
@@ -298,7 +298,7 @@ def test_watchdog_that_was_paused_does_not_call_the_gateway_silent(
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", lambda mounts: stops.append(mounts))
-    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.mounts["0"].stop, watch.last_heard = [b"M"], clock[0]
     with here, there, pytest.raises(InterruptedError):
         watch.run()
@@ -329,7 +329,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
         clock[0] += arguments[3]
         return [], [], []
 
-    def stop(mounts: list[Mount]) -> None:
+    def stop(mounts: list[GuardedMount]) -> None:
         stopped.append(clock[0])
         raise InterruptedError
 
@@ -339,7 +339,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
     for number, one in enumerate(clear):
-        watch.mounts[str(number)] = Mount("pier", "", -1)
+        watch.mounts[str(number)] = GuardedMount("pier", "", -1)
         watch.handle([f"{'clear' if one else 'moving'}", str(number), "4d"], [])
     watch.heard()
     with here, there, pytest.raises(InterruptedError):
@@ -355,7 +355,7 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
         clock[0] += arguments[3]
         return [], [], []
 
-    def stop(mounts: list[Mount]) -> None:
+    def stop(mounts: list[GuardedMount]) -> None:
         raise InterruptedError
 
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
@@ -363,7 +363,7 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
-    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["clear", "0", "4d"], [])
     watch.heard()
     with here, there, pytest.raises(InterruptedError):

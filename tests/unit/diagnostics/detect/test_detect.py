@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
-from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
+from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, named
 from gateway.diagnostics.detect.report import block, command, toml
 from gateway.diagnostics.detect.scan_port import OTHERS, sentence
 from gateway.diagnostics.virtual_time import run
@@ -48,10 +48,10 @@ def seen(
     *,
     talk: bytes = b"",
     latency: float = 0.1,
-) -> tuple[Finding, UartWire]:
+) -> tuple[PortFinding, UartWire]:
     """Look at a device in virtual time; one that talks does so every second."""
 
-    async def program() -> tuple[Finding, UartWire]:
+    async def program() -> tuple[PortFinding, UartWire]:
         wire = UartWire(make(), rate, latency)
 
         async def talking() -> None:
@@ -66,7 +66,7 @@ def seen(
         assert not wire.is_open
         return finding, wire
 
-    result: tuple[Finding, UartWire] = run(program())
+    result: tuple[PortFinding, UartWire] = run(program())
     return result
 
 
@@ -368,7 +368,7 @@ def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mista
 
 @pytest.mark.parametrize("when", [0.5, 1.3, 3.0, 6.0])
 def test_a_port_that_vanishes_is_said_to_have(when: float) -> None:
-    async def program() -> Finding:
+    async def program() -> PortFinding:
         wire = UartWire(silent)
 
         def vanish() -> None:
@@ -382,7 +382,7 @@ def test_a_port_that_vanishes_is_said_to_have(when: float) -> None:
 
 
 def test_a_port_that_vanishes_while_the_mount_says_who_it_is() -> None:
-    async def program() -> Finding:
+    async def program() -> PortFinding:
         wire = UartWire(mount("nexstar:cpc").feed)
 
         def vanish() -> None:
@@ -418,7 +418,7 @@ def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
                 raise OSError(22, "no such rate")
             super().set_baud(baud)
 
-    async def program() -> Finding:
+    async def program() -> PortFinding:
         return await look(SerialPortInfo("-", "-"), Poor(silent))
 
     finding = run(program())

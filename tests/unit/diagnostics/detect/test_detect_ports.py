@@ -23,7 +23,7 @@ from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
 from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named, ports
+from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, named, ports
 from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.scan_port import Patience
 from gateway.system.processes import Process
@@ -121,7 +121,7 @@ def found(cli: tuple[Path, list[str]], tmp_path_factory: pytest.TempPathFactory)
 
 @pytest.mark.parametrize("what", MOUNTS)
 def test_a_mount_on_a_pseudo_terminal_is_found(found: dict[str, Any], what: str) -> None:
-    finding: Finding = found[what]
+    finding: PortFinding = found[what]
     assert finding.mount is not None, finding
     assert (finding.mount.protocol, finding.baud) == (what.partition(":")[0], 9600)
     assert finding.seconds < PATIENCE
@@ -315,7 +315,7 @@ def test_a_mount_behind_rfc2217_is_found() -> None:
 
 
 def test_a_mount_behind_a_socket_is_found() -> None:
-    async def program() -> Finding:
+    async def program() -> PortFinding:
         simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
         [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
         finding = await look(at(port.where.replace("tcp:", "socket:")), first=EAGER)

@@ -12,8 +12,8 @@ import serial
 
 from gateway.app.config import make_config, read_tables
 from gateway.cli import main
-from gateway.diagnostics.detect import Finding, SerialPortInfo
-from gateway.diagnostics.detect.identify import Mount
+from gateway.diagnostics.detect import PortFinding, SerialPortInfo
+from gateway.diagnostics.detect.identify import FoundMount
 from gateway.diagnostics.detect.report import block, next_steps, toml, values
 from gateway.transport.wires import group_of
 from tests.support.each import each
@@ -22,9 +22,9 @@ from tests.support.process import Running
 PORT = "/dev/ttyUSB0"
 
 
-def mount(protocol: str = "nexstar") -> Finding:
-    made = Mount(protocol, "Celestron NexStar", "cpc", "4.21", (), 0.1, "jnow", True, False, True, True, {})
-    return Finding(SerialPortInfo(PORT, PORT), protocol, 9600, mount=made)
+def mount(protocol: str = "nexstar") -> PortFinding:
+    made = FoundMount(protocol, "Celestron NexStar", "cpc", "4.21", (), 0.1, "jnow", True, False, True, True, {})
+    return PortFinding(SerialPortInfo(PORT, PORT), protocol, 9600, mount=made)
 
 
 @pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
@@ -58,20 +58,23 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
     ("finding", "says"),
     [
         (
-            Finding(SerialPortInfo(PORT, PORT), "silent"),
+            PortFinding(SerialPortInfo(PORT, PORT), "silent"),
             ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"],
         ),
-        (Finding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
-        (Finding(SerialPortInfo(PORT, PORT), "served"), ["mount-gateway status shows this mount"]),
-        (Finding(SerialPortInfo("socket://192.168.1.9:2000", PORT), "silent"), ["AUX protocol: that is not supported"]),
-        (Finding(SerialPortInfo("socket://1.2.3.4:4030", PORT), "silent"), ["AUX protocol: that is not supported"]),
-        (Finding(SerialPortInfo(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
-        (Finding(SerialPortInfo("/dev/ttyS0", PORT), "silent"), ["built into this computer", "plug that in"]),
-        (Finding(SerialPortInfo(PORT, PORT), "echo"), ["loopback plug"]),
-        (Finding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "served"), ["mount-gateway status shows this mount"]),
+        (
+            PortFinding(SerialPortInfo("socket://192.168.1.9:2000", PORT), "silent"),
+            ["AUX protocol: that is not supported"],
+        ),
+        (PortFinding(SerialPortInfo("socket://1.2.3.4:4030", PORT), "silent"), ["AUX protocol: that is not supported"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
+        (PortFinding(SerialPortInfo("/dev/ttyS0", PORT), "silent"), ["built into this computer", "plug that in"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "echo"), ["loopback plug"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
     ],
 )
-def test_without_a_mount_it_is_said_what_to_try(finding: Finding, says: list[str]) -> None:
+def test_without_a_mount_it_is_said_what_to_try(finding: PortFinding, says: list[str]) -> None:
     steps = "\n".join(next_steps([finding]))
     assert all(part in steps for part in says)
     assert next_steps([finding, mount()]) == []
@@ -81,7 +84,7 @@ def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     monkeypatch.setattr("gateway.diagnostics.detect.here", list)
     asked = []
 
-    async def nobody(urls: list[str] | None) -> list[Finding]:
+    async def nobody(urls: list[str] | None) -> list[PortFinding]:
         asked.append(urls)
         return []
 

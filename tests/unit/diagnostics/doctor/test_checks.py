@@ -7,7 +7,17 @@ from datetime import UTC, datetime
 from msgspec.structs import replace
 
 from gateway.diagnostics.doctor.checks import CHECKS, examine
-from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Listener, Package, Port, Result, Running
+from gateway.diagnostics.doctor.facts import (
+    BAD,
+    GOOD,
+    NOTE,
+    CheckResult,
+    Facts,
+    ListeningProcess,
+    Package,
+    Port,
+    Running,
+)
 from tests.support.each import each
 
 
@@ -45,7 +55,7 @@ WELL = Facts(
 LEAN = [*(Package(name, "", "", False) for name in ("astropy", "numpy", "pyerfa")), WELL.packages[1]]
 
 
-def of(check: str, facts: Facts) -> list[Result]:
+def of(check: str, facts: Facts) -> list[CheckResult]:
     return [result for result in examine(facts) if result.check == check]
 
 
@@ -137,11 +147,11 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
             "the gateway that runs has an almanac",
             "",
         ),
-        ("network", {"listeners": [Listener(4030, 9, "nc")]}, NOTE, "taken by nc (process 9)", "such as 4031"),
-        ("network", {"listeners": [Listener(10001)]}, NOTE, "Stellarium would look", "10002"),
+        ("network", {"listeners": [ListeningProcess(4030, 9, "nc")]}, NOTE, "taken by nc (process 9)", "such as 4031"),
+        ("network", {"listeners": [ListeningProcess(10001)]}, NOTE, "Stellarium would look", "10002"),
         (
             "network",
-            {"listeners": [Listener(4030, 77, "python")], "gateways": [Running(77, "nexstar@sim")]},
+            {"listeners": [ListeningProcess(4030, 77, "python")], "gateways": [Running(77, "nexstar@sim")]},
             GOOD,
             "TCP port 4030 is a gateway's (process 77)",
             "",
@@ -168,8 +178,8 @@ def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state
 
 
 def test_a_taken_port_does_not_hide_the_free_ones() -> None:
-    taken, free = of("network", replace(WELL, listeners=[Listener(4030, 9, "nc")]))
-    assert taken.state == NOTE and free == Result("network", GOOD, "TCP ports 4040, 4080, 10001, 11111: free")
+    taken, free = of("network", replace(WELL, listeners=[ListeningProcess(4030, 9, "nc")]))
+    assert taken.state == NOTE and free == CheckResult("network", GOOD, "TCP ports 4040, 4080, 10001, 11111: free")
 
 
 def test_a_built_in_port_is_not_modem_managers_to_disturb() -> None:

@@ -18,7 +18,7 @@ from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering
 from gateway.diagnostics.doctor.checks import examine
-from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
+from gateway.diagnostics.doctor.facts import BAD, GOOD, CheckResult, ListeningProcess
 from gateway.system.own_commands import how_to_add, pip_command
 from tests.support.process import Running
 
@@ -49,7 +49,7 @@ def test_processes_by_name(proc: Path) -> None:
 
 def test_who_listens(proc: Path) -> None:
     found = sorted(gathering.listening((4030, 4080, 10001), proc), key=lambda listener: listener.port)
-    assert found == [Listener(4030, 900, "nc"), Listener(10001)]
+    assert found == [ListeningProcess(4030, 900, "nc"), ListeningProcess(10001)]
     assert gathering.listening((4031,), proc) == []
 
 
@@ -141,7 +141,7 @@ def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    results = [Result("clock", GOOD, "right"), Result("ports", BAD, "taken", "end it")]
+    results = [CheckResult("clock", GOOD, "right"), CheckResult("ports", BAD, "taken", "end it")]
     monkeypatch.setattr("gateway.diagnostics.doctor.checks.examine", lambda facts: results)
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines() == [

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.simulated import DEFAULT_SITE
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, Rate, write
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, MeasuredRate, write
 from tests.support.proven import EVENING, KINDS, Proven, checked
 
 #: Another site under the same sky, and when that is so some weeks later.
@@ -64,7 +64,7 @@ def test_words_that_may_tell_a_place_or_an_address_are_left_out(tmp_path: Path) 
             Finding("the mount and the settings", DIFFERS, "the mount stands at 52.4 N 71.3 W", means="Correct it.")
         ],
         "motions": [
-            Finding("rate 9 west/east", DIFFERS, rate=Rate(1, 5.0, 4.123456789, (1.23456789,), True)),
+            Finding("rate 9 west/east", DIFFERS, rate=MeasuredRate(1, 5.0, 4.123456789, (1.23456789,), True)),
             Finding("the rest of motions", NOT_TRIED, "another program moves the mount (192.168.1.7)"),
         ],
     }

@@ -16,8 +16,8 @@ from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import SAME, Finding, Findings, load, save
-from gateway.diagnostics.prove.guide import STAGES, Guide
-from gateway.diagnostics.prove.telescope import WHO, Telescope
+from gateway.diagnostics.prove.guide import STAGES, GuidedCheck
+from gateway.diagnostics.prove.telescope import WHO, CheckedMount
 from tests.support.proven import Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
 from tests.support.true_mounts import CHECKS, SLEWS, alarms, point
@@ -328,7 +328,7 @@ def test_a_mount_is_the_same_one_if_the_question_for_its_version_is_lost(mount: 
 def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) -> None:
     measured, real = list[str](), small_motions._measured
 
-    async def counted(telescope: Telescope, what: str, *rate: Any) -> Finding:
+    async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)
         return await real(telescope, what, *rate)
 
@@ -359,7 +359,7 @@ def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
     async def play() -> None:
         async with Proven() as proven:
             kept, person = tmp_path / "findings.json", Onlooker("ssy")
-            guide = Guide(proven.gateway, person, Findings(), lambda found: save(kept, found))
+            guide = GuidedCheck(proven.gateway, person, Findings(), lambda found: save(kept, found))
             session = asyncio.ensure_future(guide.run())
             person.when["rate 9 north/south"] = lambda: proven.loop.call_later(1.0, session.cancel)
             with suppress(asyncio.CancelledError):
@@ -377,7 +377,7 @@ def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
 
     measured, real = list[str](), small_motions._measured
 
-    async def counted(telescope: Telescope, what: str, *rate: Any) -> Finding:
+    async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)
         return await real(telescope, what, *rate)
 
@@ -408,9 +408,9 @@ def test_settings_are_asked_of_the_mount_itself(mount: str) -> None:
 
     async def play() -> None:
         async with Proven(mount) as proven:
-            asked = await Guide(proven.gateway, Onlooker(), Findings(), lambda found: None, STAGES[:1]).run()
+            asked = await GuidedCheck(proven.gateway, Onlooker(), Findings(), lambda found: None, STAGES[:1]).run()
             before = len(proven.sent())
-            await Guide(proven.gateway, Onlooker(), asked, lambda found: None, STAGES[-1:]).run()
+            await GuidedCheck(proven.gateway, Onlooker(), asked, lambda found: None, STAGES[-1:]).run()
             commands, sent = proven.controller.driver.protocol.commands, proven.sent()[before:]
             assert asked.told and all(commands[name].request.encode({}) in sent for name in asked.told)
 

@@ -13,7 +13,7 @@ from gateway.core import requests
 from gateway.core.operations import Direction
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Findings
-from gateway.diagnostics.prove.telescope import UNCHANGED, WHO, Telescope
+from gateway.diagnostics.prove.telescope import UNCHANGED, WHO, CheckedMount
 from tests.support.proven import Onlooker, Proven, run_calm
 
 
@@ -142,7 +142,7 @@ def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
         async with Proven(mount, change=lambda proven: _moves(proven, lambda *_: 0.0)) as proven:
             await proven.gateway.request_handler.take(requests.Track(on=False, who=WHO))
             await asyncio.sleep(5.0)
-            telescope = Telescope(proven.gateway)
+            telescope = CheckedMount(proven.gateway)
             telescope.begin()
             motion = await telescope.press(Direction.NORTH, 9, 10.0)
             assert UNCHANGED <= motion.ended - motion.began < UNCHANGED + 1.0

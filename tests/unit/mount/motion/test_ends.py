@@ -8,15 +8,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mount.motion.ends import AGAIN, SLOW, THEN_EVERY, TIMES, Ending, Sample, Step, next_step, speed, visible
+from gateway.mount.motion.ends import (
+    AGAIN,
+    SLOW,
+    THEN_EVERY,
+    TIMES,
+    AxisSample,
+    Ending,
+    Step,
+    next_step,
+    speed,
+    visible,
+)
 from tests.support.examples import some
 
 FAST = Ending(frozenset({1, 2}), 4.0, (100.0,))
 
 
-def looks(*places: tuple[float, float], axis: int = 1, digit: float = 1 / 3600) -> list[Sample]:
+def looks(*places: tuple[float, float], axis: int = 1, digit: float = 1 / 3600) -> list[AxisSample]:
     """Positions of one axis at these times; the other stands still."""
-    return [Sample(at, (place, 0.0) if axis == 1 else (0.0, place), digit) for at, place in places]
+    return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), digit) for at, place in places]
 
 
 def test_it_is_done_when_the_axes_stand_still_after_a_run_on() -> None:
@@ -28,7 +39,7 @@ def test_it_is_done_when_the_axes_stand_still_after_a_run_on() -> None:
 
 def test_one_that_was_lost_is_sent_again_at_growing_intervals_and_then_told() -> None:
     ending, now, sent, told = FAST, 100.0, [100.0], []
-    samples: list[Sample] = []
+    samples: list[AxisSample] = []
     while now < 160.0:
         now = round(now + 0.4, 3)
         samples = [*samples, *looks((now, (now * 4.0) % 360.0))][-8:]
@@ -82,7 +93,7 @@ def test_no_run_on_of_up_to_a_second_has_a_stop_sent_again(rate: float, every: f
 
     samples, now = [], begins * every
     while now < 5.0:
-        samples.append(Sample(now, (place(now), 0.0)))
+        samples.append(AxisSample(now, (place(now), 0.0)))
         step = next_step(ending, samples, now)
         assert step in (Step.LOOK, Step.DONE)
         if step is Step.DONE:

@@ -23,7 +23,7 @@ from gateway.astro.spherical import fold_declination, separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.motion.ends import Sample
+from gateway.mount.motion.ends import AxisSample
 from gateway.mount.motion.seen import Changes, PositionSample, Seen, at_one_time, see
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
@@ -110,7 +110,7 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
         lambda: check_past(limits, n[1], german=False),
         lambda: check_sync(n[0], SyncSum(n[1], n[2]), [[(n[3], n[4]), (n[5], n[6])]], here, there, True, "pole"),
         lambda: ahead(n[0], n[1], n[2], n[3], n[4]),
-        lambda: [watch.find_stalled(Sample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
+        lambda: [watch.find_stalled(AxisSample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
         lambda: fold_declination(*geometry.readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
         lambda: separation(n[0], n[1], n[2], n[3]),
         lambda: sidereal_time(n[0], n[1]),

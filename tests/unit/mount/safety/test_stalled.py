@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.motion.ends import Sample
+from gateway.mount.motion.ends import AxisSample
 from gateway.mount.safety.watch import StallWatch
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
@@ -77,4 +77,7 @@ def test_over_the_pole_the_way_counts_in_pieces() -> None:
     watch = StallWatch()
     for tick in range(40):
         dec = 85.0 + tick
-        assert watch.find_stalled(Sample(tick * 0.5, (0.0, dec if dec <= 90.0 else 180.0 - dec)), {2: 2.0}, 0.1) is None
+        assert (
+            watch.find_stalled(AxisSample(tick * 0.5, (0.0, dec if dec <= 90.0 else 180.0 - dec)), {2: 2.0}, 0.1)
+            is None
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import empty_value
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
@@ -17,7 +17,7 @@ from tests.unit.protocols.alpaca.test_surface import CRAB, ask, connected, stage
 NOT_POSSIBLE, PARKED, INVALID, NOT_CONNECTED = -0x40B, -0x408, -0x401, -0x407
 
 
-def answering(own: Stage, instead: Callable[[bytes], bytes | None]) -> None:
+def answering(own: RehearsalMount, instead: Callable[[bytes], bytes | None]) -> None:
     """Let the simulated Meade answer these frames otherwise, and not carry them out."""
     assert isinstance(own.sim, SimulatedLx200)
     usual = own.sim.answer

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.core import errors
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import NUMBERS, number
 from tests.support import exact_sky
@@ -20,8 +20,8 @@ CRAB = "RightAscension=5.5756 Declination=22.0145"
 MOUNTS = [("6-8se", "nexstar"), ("cge", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")]
 
 
-def stage(mount: str = "6-8se", driven: str = "nexstar", **settings: Any) -> Stage:
-    return Stage(mount, start=START, driven=driven, presented="alpaca", named=True, **settings)
+def stage(mount: str = "6-8se", driven: str = "nexstar", **settings: Any) -> RehearsalMount:
+    return RehearsalMount(mount, start=START, driven=driven, presented="alpaca", named=True, **settings)
 
 
 async def ask(program: Visitor, line: str) -> Any:
@@ -30,7 +30,7 @@ async def ask(program: Visitor, line: str) -> Any:
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: Stage, host: str = "127.0.0.1") -> Visitor:
+async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> Visitor:
     client = own.client(host)
     assert await ask(client, "put connected Connected=True") is None
     assert await ask(client, "get connected") is True
@@ -159,7 +159,7 @@ def test_parking(mount: tuple[str, str]) -> None:
 
 def test_who_may_only_look_changes_nothing() -> None:
     async def program() -> None:
-        async with stage(access=Access(read_only=True)) as own:
+        async with stage(access=AccessRules(read_only=True)) as own:
             client = await connected(own)
             assert isinstance(await ask(client, "get rightascension"), float)
             for line in (f"put slewtocoordinatesasync {CRAB}", "put tracking Tracking=false", "put park",

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.astro.axes import Build, Geometry, Sky
+from gateway.astro.axes import Build, Geometry, Observer
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import separation, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
@@ -24,7 +24,7 @@ def mount(build: Build, latitude: float, *, on: bool = True, ramps: bool = True)
 
     Without ``ramps`` its motors change their speed at once, and what they are told is plain arithmetic.
     """
-    sky = Sky(latitude, 10.0)
+    sky = Observer(latitude, 10.0)
     pole = 1 if latitude > 0 else -1
     axes = Geometry(build, latitude).axes(40.0, 20.0 * pole, Geometry(build, latitude).other_side(40.0))
     made = Mechanics(build, sky, START, axes)
@@ -241,7 +241,7 @@ def test_another_site_leaves_the_axes_and_follows_what_is_in_view() -> None:
     for build in BUILDS:
         made = mount(build, 45.0)
         axes = made.axes(START)
-        made.relocate(START, Sky(50.0, 20.0, 3600.0))
+        made.relocate(START, Observer(50.0, 20.0, 3600.0))
         assert made.axes(START) == pytest.approx(axes)
         place = made.believed(START)
         assert separation(*made.believed(START + 1800), *place) * 3600 < 0.1

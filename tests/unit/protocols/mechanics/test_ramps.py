@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from gateway.astro.axes import Build, Sky
+from gateway.astro.axes import Build, Observer
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.mechanics.mount import Mechanics
 from tests.support.each import each
@@ -20,7 +20,7 @@ ACCELERATION = 4.0
 
 
 def mount(build: Build = Build.GERMAN, on: bool = False) -> Mechanics:
-    made = Mechanics(build, Sky(45.0, 10.0), START, (60.0, 20.0))
+    made = Mechanics(build, Observer(45.0, 10.0), START, (60.0, 20.0))
     assert (made.fastest, made.acceleration) == (4.0, ACCELERATION)
     made.track(START, on)
     return made
@@ -133,7 +133,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
     elif what == 7:
         made.pulse(now, axis, 0.002 * chance.choice((-1, 1)), chance.uniform(0.01, 1.0))
     else:
-        made.relocate(now, Sky(45.0, chance.uniform(5.0, 15.0), chance.uniform(-60.0, 60.0)))
+        made.relocate(now, Observer(45.0, chance.uniform(5.0, 15.0), chance.uniform(-60.0, 60.0)))
 
 
 @pytest.mark.parametrize("build", list(Build))

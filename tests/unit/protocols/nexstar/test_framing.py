@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.protocols.nexstar.framing import Framer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.each import each
 from tests.support.examples import some
 
@@ -32,22 +32,22 @@ REQUESTS = [
 
 @each("request_", REQUESTS)
 def test_one_request_however_it_comes(request_: bytes) -> None:
-    assert Framer().feed(request_, 0.0) == [request_]
-    framer = Framer()
+    assert NexStarFramer().feed(request_, 0.0) == [request_]
+    framer = NexStarFramer()
     pieces = [framer.feed(request_[n : n + 1], n * 0.9) for n in range(len(request_))]
     assert [frame for frames in pieces for frame in frames] == [request_]
-    assert Framer().feed(request_ + b"#\r\n\0 ?" + request_ + b"e", 0.0) == [request_, request_, b"e"]
+    assert NexStarFramer().feed(request_ + b"#\r\n\0 ?" + request_ + b"e", 0.0) == [request_, request_, b"e"]
 
 
 def test_junk_is_dropped() -> None:
     for byte in b":\x06Aa\x7f\xff01":
-        assert Framer().feed(b"?#\r\n\0 " + bytes((byte,)) + b"E", 0.0) == []
-    assert Framer().feed(b"?E", 0.0) == [b"E"]
-    assert Framer().feed(b"V#t#e#", 0.0) == [b"V", b"t", b"e"]
+        assert NexStarFramer().feed(b"?#\r\n\0 " + bytes((byte,)) + b"E", 0.0) == []
+    assert NexStarFramer().feed(b"?E", 0.0) == [b"E"]
+    assert NexStarFramer().feed(b"V#t#e#", 0.0) == [b"V", b"t", b"e"]
 
 
 def test_half_a_command_is_dropped_after_a_quiet_second() -> None:
-    framer = Framer()
+    framer = NexStarFramer()
     assert framer.feed(b"r3555", 0.0) == []
     assert framer.feed(b"Kz", 2.0) == [b"Kz"]
     assert framer.feed(b"r3555", 10.0) == []
@@ -57,7 +57,7 @@ def test_half_a_command_is_dropped_after_a_quiet_second() -> None:
 @some
 @given(st.lists(st.binary(max_size=40), max_size=20))
 def test_nothing_piles_up_and_splitting_changes_nothing(chunks: list[bytes]) -> None:
-    framer, whole = Framer(), Framer()
+    framer, whole = NexStarFramer(), NexStarFramer()
     frames = [frame for chunk in chunks for frame in framer.feed(chunk, 0.0)]
     assert frames == whole.feed(b"".join(chunks), 0.0)
     assert len(framer._pending) < 18

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.protocols.nexstar.framing import Framer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.each import each
 from tests.support.examples import some
 
@@ -32,7 +32,7 @@ CUT = [
 
 def after(half: bytes, *arrivals: tuple[float, bytes], quiet: float = 0.2) -> list[bytes]:
     """What is carried out: half a command at 0 s, these bytes at these times, and then a quiet line."""
-    framer = Framer()
+    framer = NexStarFramer()
     assert framer.feed(half, 0.0) == []
     frames = [frame for at, data in arrivals for frame in framer.feed(data, at)]
     return frames + framer.feed(b"", arrivals[-1][0] + quiet)
@@ -50,8 +50,8 @@ def test_the_end_is_ignored_whole_and_byte_by_byte(case: tuple[bytes, bytes]) ->
         assert after(half, *spelled(end, gap)) == []
         assert after(half, (gap, end), (gap + 0.3, b"e")) == [b"e"]
         assert after(half, (gap, end + b"e")) == [b"e"]
-    assert Framer().feed(half + end, 0.0) == [half + end]
-    framer = Framer()
+    assert NexStarFramer().feed(half + end, 0.0) == [half + end]
+    framer = NexStarFramer()
     assert framer.feed(half, 0.0) + framer.feed(end, 0.95) == [half + end]
 
 
@@ -77,7 +77,7 @@ def test_a_part_of_the_end_is_ignored_too() -> None:
 
 
 def test_an_illegal_byte_is_a_new_command_at_once() -> None:
-    framer = Framer()
+    framer = NexStarFramer()
     framer.feed(b"r3555", 0.0)
     assert framer.feed(b"Kz", 2.0) == [b"Kz"]
 
@@ -87,7 +87,7 @@ def test_a_release_is_always_carried_out_and_at_once(release: bytes) -> None:
     start = release[:4] + b"\x05\0\0\0"
     for length in range(1, 8):
         for gap in (1.1, 2.0):
-            framer = Framer()
+            framer = NexStarFramer()
             framer.feed(start[:length], 0.0)
             assert framer.feed(release, gap) == [release]
             assert framer.feed(b"", gap + 0.2) == []
@@ -99,7 +99,7 @@ def test_a_release_is_always_carried_out_and_at_once(release: bytes) -> None:
 
 def test_a_cancel_is_always_carried_out() -> None:
     for half in (b"K", b"T", b"P\x02", b"W", b"r34A", b"r34AB0500,12CE05"):
-        framer = Framer()
+        framer = NexStarFramer()
         framer.feed(half, 0.0)
         assert framer.feed(b"M", 1.5) == [b"M"]
         assert framer.feed(b"", 1.7) == []
@@ -115,7 +115,7 @@ def test_what_is_neither_moves_nothing() -> None:
 @some
 @given(st.binary(min_size=1, max_size=8), st.lists(st.tuples(st.floats(0, 5), st.binary(max_size=20)), max_size=12))
 def test_random_bytes_pile_up_nowhere(half: bytes, arrivals: list[tuple[float, bytes]]) -> None:
-    framer, now = Framer(), 0.0
+    framer, now = NexStarFramer(), 0.0
     framer.feed(half, now)
     for wait, data in arrivals:
         now += wait

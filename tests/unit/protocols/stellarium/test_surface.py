@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from gateway.clients.access import Access, networks
+from gateway.clients.access import AccessRules, networks
 from gateway.clients.strangers import Piece, StrangerFilter
-from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import ConnectionRefused
@@ -47,8 +47,12 @@ def heard(program: Visitor) -> list[Position]:
     ]
 
 
-def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access(), **others: Any) -> Stage:
-    return Stage(mount, start=START, driven=driven, presented="stellarium", named=True, access=access, **others)
+def stage(
+    mount: str = "6-8se", driven: str = "nexstar", access: AccessRules = AccessRules(), **others: Any
+) -> RehearsalMount:
+    return RehearsalMount(
+        mount, start=START, driven=driven, presented="stellarium", named=True, access=access, **others
+    )
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
@@ -108,7 +112,7 @@ def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
 
 def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
     async def program() -> None:
-        async with stage(access=Access(read_only=True)) as own:
+        async with stage(access=AccessRules(read_only=True)) as own:
             client = own.client()
             client.tell(goto(*CRAB))
             await asyncio.sleep(1.5)
@@ -119,7 +123,7 @@ def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
 
 def test_who_is_not_allowed_is_told_nothing() -> None:
     async def program() -> None:
-        async with stage(access=Access(networks(["192.0.2.0/24"]))) as own:
+        async with stage(access=AccessRules(networks(["192.0.2.0/24"]))) as own:
             with pytest.raises(ConnectionRefused):
                 own.client("198.51.100.1")
             client = own.client("192.0.2.7")

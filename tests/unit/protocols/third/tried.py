@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from gateway.cli import main
-from gateway.diagnostics.rehearsal.stage import Stage
+from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 
@@ -29,7 +29,7 @@ def said(*arguments: str) -> tuple[int, str]:
 
 async def pushed() -> list[bytes]:
     """What a program of the toy protocol hears that has said nothing, in two seconds; then what it asks for."""
-    async with Stage("6-8se", start=START, presented="toy", named=True) as stage:
+    async with RehearsalMount("6-8se", start=START, presented="toy", named=True) as stage:
         program = stage.client()
         await asyncio.sleep(2.2)
         heard = program.heard.splitlines(keepends=True)

@@ -230,6 +230,6 @@ def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     assert name is not None
     mount = load("nexstar")
     row = load("lx200").surface[name[0].name]
-    kind = command_outcomes.Kind(model, SPECS["nexstar"].counts_as(version))
+    kind = command_outcomes.MountKind(model, SPECS["nexstar"].counts_as(version))
     assert command_outcomes.outcome(row, mount, kind) == outcome
     assert bool(run(program())) == (outcome == "translated")

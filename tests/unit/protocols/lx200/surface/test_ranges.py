@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from gateway.clients.access import Access
+from gateway.clients.access import AccessRules
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support.each import each
@@ -244,7 +244,7 @@ def test_a_focus_speed_that_is_none_changes_nothing() -> None:
 )
 def test_whoever_only_looks_is_told_no_by_everything_that_sets(setting: bytes) -> None:
     async def play() -> None:
-        async with Bridge("cpc", surface="lx200gps", access=Access(read_only=True)) as bridge:
+        async with Bridge("cpc", surface="lx200gps", access=AccessRules(read_only=True)) as bridge:
             client = bridge.client()
             before = await client.ask(b":GG#")
             no = b"" if setting.startswith(b":hI") else b"0"

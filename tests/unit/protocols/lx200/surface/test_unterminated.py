@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.lx200.framing import LONGEST, Framer, stops
+from gateway.protocols.lx200.framing import LONGEST, Lx200Framer, stops
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 from tests.support.examples import some
@@ -135,7 +135,7 @@ def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
     st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1),
 )
 def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pauses: list[float]) -> None:
-    framer, now, frames = Framer(), 0.0, list[bytes]()
+    framer, now, frames = Lx200Framer(), 0.0, list[bytes]()
     for number, piece in enumerate([*before, b":", b"Q", b"#"]):
         now += pauses[number % len(pauses)]
         frames += framer.feed(piece, now)
@@ -200,7 +200,7 @@ def test_a_setter_without_end_that_is_too_long_is_refused(way: str) -> None:
 
 @each("endless", [b":Sr1", b":LM1:W2:Rx", b":S\xff", b"\x06", b":Sr1\x06"])
 def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
-    framer = Framer()
+    framer = Lx200Framer()
     assert framer.feed(b":Sr1:Sd1" + endless * 4_000, 0.0) == []
     assert len(framer._frame) <= LONGEST and len(framer._text) <= LONGEST
     assert len(framer._unterminated) <= len(load("lx200").commands)
@@ -279,9 +279,9 @@ def test_a_command_typed_by_hand_is_on_its_own() -> None:
 
 
 def test_the_frames_say_what_they_are() -> None:
-    frames = Framer().feed(b":GR#:SMfoo:Sr07:00\x06:MS#:Mn#\x06:Q#", 0.0)
+    frames = Lx200Framer().feed(b":GR#:SMfoo:Sr07:00\x06:MS#:Mn#\x06:Q#", 0.0)
     assert frames == [b":GR#", b":SMfoo:Sr07:00:MS#", b":Mn#", b"\x06", b":Q#"]
     assert [type(frame) for frame in frames] == [bytes, Unterminated, Suspect, bytes, Suspect]
-    assert Framer().feed(b":SMa:Mn#:SMb:Me#", 0.0) == [b":SMa:Mn#", b":SMb:Me#"]
+    assert Lx200Framer().feed(b":SMa:Mn#:SMb:Me#", 0.0) == [b":SMa:Mn#", b":SMb:Me#"]
     refused = frames[1]
     assert isinstance(refused, Unterminated) and refused.names == ("SM", "Sr") and not refused.late

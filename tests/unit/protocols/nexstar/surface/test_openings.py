@@ -8,7 +8,7 @@ from collections.abc import Callable
 from copy import copy
 
 from gateway.core import operations as op
-from gateway.protocols.nexstar.framing import Framer
+from gateway.protocols.nexstar.framing import NexStarFramer
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
@@ -75,7 +75,7 @@ def done(talk: Talk) -> list[op.Operation]:
 
 
 def _after(opening: bytes, behind: bytes) -> list[bytes]:
-    return Framer().feed(opening + behind, 100.0)
+    return NexStarFramer().feed(opening + behind, 100.0)
 
 
 def test_every_opening_of_one_and_two_bytes() -> None:
@@ -89,7 +89,7 @@ def test_every_opening_of_one_and_two_bytes() -> None:
     assert len(strangers) == 256 - len(LENGTHS) - 6
     behind_it = {one: ones[one[0] % few :: few] if one in strangers else ones for one in ones}
     for opening in [*ones, *(one + other for one in ones for other in behind_it[one])]:
-        framer = Framer()
+        framer = NexStarFramer()
         frames = framer.feed(opening, 100.0)
         assert all(len(frame) == LENGTHS[chr(frame[0])] for frame in frames), opening
         behind = framer.feed(GOTO, 100.05)
@@ -125,7 +125,7 @@ def _cut(data: bytes) -> list[bytes]:
 
 @each("way", WAYS)
 def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) -> None:
-    framer, at = Framer(), 0.0
+    framer, at = NexStarFramer(), 0.0
     for piece in WAYS[way](b"\xffR34AB,12CExEKz"):
         assert framer.feed(piece, at) == []
         at += BYTE
@@ -137,7 +137,7 @@ def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) ->
 @each("way", WAYS)
 def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
     sent = b"?E#e\r\n\0 Kyy1#xt\x02LB7FFF,FFFFF1C7ZP\x02\x10\x24\x00\x00\x00\x00\x00e"
-    framer, frames, at = Framer(), list[bytes](), 0.0
+    framer, frames, at = NexStarFramer(), list[bytes](), 0.0
     for piece in WAYS[way](sent):
         frames += framer.feed(piece, at)
         at += BYTE
@@ -154,13 +154,13 @@ def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
         b"P\x02\x10\x24\x00\x00\x00\x00",
         b"e",
     ]
-    assert Framer().feed(b"y1", 0.0) == [b"y"] and Framer().feed(b"1E", 0.0) == []
+    assert NexStarFramer().feed(b"y1", 0.0) == [b"y"] and NexStarFramer().feed(b"1E", 0.0) == []
 
 
 def test_a_digit_behind_a_wake_is_dropped_once() -> None:
-    assert Framer().feed(b"y11E", 0.0) == [b"y"]
-    assert Framer().feed(b"y1E", 0.0) == [b"y", b"E"]
-    assert Framer().feed(b"yE1E", 0.0) == [b"y", b"E"]
+    assert NexStarFramer().feed(b"y11E", 0.0) == [b"y"]
+    assert NexStarFramer().feed(b"y1E", 0.0) == [b"y", b"E"]
+    assert NexStarFramer().feed(b"yE1E", 0.0) == [b"y", b"E"]
 
 
 # --- the surface ----------------------------------------------------------------------------------------------------
