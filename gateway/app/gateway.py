@@ -36,7 +36,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
-from gateway.core.requests import Answer, Halt, Request
+from gateway.core.requests import Answer, Request, StopOrHold
 from gateway.core.wire_log import WireLog
 from gateway.mount.context import Context
 from gateway.mount.controller import MountController
@@ -179,7 +179,7 @@ class Gateway:
 
     async def _carry_out(self, request: Request) -> Answer:
         """Carry out a request of the control endpoint. A stop loads nothing from a disk that may be broken."""
-        if isinstance(request, Halt):
+        if isinstance(request, StopOrHold):
             assert self.store is not None
             return await halt(request, self.controller, self.store)
         return await self.request_handler.take(request)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from gateway.app.gateway import Gateway
 from gateway.core.operations import Direction
-from gateway.core.requests import FAILED, Answer, LetGo, Press, new_number
+from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyRequest, new_number
 
 
 class HeldKey(NamedTuple):
@@ -69,7 +69,7 @@ class Arrows:
         return self._controller.spawn(self._move(direction, held))
 
     async def _move(self, direction: Direction, held: HeldKey) -> Answer:
-        request = Press(direction, held.rate, number=held.request, who=self._who)
+        request = PressRequest(direction, held.rate, number=held.request, who=self._who)
         answer = await self._gateway.request_handler.take(request)
         if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
@@ -77,7 +77,7 @@ class Arrows:
         return answer
 
     def _let_go(self, held: HeldKey, lost: bool) -> None:
-        request = LetGo(lost, number=held.request, who=self._who)
+        request = ReleaseKeyRequest(lost, number=held.request, who=self._who)
         self._controller.spawn(self._gateway.request_handler.take(request))
 
     async def repeat(self) -> None:

@@ -92,11 +92,12 @@ class ReleaseArrow(Struct, frozen=True, tag="let_go"):
 
 
 #: What a view-only page may ask for, besides a stop.
-Looks = Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.Look
+Looks = Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.ReadSlowRequest
 #: What of the common requests a page may ask for.
 Common = (
-    requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Home | requests.Track | requests.Guide
-    | requests.TellTime | requests.TellSite | requests.TellGuideRate | requests.Narrow | requests.Halt
+    requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest
+    | requests.HomeRequest | requests.TrackRequest | requests.GuideRequest | requests.SetClockRequest
+    | requests.SetSiteRequest | requests.SetGuideRateRequest | requests.NarrowLimitsRequest | requests.StopOrHold
 )  # fmt: skip
 Wish = Looks | Record | Jog | Common
 #: What a page calls otherwise than ``core/requests.py``.

@@ -25,7 +25,7 @@ from gateway.console.shown.view import COARSE, coordinates, on_page
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Answer, Named, Stop, Target
+from gateway.core.requests import Answer, Named, StopRequest, Target
 from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
@@ -177,7 +177,7 @@ class PageSession:
                     {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
                 )
             return
-        if len(self._tasks) >= AT_ONCE and not isinstance(wish, Stop | messages.ReleaseArrow):
+        if len(self._tasks) >= AT_ONCE and not isinstance(wish, StopRequest | messages.ReleaseArrow):
             self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
@@ -209,7 +209,7 @@ class PageSession:
 
     async def _do(self, message: Message) -> None:
         mounts, wish = self._mounts, message.wish
-        if isinstance(wish, Stop):
+        if isinstance(wish, StopRequest):
             chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
             answers = await asyncio.gather(*(gateway.request_handler.take(wish) for gateway in chosen))
             words = "; ".join(dict.fromkeys(answer.words for answer in answers))

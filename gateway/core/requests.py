@@ -53,31 +53,31 @@ class Base(Struct, frozen=True, kw_only=True):
     who: str = ""
 
 
-class Goto(Base, frozen=True, tag="goto"):
+class GotoRequest(Base, frozen=True, tag="goto"):
     """Slew to a target and track it."""
 
     where: Target
 
 
-class Sync(Base, frozen=True, tag="sync"):
+class SyncRequest(Base, frozen=True, tag="sync"):
     """Tell the mount that it points at this target now."""
 
     where: Target
 
 
-class Park(Base, frozen=True, tag="park"):
+class ParkRequest(Base, frozen=True, tag="park"):
     """Go to the park position."""
 
 
-class Home(Base, frozen=True, tag="home"):
+class HomeRequest(Base, frozen=True, tag="home"):
     """Go to the home position."""
 
 
-class Unpark(Base, frozen=True, tag="unpark"):
+class UnparkRequest(Base, frozen=True, tag="unpark"):
     """Unpark the mount, or wake it, so that it tracks."""
 
 
-class Move(Base, frozen=True, tag="move"):
+class MoveRequest(Base, frozen=True, tag="move"):
     """Move by hand for some seconds, at the rate of the hand control's key 1 to 9."""
 
     direction: Direction
@@ -85,54 +85,57 @@ class Move(Base, frozen=True, tag="move"):
     seconds: float
 
 
-class Press(Base, frozen=True, tag="press"):
-    """Move by hand until ``LetGo``. Repeating the request keeps the motion alive (dead man's switch)."""
+class PressRequest(Base, frozen=True, tag="press"):
+    """Move by hand until ``ReleaseKeyRequest``. Repeating the request keeps the motion alive (dead man's switch)."""
 
     direction: Direction
     key: int
 
 
-class LetGo(Base, frozen=True, tag="let go"):
-    """End the motion that ``Press`` began under this number. One that has not begun is a tap; ``lost`` drops it."""
+class ReleaseKeyRequest(Base, frozen=True, tag="let go"):
+    """End the motion that ``PressRequest`` began under this number.
+
+    One that has not begun is a tap; ``lost`` drops it.
+    """
 
     lost: bool = False
 
 
-class Track(Base, frozen=True, tag="track"):
+class TrackRequest(Base, frozen=True, tag="track"):
     """Turn tracking on or off; optionally set the rate: ``sidereal``, ``lunar`` or ``solar``."""
 
     on: bool = True
     rate: Literal["sidereal", "lunar", "solar"] | None = None
 
 
-class TellTime(Base, frozen=True, tag="time"):
+class SetClockRequest(Base, frozen=True, tag="time"):
     """Set the mount's clock: UTC as Unix seconds, and local time minus UTC in hours."""
 
     unix: Annotated[float, Meta(ge=0.0, le=4e9)]
     offset: Annotated[float, Meta(ge=-14.0, le=14.0)]
 
 
-class TellSite(Base, frozen=True, tag="site"):
+class SetSiteRequest(Base, frozen=True, tag="site"):
     """Set the mount's site."""
 
     latitude: Annotated[float, Meta(ge=-90.0, le=90.0)]
     longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
-class Guide(Base, frozen=True, tag="guide"):
+class GuideRequest(Base, frozen=True, tag="guide"):
     """Guide in a direction on the sky for some milliseconds."""
 
     direction: Direction
     ms: Annotated[int, Meta(ge=1, le=5000)]
 
 
-class TellGuideRate(Base, frozen=True, tag="guide rate"):
+class SetGuideRateRequest(Base, frozen=True, tag="guide rate"):
     """Set the guide rate of both axes, as a fraction of sidereal."""
 
     rate: Annotated[float, Meta(gt=0.0, le=1.0)]
 
 
-class Narrow(Base, frozen=True, tag="narrow"):
+class NarrowLimitsRequest(Base, frozen=True, tag="narrow"):
     """Narrow the limits of altitude, nearness to the Sun and hour angle past the meridian until the gateway ends.
 
     None: as the configuration has it.
@@ -144,57 +147,59 @@ class Narrow(Base, frozen=True, tag="narrow"):
     hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None
 
 
-class Perform(Base, frozen=True, tag="perform"):
+class OperationRequest(Base, frozen=True, tag="perform"):
     """Carry out an operation of ``core/operations``, by its name and fields; the words of the answer are JSON."""
 
     operation: str
     fields: dict[str, Any] = {}
 
 
-class Look(Struct, frozen=True, tag="look"):
+class ReadSlowRequest(Struct, frozen=True, tag="look"):
     """Ask the mount for what is polled for nobody: the side of its pier and its drive rate, a multiple of sidereal."""
 
 
-class Follow(Struct, frozen=True, tag="follow"):
+class ProgressRequest(Struct, frozen=True, tag="follow"):
     """Ask for the progress of the request with this number."""
 
     number: str
 
 
-class End(Struct, frozen=True, tag="end"):
+class CancelRequest(Struct, frozen=True, tag="end"):
     """Cancel the request with this number: end the motion that it began, and no other."""
 
     number: str
 
 
-class See(Struct, frozen=True, tag="see"):
+class StateRequest(Struct, frozen=True, tag="see"):
     """Ask for everything that is known of the mount (a ``State``); unless ``fresh`` without asking the mount."""
 
     fresh: bool = True
 
 
-class Stop(Struct, frozen=True, tag="stop"):
+class StopRequest(Struct, frozen=True, tag="stop"):
     """End every motion; done when the mount is seen at rest. ``who`` asks for it, empty for the command."""
 
     who: str = ""
 
 
-class Hold(Struct, frozen=True, tag="hold"):
-    """Stop, and let nothing move the mount until ``Release``, over restarts too."""
+class HoldRequest(Struct, frozen=True, tag="hold"):
+    """Stop, and let nothing move the mount until ``ReleaseHoldRequest``, over restarts too."""
 
     who: str = ""
 
 
-class Release(Struct, frozen=True, tag="release"):
+class ReleaseHoldRequest(Struct, frozen=True, tag="release"):
     """End the hold."""
 
     who: str = ""
 
 
-Halt = Stop | Hold | Release
+StopOrHold = StopRequest | HoldRequest | ReleaseHoldRequest
 Request = (
-    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Guide | Track | TellTime | TellSite | TellGuideRate
-    | Narrow | Perform | Look | Follow | End | See | Halt
+    GotoRequest | SyncRequest | ParkRequest | HomeRequest | UnparkRequest | MoveRequest | PressRequest
+    | ReleaseKeyRequest | GuideRequest | TrackRequest | SetClockRequest | SetSiteRequest | SetGuideRateRequest
+    | NarrowLimitsRequest | OperationRequest | ReadSlowRequest | ProgressRequest | CancelRequest | StateRequest
+    | StopOrHold
 )  # fmt: skip
 
 #: The outcome of a request: carried out, still in progress, not carried out.
@@ -202,7 +207,7 @@ DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
 
 
 class Answer(NamedTuple):
-    """What became of a request, and words for whoever asked; of ``See`` they are a ``State`` as JSON.
+    """What became of a request, and words for whoever asked; of ``StateRequest`` they are a ``State`` as JSON.
 
     ``fault`` is the class of the error, if it failed and one of ``core/errors.py`` says why.
     """

@@ -19,7 +19,7 @@ from gateway.app.config.checks import ALL
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.core.about import version
-from gateway.core.requests import Goto, Home, Named, Park, Stop, Unpark
+from gateway.core.requests import GotoRequest, HomeRequest, Named, ParkRequest, StopRequest, UnparkRequest
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import show
 from gateway.fleet.client import LARGEST, BrokerAccess, Connect
@@ -31,7 +31,11 @@ WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
 #: The orders of one word, besides stop.
-PLAIN: dict[str, type[Park | Unpark | Home]] = {"park": Park, "wake": Unpark, "home": Home}
+PLAIN: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
+    "park": ParkRequest,
+    "wake": UnparkRequest,
+    "home": HomeRequest,
+}
 GOTO = "goto"
 
 #: Called with the result of an order: ``done`` or ``failed``, and words.
@@ -101,13 +105,13 @@ class Orders:
         self._tasks.spawn(self._stopped())
 
     async def _stopped(self) -> None:
-        answer = await self._gateway.request_handler.take(Stop())
+        answer = await self._gateway.request_handler.take(StopRequest())
         self._report(answer.outcome, f"stop: {answer.words}")
 
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            request = Goto(Named(rest), who=WHO) if word == GOTO else PLAIN[word](who=WHO)
+            request = GotoRequest(Named(rest), who=WHO) if word == GOTO else PLAIN[word](who=WHO)
             answer = await self._gateway.request_handler.take(request)
         finally:
             self._busy = False

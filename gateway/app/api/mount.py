@@ -103,19 +103,19 @@ class Mount:
 
         ``j2000``: the position is one of a catalogue. Raises Invalid for what is no number, or no declination.
         """
-        await self._ask(requests.Goto(_spot(op.Goto(ra, dec), j2000)))
+        await self._ask(requests.GotoRequest(_spot(op.Goto(ra, dec), j2000)))
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
-        await self._ask(requests.Goto(checked(requests.Named(name))))
+        await self._ask(requests.GotoRequest(checked(requests.Named(name))))
 
     async def park(self) -> None:
         """Slew to the park position and turn tracking off; return when the mount has accepted it."""
-        await self._ask(requests.Park())
+        await self._ask(requests.ParkRequest())
 
     async def unpark(self) -> None:
         """Take a parked or sleeping mount up again, so that it tracks."""
-        await self._ask(requests.Unpark())
+        await self._ask(requests.UnparkRequest())
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until the goto, park or home of this program has ended, or if it has none under way until no program has
@@ -147,28 +147,28 @@ class Mount:
 
     async def _under_way(self) -> bool:
         if self._goal:
-            return (await self._answer(requests.Follow(self._goal))).outcome == requests.UNDER_WAY
+            return (await self._answer(requests.ProgressRequest(self._goal))).outcome == requests.UNDER_WAY
         return await self.perform(op.Slewing())
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        await self._ask(requests.Sync(_spot(op.Sync(ra, dec), j2000)))
+        await self._ask(requests.SyncRequest(_spot(op.Sync(ra, dec), j2000)))
 
     async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
         """Press an arrow for so long, at the rate of the hand control's key 1 to 9; the gateway itself releases it."""
-        await self._ask(requests.Move(direction=direction, key=key, seconds=seconds), seconds)
+        await self._ask(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
         """End every motion, whoever began it, ahead of all else; return when the mount is seen at rest."""
-        await self._answer(requests.Stop(self._who))
+        await self._answer(requests.StopRequest(self._who))
 
     async def hold(self) -> None:
         """Stop the mount, and let nothing move it until it is released, over restarts of the gateway too."""
-        await self._answer(requests.Hold(self._who))
+        await self._answer(requests.HoldRequest(self._who))
 
     async def release(self) -> None:
         """End ``hold``."""
-        await self._answer(requests.Release(self._who))
+        await self._answer(requests.ReleaseHoldRequest(self._who))
 
     # --- any operation ------------------------------------------------------------------------------------------------
 
@@ -188,13 +188,13 @@ class Mount:
     # --- requests -----------------------------------------------------------------------------------------------------
 
     async def _state(self, fresh: bool) -> State:
-        return msgspec.json.decode((await self._answer(requests.See(fresh))).words, type=State)
+        return msgspec.json.decode((await self._answer(requests.StateRequest(fresh))).words, type=State)
 
     async def _ask(self, request: requests.Base, lasts: float = 0.0) -> str:
         """Have a request carried out, and return the gateway's words. Raises Fault."""
         named = cast(requests.Request, checked(replace(request, who=self._who)))
         words = (await self._answer(named, lasts)).words
-        if isinstance(request, requests.Goto | requests.Park):
+        if isinstance(request, requests.GotoRequest | requests.ParkRequest):
             self._goal = request.number
         return words
 

@@ -24,15 +24,15 @@ _S = TypeVar("_S", bound=Struct)
 EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
 
 
-def packed(operation: op.Operation[AnswerT], number: str) -> requests.Perform:
+def packed(operation: op.Operation[AnswerT], number: str) -> requests.OperationRequest:
     """Return the request for an operation. Raises Invalid for what is no operation, and for a wrong field."""
     if not isinstance(operation, op.Operation):
         raise Invalid(f"{repr(operation)[:40]} is no operation; write one like op.Position().")
     fields: dict[str, Any] = msgspec.to_builtins(_in_range(checked(operation)), enc_hook=_plain)
-    return requests.Perform(number=number, operation=type(operation).__name__, fields=fields)
+    return requests.OperationRequest(number=number, operation=type(operation).__name__, fields=fields)
 
 
-def unpacked(request: requests.Perform) -> op.Operation[Any]:
+def unpacked(request: requests.OperationRequest) -> op.Operation[Any]:
     """Return the operation of a request. Raises Invalid."""
     if (kind := op.named(request.operation)) is None:
         raise Invalid(f"There is no operation {request.operation[:40]!r}.")

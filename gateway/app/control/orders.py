@@ -1,4 +1,4 @@
-"""Carries out the requests ``Stop``, ``Hold`` and ``Release``.
+"""Carries out the requests ``Stop``, ``HoldRequest`` and ``ReleaseHoldRequest``.
 
 A request is done only if that was verified: the mount was seen at rest. Every other answer says what went wrong.
 """
@@ -10,7 +10,7 @@ import asyncio
 from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault, told
-from gateway.core.requests import DONE, FAILED, Answer, Halt, Hold, Release
+from gateway.core.requests import DONE, FAILED, Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
@@ -23,20 +23,20 @@ ACKNOWLEDGED = 5.0
 LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
 
 
-async def halt(request: Halt, controller: MountController, store: StateStore) -> Answer:
+async def halt(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
     """Stop, hold or release the mount."""
     who = request.who or WHO
     answer = await _answer(request, who, controller, store)
-    controller.wire_log.put(who, "*", note=f"{type(request).__name__}: {answer.words}")
+    controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.words}")
     return answer
 
 
-async def _answer(request: Halt, who: str, controller: MountController, store: StateStore) -> Answer:
-    if isinstance(request, Release):
+async def _answer(request: StopOrHold, who: str, controller: MountController, store: StateStore) -> Answer:
+    if isinstance(request, ReleaseHoldRequest):
         trouble = await _on_disk(store, held=False)
         controller.hold.on = False
         return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
-    if not isinstance(request, Hold):
+    if not isinstance(request, HoldRequest):
         return await stopped(controller, who)
     controller.hold.on = True
     answer, trouble = await asyncio.gather(stopped(controller, who), _on_disk(store, held=True))

@@ -23,7 +23,7 @@ from gateway.app.control.exchange import ControlEndpoint, left_moving
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.app.status import State
 from gateway.core.errors import NoAnswer
-from gateway.core.requests import FAILED, Answer, Request, See, encode, new_number
+from gateway.core.requests import FAILED, Answer, Request, StateRequest, encode, new_number
 from gateway.system import processes
 from gateway.system.files import directory
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
@@ -202,7 +202,7 @@ async def request(endpoint: ControlEndpoint, request: Request, seconds: float = 
 
 async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:
     """Return what a gateway knows of its mount; if it does not tell, the answer that says why."""
-    answer = await request(endpoint, See(fresh), seconds)
+    answer = await request(endpoint, StateRequest(fresh), seconds)
     try:
         return msgspec.json.decode(answer.words, type=State)
     except msgspec.MsgspecError:

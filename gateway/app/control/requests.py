@@ -51,24 +51,21 @@ class ActiveRequest:
         self.pressed: tuple[op.Direction, int] | None = None
 
 
-#: The names of requests for people, if they are not those of their classes.
-TITLES = {
-    "Press": "Arrow", "LetGo": "Release of an arrow", "TellTime": "Time", "TellSite": "Site",
-    "TellGuideRate": "Guide rate", "Narrow": "Limits",
-}  # fmt: skip
+#: The names of requests for people, if they are not their tags.
+TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "Limits"}
 
 
-def title(request: object) -> str:
+def title(request: msgspec.Struct) -> str:
     """Return the kind of a request in words, to begin a line of the log."""
     if (kind := _operation(request)) is not None:
         return kind.title()
-    name = type(request).__name__
-    return TITLES.get(name, name)
+    tag = str(request.__struct_config__.tag)
+    return TITLES.get(tag, tag.capitalize())
 
 
 def _operation(request: object) -> type[op.Operation] | None:
     """Return the kind of operation that is asked for; None for every other request."""
-    return op.named(request.operation) if isinstance(request, requests.Perform) else None
+    return op.named(request.operation) if isinstance(request, requests.OperationRequest) else None
 
 
 async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:
@@ -110,11 +107,13 @@ class RequestHandler:
 
     async def take(self, request: requests.Request) -> Answer:
         """Carry out a request. A name becomes a position before."""
-        if isinstance(request, requests.Halt):
+        if isinstance(request, requests.StopOrHold):
             assert self._gateway.store is not None
             return await halt(request, self._controller, self._gateway.store)
         named = "It"
-        if isinstance(request, requests.Goto | requests.Sync) and isinstance(request.where, requests.Named):
+        if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
+            request.where, requests.Named
+        ):
             named = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
@@ -126,20 +125,20 @@ class RequestHandler:
             if self._controller.stops != stops:
                 return Answer(FAILED, explain(Stopped(), self._controller.policy.limits), Stopped.__name__)
         match request:
-            case requests.See():
+            case requests.StateRequest():
                 if request.fresh:
                     await self._refresh()
                 return Answer(DONE, msgspec.json.encode(self.state()).decode())
-            case requests.Look():
+            case requests.ReadSlowRequest():
                 return Answer(DONE, msgspec.json.encode(await self._look()).decode())
-            case requests.Follow():
+            case requests.ProgressRequest():
                 return await self._follow(request.number)
-            case requests.End():
+            case requests.CancelRequest():
                 return await self._cancel(request.number)
         assert isinstance(request, requests.Base)
         what, wire_log = title(request), self._controller.wire_log
         active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
-        kept_alive = isinstance(request, requests.Press) and active.pressed is not None
+        kept_alive = isinstance(request, requests.PressRequest) and active.pressed is not None
         asks = issubclass(_operation(request) or op.Operation, op.Read)
         try:
             words = await self._do(request, active)
@@ -150,7 +149,7 @@ class RequestHandler:
             told = explain(fault, self._controller.policy.limits)
             return Answer(FAILED, named + told[2:] if told.startswith("It is") else told, type(fault).__name__)
         if not (asks or kept_alive):
-            answer = "" if isinstance(request, requests.Perform) else f": {words}"
+            answer = "" if isinstance(request, requests.OperationRequest) else f": {words}"
             wire_log.put(active.activity.who, "*", note=f"{what}{answer}")
         return Answer(DONE, words)
 
@@ -167,49 +166,49 @@ class RequestHandler:
 
     async def _do(self, request: Any, active: ActiveRequest) -> str:
         match request:
-            case requests.Goto():
+            case requests.GotoRequest():
                 active.goal = await of_date(self._controller, request.where)
                 await self._perform(op.Goto(active.goal.ra, active.goal.dec), active)
                 return f"it goes to {format_position(active.goal)}"
-            case requests.Sync():
+            case requests.SyncRequest():
                 goal = await of_date(self._controller, request.where)
                 await self._perform(op.Sync(goal.ra, goal.dec), active)
                 return f"it points to {format_position(goal)} from now on"
-            case requests.Park():
+            case requests.ParkRequest():
                 active.is_park = True
                 await self._perform(op.Park(), active)
                 return "it goes to its park position"
-            case requests.Home():
+            case requests.HomeRequest():
                 await self._perform(op.Home(), active)
                 return "it goes to its home position"
-            case requests.Press():
+            case requests.PressRequest():
                 return await self._press(request, active)
-            case requests.LetGo():
+            case requests.ReleaseKeyRequest():
                 return await self._let_go(request, active)
-            case requests.Track():
+            case requests.TrackRequest():
                 return await self._track(request, active)
-            case requests.TellTime():
+            case requests.SetClockRequest():
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
-            case requests.TellSite():
+            case requests.SetSiteRequest():
                 holds = self._controller.settings.holds_for()
                 self._controller.site_clock.confirmed = op.Place(request.latitude, request.longitude)
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return f"the site is set; it holds for {holds}" if holds else "the site is set"
-            case requests.Guide():
+            case requests.GuideRequest():
                 await self._perform(op.Pulse(request.direction, request.ms, sky=True), active)
                 return f"it was guided {request.direction.word} for {request.ms} ms"
-            case requests.TellGuideRate():
+            case requests.SetGuideRateRequest():
                 for axis in (1, 2):
                     await self._controller.perform(op.SetGuideRate(axis, request.rate), None, active.activity)
                 return f"the guide rate is {request.rate:g} of sidereal"
-            case requests.Narrow():
+            case requests.NarrowLimitsRequest():
                 asked = {name: getattr(request, name) for name in ("lowest", "highest", "sun", "hour_angle")}
                 return f"allowed now: {self._controller.narrow(**asked)}"
-            case requests.Unpark():
+            case requests.UnparkRequest():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "it is in service again, and tracks"
-            case requests.Perform():
+            case requests.OperationRequest():
                 return await self._carry_out_operation(unpacked(request), active)
         return await self._move(request, active)
 
@@ -233,7 +232,7 @@ class RequestHandler:
         except TimeoutError:
             raise Busy from None
 
-    async def _move(self, request: requests.Move, active: ActiveRequest) -> str:
+    async def _move(self, request: requests.MoveRequest, active: ActiveRequest) -> str:
         """Begin a motion by hand, wait, and end it. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.dead_man
         if not 0.0 < request.seconds <= longest or not 1 <= request.key <= 9:
@@ -253,7 +252,7 @@ class RequestHandler:
             raise Stopped
         return f"it was moved {request.direction.word} for {lasted:.1f} s"
 
-    async def _press(self, request: requests.Press, active: ActiveRequest) -> str:
+    async def _press(self, request: requests.PressRequest, active: ActiveRequest) -> str:
         """Begin a motion by hand, or keep it alive. Raises Fault."""
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
@@ -272,7 +271,7 @@ class RequestHandler:
                 raise
         return f"it is moved {request.direction.word}"
 
-    async def _let_go(self, request: requests.LetGo, active: ActiveRequest) -> str:
+    async def _let_go(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
         """End the motion that ``Press`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
         if active.pressed is not None and self._holds(active):
@@ -287,7 +286,7 @@ class RequestHandler:
             and holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
         )
 
-    async def _track(self, request: requests.Track, active: ActiveRequest) -> str:
+    async def _track(self, request: requests.TrackRequest, active: ActiveRequest) -> str:
         """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""
         if request.rate is not None:
             await self._perform(op.TrackRate(request.rate), active)

@@ -18,7 +18,7 @@ from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.app.control.reach import Scope, ask, explain_unreachable, is_own, reachable, search, unreachable_gateways
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
-from gateway.core.requests import FAILED, Answer, Halt, Release
+from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
 from gateway.mount.readings.rest import come_to_rest
 from gateway.system.processes import age
 
@@ -37,8 +37,8 @@ class StopReport(Struct):
     others: set[str] = field(default_factory=set)
 
 
-async def order_all(scope: Scope, only: str | None, request: Halt) -> StopReport:
-    """Send a request to every gateway in the scope; unless it is ``Release``, also stop mounts left moving.
+async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> StopReport:
+    """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
     All mounts are served at once: a gateway that does not answer, or a doubt, must not keep another mount moving.
     """
@@ -67,7 +67,7 @@ async def order_all(scope: Scope, only: str | None, request: Halt) -> StopReport
             )
             if mount not in meant and mount not in markers
         }
-        if isinstance(request, Release) or attempt > 0:
+        if isinstance(request, ReleaseHoldRequest) or attempt > 0:
             markers.clear()
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         answers_by_mount = await asyncio.gather(
@@ -91,7 +91,7 @@ async def order_all(scope: Scope, only: str | None, request: Halt) -> StopReport
 
 
 async def _order_mount(
-    gateways: Sequence[tuple[Path, ControlEndpoint]], request: Halt, left: tuple[Path, MarkerContent] | None
+    gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, left: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
     """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
     asked = await asyncio.gather(*(ask(endpoint, request, LONGEST) for _, endpoint in gateways))

@@ -24,9 +24,7 @@ from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
 #: Makes a request from the arguments. Raises UserError.
-Make: TypeAlias = Callable[
-    [argparse.Namespace], "requests.Goto | requests.Sync | requests.Park | requests.Unpark | requests.Move"
-]
+Make: TypeAlias = Callable[[argparse.Namespace], requests.Request]
 
 GOTO = """\
 Examples:
@@ -60,7 +58,7 @@ def add_goto(commands: Commands) -> None:
     )  # fmt: skip
     add_place(goto)
     _add_wait(goto)
-    _add_request(goto, lambda arguments: requests.Goto(place(arguments)))
+    _add_request(goto, lambda arguments: requests.GotoRequest(place(arguments)))
 
 
 def add_sync(commands: Commands) -> None:
@@ -71,7 +69,7 @@ def add_sync(commands: Commands) -> None:
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
     )  # fmt: skip
     add_place(sync)
-    _add_request(sync, lambda arguments: requests.Sync(place(arguments)))
+    _add_request(sync, lambda arguments: requests.SyncRequest(place(arguments)))
 
 
 def add_move(commands: Commands) -> None:
@@ -106,7 +104,7 @@ def add_park(commands: Commands) -> None:
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
     _add_wait(park)
-    _add_request(park, lambda _: requests.Park())
+    _add_request(park, lambda _: requests.ParkRequest())
 
 
 def add_unpark(commands: Commands) -> None:
@@ -115,7 +113,7 @@ def add_unpark(commands: Commands) -> None:
         description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip
-    _add_request(unpark, lambda _: requests.Unpark())
+    _add_request(unpark, lambda _: requests.UnparkRequest())
 
 
 def _add_wait(command: Parser) -> None:
@@ -128,10 +126,10 @@ def _add_request(command: Parser, make: Make) -> None:
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
 
 
-def _move(arguments: argparse.Namespace) -> requests.Move:
+def _move(arguments: argparse.Namespace) -> requests.MoveRequest:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    return requests.Move(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
+    return requests.MoveRequest(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
@@ -140,7 +138,7 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     from gateway.app.control.reach import request as send
 
     request = make(arguments)
-    lasting = request.seconds if isinstance(request, requests.Move) else 0.0
+    lasting = request.seconds if isinstance(request, requests.MoveRequest) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
         answer = await unless(done, send(endpoint, request, lasting + ANSWERED))
@@ -150,7 +148,7 @@ def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
             answer = await _follow(endpoint, request.number, done)
         if answer is not None:
             return gateway_client.report(answer)
-        gateway_client.report(await send(endpoint, requests.End(request.number)))
+        gateway_client.report(await send(endpoint, requests.CancelRequest(request.number)))
         return 1
 
     return gateway_client.run_with_gateway(arguments, work)
@@ -162,7 +160,7 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
-    request = requests.Follow(number)
+    request = requests.ProgressRequest(number)
     try:
         while True:
             answer = await unless(done, send(endpoint, request))

@@ -15,7 +15,7 @@ from typing import TextIO
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.gateway_client import add_which, no_such_mount
 from gateway.core.errors import UserError, told
-from gateway.core.requests import Hold, Release, Stop
+from gateway.core.requests import HoldRequest, ReleaseHoldRequest, StopRequest
 from gateway.system import streams
 
 EXAMPLES = """\
@@ -50,7 +50,7 @@ def _stop(arguments: argparse.Namespace) -> int:
     from gateway.app.control.reach import scope_of
     from gateway.app.control.stop_command import order_all
 
-    request = Hold() if arguments.hold else Release() if arguments.release else Stop()
+    request = HoldRequest() if arguments.hold else ReleaseHoldRequest() if arguments.release else StopRequest()
     word = str(request.__struct_config__.tag)
     if arguments.mount and word != "stop":
         raise UserError(f"stop --{word} is for all mounts of a state folder: leave --mount out")

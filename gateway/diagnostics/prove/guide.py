@@ -241,7 +241,7 @@ class GuidedCheck:
                 was, now = ("on", "off") if before else ("off", "on")
                 why = telescope.switched_off if before else ""
                 self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'that was not done here'}.")
-            elif not (answer := await telescope.ask(requests.Track(on=False, who=WHO))).done:
+            elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=WHO))).done:
                 self._person.say(f"Its tracking was off: {answer.words}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------

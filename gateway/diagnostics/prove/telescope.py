@@ -159,7 +159,7 @@ class CheckedMount:
 
     async def look(self) -> TimedPosition:
         """Ask the mount for its position and status. Raises Ended."""
-        await self.ask(requests.See())
+        await self.ask(requests.StateRequest())
         self.check()
         if self.latest is None:
             raise Ended("the mount has not told its position")
@@ -197,7 +197,7 @@ class CheckedMount:
         self._places.clear()
         self.mine = True
         try:
-            answer = await self.ask(requests.Press(direction=direction, key=key, number=number, who=WHO))
+            answer = await self.ask(requests.PressRequest(direction=direction, key=key, number=number, who=WHO))
             if refused := self._refused(answer):
                 return Motion(refused=refused)
             began, changed, count = self.now(), self.now(), 0
@@ -210,7 +210,7 @@ class CheckedMount:
                 if speed > FAST and self.now() > changed + UNCHANGED:
                     break
         finally:
-            await self.ask(requests.LetGo(number=number, who=WHO, lost=True))
+            await self.ask(requests.ReleaseKeyRequest(number=number, who=WHO, lost=True))
         ended = self.now()
         places = tuple(place for place in self._places if place.asked > began and place.at < ended)
         after = await self.rest()
@@ -231,13 +231,13 @@ class CheckedMount:
         where = requests.Spot(goal.ra % 360.0, goal.dec)
         self.mine, controller, over = True, self.controller, False
         try:
-            answer = await self.ask(requests.Goto(where=where, number=number, who=WHO))
+            answer = await self.ask(requests.GotoRequest(where=where, number=number, who=WHO))
             if refused := self._refused(answer):
                 return refused
             over = await self.until(lambda: not (controller.slewing or controller.wanted.goto_waits), seconds)
         finally:
             if not over:
-                await self.ask(requests.End(number))
+                await self.ask(requests.CancelRequest(number))
         return ""
 
     def _refused(self, answer: requests.Answer) -> str:

@@ -30,12 +30,12 @@ def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, cancelle
             await bridge.controller.perform(op.Goto(120.0, 30.0))
             await polled(bridge, 80)
             handler = bridge.gateway.request_handler
-            await handler.take(requests.Park(number="n1", who="me"))
+            await handler.take(requests.ParkRequest(number="n1", who="me"))
             await polled(bridge, 3)
             if cancelled:
                 Owner(bridge, "nexstar").keys("cancel")
             await polled(bridge, 5 if cancelled else 120)
-            answer = await handler.take(requests.Follow(number="n1"))
+            answer = await handler.take(requests.ProgressRequest(number="n1"))
             parked = (await bridge.controller.perform(op.GetActivity())).parked
             assert bridge.driver.parked is parked is not cancelled
             assert bool(bridge.sim.tracking) is cancelled

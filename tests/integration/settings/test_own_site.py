@@ -238,7 +238,7 @@ def test_it_is_told_for_whom_a_site_of_a_page_holds(
         async with Bridge(model, version or "4.21", config=config, aligned=aligned) as bridge:
             other = bridge.client()
             await other.ask(b":GR#", until=b"#")
-            request = requests.TellSite(40.0, 20.0, number="1", who="the console at 10.0.0.5")
+            request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
             answer = await bridge.gateway.request_handler.take(request)
             assert answer.done and answer.words.startswith(f"the site is set; it holds for {holds}")
             await asyncio.sleep(5)

@@ -17,8 +17,8 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
-from gateway.core.requests import Answer, Halt, Release
-from gateway.core.requests import Hold as HoldIt
+from gateway.core.requests import Answer, ReleaseHoldRequest, StopOrHold
+from gateway.core.requests import HoldRequest as HoldIt
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
@@ -52,7 +52,7 @@ def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() 
                 held.admit(operation)
 
 
-async def _order(bridge: Bridge, request: Halt) -> Answer:
+async def _order(bridge: Bridge, request: StopOrHold) -> Answer:
     assert bridge.store is not None
     return await halt(request, bridge.controller, bridge.store)
 
@@ -96,7 +96,7 @@ def test_no_program_moves_a_held_mount(
                 assert bridge.sim.tracking <= tracking, command
             assert any("The mount is held. To release it" in entry.note for entry in bridge.entries), "it is in the log"
             assert await client.ask(b":GR#" if presented == "lx200" else b"e")
-            assert await _order(bridge, Release()) == RELEASED
+            assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
             client.tell(said[0])
             assert not await _rests(bridge)
 
@@ -126,7 +126,7 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             assert await _order(bridge, HoldIt()) == HELD
             assert await _rests(bridge)
             assert bridge.sim.tracking, "it follows the sky as before"
-            await _order(bridge, Release())
+            await _order(bridge, ReleaseHoldRequest())
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
@@ -150,7 +150,7 @@ def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -
             ]
             second.client().tell(b":RS#:Mn#")
             assert await _rests(second)
-            assert await _order(second, Release()) == RELEASED
+            assert await _order(second, ReleaseHoldRequest()) == RELEASED
             second.client().tell(b":RS#:Mn#")
             assert not await _rests(second)
         async with Bridge(state=tmp_path, on=first) as third:
@@ -178,7 +178,7 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
             )
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)
-            assert await _order(bridge, Release()) == RELEASED
+            assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
 
     run(program())
 

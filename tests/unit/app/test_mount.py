@@ -184,7 +184,7 @@ def test_a_gateway_checks_what_comes_from_other_languages(
 ) -> None:
     async def program() -> None:
         async with opened(WAYS[1], tmp_path) as (_, bridge):
-            answer = await bridge.gateway.request_handler.take(requests.Perform(operation=name, fields=fields))
+            answer = await bridge.gateway.request_handler.take(requests.OperationRequest(operation=name, fields=fields))
             assert not answer.done and answer.fault == "Invalid" and words in answer.words
 
     run(program())
@@ -231,7 +231,7 @@ def test_a_motion_by_hand_lasts_while_the_program_asks_something(way: str, tmp_p
         async with opened(way, tmp_path) as (mount, bridge):
             await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
             for _ in range(100):  # so many others come and go meanwhile
-                await bridge.gateway.request_handler.take(requests.Goto(where=requests.Spot(400.0, 0.0)))
+                await bridge.gateway.request_handler.take(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
                 await asyncio.sleep(0.2)
                 await mount.position()
             assert (await mount.status()).look.by_hand
@@ -348,9 +348,9 @@ def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
 
     async def send(wish: requests.Request, _: float) -> requests.Answer:
         match wish:
-            case requests.See():
+            case requests.StateRequest():
                 return requests.Answer(requests.DONE, msgspec.json.encode(lost).decode())
-            case requests.Follow():
+            case requests.ProgressRequest():
                 return requests.Answer(requests.UNDER_WAY, "")
         return requests.Answer(requests.DONE, "null")
 

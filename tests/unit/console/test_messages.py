@@ -25,13 +25,13 @@ def read(do: str, **fields: Any) -> Any:
 @each(
     ("sent", "wish"),
     [
-        ({"do": "goto", "name": "M42"}, requests.Goto(requests.Named("M42"), **MINE)),
-        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.Goto(requests.Spot(83.0, 22.0), **MINE)),
-        ({"do": "sync", "ra": 1, "dec": 2, "j2000": True}, requests.Sync(requests.Spot(1.0, 2.0, True), **MINE)),
-        ({"do": "wake"}, requests.Unpark(**MINE)),
-        ({"do": "track", "on": False}, requests.Track(on=False, **MINE)),
-        ({"do": "site", "latitude": 48, "longitude": 11}, requests.TellSite(48.0, 11.0, **MINE)),
-        ({"do": "stop"}, requests.Stop(ME)),
+        ({"do": "goto", "name": "M42"}, requests.GotoRequest(requests.Named("M42"), **MINE)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.GotoRequest(requests.Spot(83.0, 22.0), **MINE)),
+        ({"do": "sync", "ra": 1, "dec": 2, "j2000": True}, requests.SyncRequest(requests.Spot(1.0, 2.0, True), **MINE)),
+        ({"do": "wake"}, requests.UnparkRequest(**MINE)),
+        ({"do": "track", "on": False}, requests.TrackRequest(on=False, **MINE)),
+        ({"do": "site", "latitude": 48, "longitude": 11}, requests.SetSiteRequest(48.0, 11.0, **MINE)),
+        ({"do": "stop"}, requests.StopRequest(ME)),
         ({"do": "let_go", "direction": "north", "press": 3}, messages.ReleaseArrow("north", 3)),
     ],
 )
@@ -43,7 +43,7 @@ def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeyp
 def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
     def gateway(answer: requests.Answer) -> Any:
         async def take(wish: object) -> requests.Answer:
-            return answer if wish == requests.Stop(ME) else requests.Answer("failed", str(wish))
+            return answer if wish == requests.StopRequest(ME) else requests.Answer("failed", str(wish))
 
         return SimpleNamespace(controller=None, request_handler=SimpleNamespace(take=take))
 
@@ -68,7 +68,7 @@ def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
 
 def test_a_page_speaks_for_nobody_else() -> None:
     park = read("park", who="mqtt", number="1", type="home")
-    assert isinstance(park, requests.Park) and park.who == ME and len(park.number) == 16
+    assert isinstance(park, requests.ParkRequest) and park.who == ME and len(park.number) == 16
 
 
 @each(

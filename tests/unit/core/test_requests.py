@@ -12,13 +12,14 @@ from gateway.core.requests import decode, encode
 
 LINES = {
     '{"type":"goto","number":"a1","who":"","where":{"type":"spot","ra":83.6,"dec":22.0,"j2000":true}}':
-        requests.Goto(requests.Spot(83.6, 22.0, j2000=True), number="a1"),
+        requests.GotoRequest(requests.Spot(83.6, 22.0, j2000=True), number="a1"),
     '{"type":"sync","number":"a1","who":"mqtt","where":{"type":"body","name":"Moon"}}':
-        requests.Sync(requests.Body("Moon"), number="a1", who="mqtt"),
+        requests.SyncRequest(requests.Body("Moon"), number="a1", who="mqtt"),
     '{"type":"press","number":"a1","who":"me","direction":"n","key":7}':
-        requests.Press(Direction.NORTH, 7, number="a1", who="me"),
-    '{"type":"let go","number":"a1","who":"me","lost":true}': requests.LetGo(lost=True, number="a1", who="me"),
-    '{"type":"see","fresh":false}': requests.See(fresh=False),
+        requests.PressRequest(Direction.NORTH, 7, number="a1", who="me"),
+    '{"type":"let go","number":"a1","who":"me","lost":true}':
+        requests.ReleaseKeyRequest(lost=True, number="a1", who="me"),
+    '{"type":"see","fresh":false}': requests.StateRequest(fresh=False),
 }  # fmt: skip
 
 
@@ -29,7 +30,7 @@ def test_a_request_is_one_line_of_json() -> None:
 
 
 def test_every_request_has_a_number_of_its_own() -> None:
-    first, second = requests.Park(), requests.Park()
+    first, second = requests.ParkRequest(), requests.ParkRequest()
     assert first.number != second.number and len(first.number) == 16
 
 

@@ -24,7 +24,7 @@ Work = Callable[[requests.Request], Awaitable[Answer]]
 
 
 async def _good(request: requests.Request) -> Answer:
-    assert request == requests.Stop()
+    assert request == requests.StopRequest()
     return STOPPED
 
 
@@ -51,7 +51,7 @@ def _asked(folder: Path, carry_out: Work, secret: str | None = None) -> Answer |
         assert (endpoint.mount, endpoint.pid, endpoint.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
         if secret is not None:
             endpoint = msgspec.structs.replace(endpoint, secret=secret)
-        answer = await ask(endpoint, requests.Stop(), 60.0)
+        answer = await ask(endpoint, requests.StopRequest(), 60.0)
         await served.close()
         assert read_endpoints(folder) == []
         return answer
@@ -91,7 +91,7 @@ def test_what_is_no_request_is_refused_in_words(tmp_path: Path, line: str) -> No
 
 
 def test_an_answer_may_be_long(tmp_path: Path) -> None:
-    assert _asked(tmp_path, _long) == asyncio.run(_long(requests.Stop()))  # type: ignore[arg-type]
+    assert _asked(tmp_path, _long) == asyncio.run(_long(requests.StopRequest()))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
@@ -159,7 +159,7 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
                 seal(endpoint.secret, "", ""),
             ):
                 stranger.sendto(data, ("127.0.0.1", endpoint.port))
-        assert await ask(endpoint, requests.Stop(), 60.0) == STOPPED
+        assert await ask(endpoint, requests.StopRequest(), 60.0) == STOPPED
         await served.close()
 
     asyncio.run(program())
@@ -186,7 +186,7 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
         served = Control([tmp_path], "m", "m", never)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        asking = asyncio.ensure_future(ask(endpoint, requests.Stop(), 60.0))
+        asking = asyncio.ensure_future(ask(endpoint, requests.StopRequest(), 60.0))
         await asyncio.sleep(0.2)
         await served.close()
         return await asking
@@ -216,7 +216,7 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
             os.mkfifo(tmp_path / "pipe.control")
         stale.write_bytes(msgspec.json.encode(endpoint))
         assert read_endpoints(tmp_path) == [(stale, endpoint)]
-        assert await ask(endpoint, requests.Stop(), 60.0) is None
+        assert await ask(endpoint, requests.StopRequest(), 60.0) is None
         served = Control([tmp_path], "nexstar@sim", "nexstar@sim", _good)
         await served.open()
         assert not stale.exists()
@@ -232,7 +232,7 @@ def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> 
         served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
-        assert (endpoint.state, await ask(endpoint, requests.Stop(), 60.0)) == (str(tmp_path / "full"), STOPPED)
+        assert (endpoint.state, await ask(endpoint, requests.StopRequest(), 60.0)) == (str(tmp_path / "full"), STOPPED)
         await served.close()
         nowhere = Control([tmp_path / "full"], "m", "m", _good)
         with pytest.raises(OSError, match="Not a directory"):

@@ -23,7 +23,7 @@ from gateway.transport.web_server import WebServer
 from tests.support import exact_sky
 from tests.support.in_process_gateway import Bridge
 
-NORTH = requests.Move(Direction.NORTH, 7, 3.0, number="m")
+NORTH = requests.MoveRequest(Direction.NORTH, 7, 3.0, number="m")
 CRAB = requests.Spot(83.633, 22.014)
 
 
@@ -46,12 +46,12 @@ class Owner:
         return str(await self.request_handler.take(wish))
 
     async def see(self) -> State:
-        return msgspec.json.decode((await self.request_handler.take(requests.See())).words, type=State)
+        return msgspec.json.decode((await self.request_handler.take(requests.StateRequest())).words, type=State)
 
     async def outcome(self, number: str) -> str:
         """What came of it in the end."""
         for _ in range(300):
-            answer = await self.wish(requests.Follow(number))
+            answer = await self.wish(requests.ProgressRequest(number))
             if not answer.startswith("under way"):
                 return answer
             await asyncio.sleep(1)
@@ -66,7 +66,7 @@ def test_a_goto_arrives_and_says_so() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            assert await owner.wish(requests.Goto(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
+            assert await owner.wish(requests.GotoRequest(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
             state = await owner.see()
             assert state.wanted[0].startswith("a goto to 05:34:32 +22°00'50\", asked for 0 s ago by mount-gateway goto")
             assert state.look.slewing
@@ -87,7 +87,7 @@ def test_a_stop_counts_for_a_goto_whose_name_is_still_looked_up(monkeypatch: pyt
                 return CRAB
 
             monkeypatch.setattr("gateway.app.control.requests.asyncio.to_thread", slowly)
-            asked = loop.create_task(Owner(bridge).wish(requests.Goto(requests.Named("M 1"), number="g")))
+            asked = loop.create_task(Owner(bridge).wish(requests.GotoRequest(requests.Named("M 1"), number="g")))
             await began.wait()
             await bridge.controller.stop("the page")
             assert (await asked).startswith("failed")
@@ -100,7 +100,9 @@ def test_a_stop_counts_for_a_goto_whose_name_is_still_looked_up(monkeypatch: pyt
 def test_a_catalogue_s_place_is_brought_to_date() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            answer = await Owner(bridge).wish(requests.Goto(requests.Spot(83.633, 22.014, j2000=True), number="g"))
+            answer = await Owner(bridge).wish(
+                requests.GotoRequest(requests.Spot(83.633, 22.014, j2000=True), number="g")
+            )
             assert answer == "done it goes to 05:36:06 +22°01'55\""
 
     run(program())
@@ -115,11 +117,11 @@ def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             take = Owner(bridge).request_handler.take
-            answer = await take(requests.Goto(requests.Named("Aldebaran"), number="g"))
+            answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
             assert answer.done and answer.words.startswith("it goes to 04:37:")
-            low = await take(requests.Goto(requests.Named("canopus"), number="l"))
+            low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
             assert low.words.startswith("Canopus is below the horizon (-")
-            unknown = await take(requests.Goto(requests.Named("Aldebarran"), number="h"))
+            unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
             assert not unknown.done and "did you mean Aldebaran" in unknown.words
 
     run(program())
@@ -129,13 +131,13 @@ def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            await owner.wish(requests.Goto(CRAB, number="g", who="a page"))
-            await owner.wish(requests.Goto(requests.Spot(10.0, -80.0), who="a page"))
-            await owner.wish(requests.End("g"))
+            await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
+            await owner.wish(requests.GotoRequest(requests.Spot(10.0, -80.0), who="a page"))
+            await owner.wish(requests.CancelRequest("g"))
             for _ in range(3):  # the first presses, the others keep it alive
-                await owner.wish(requests.Press(Direction.NORTH, 7, number="p", who="a page"))
-            await owner.wish(requests.LetGo(number="p", who="a page"))
-            for silent in (requests.See(), requests.Look(), requests.Follow("g")):
+                await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="p", who="a page"))
+            await owner.wish(requests.ReleaseKeyRequest(number="p", who="a page"))
+            for silent in (requests.StateRequest(), requests.ReadSlowRequest(), requests.ProgressRequest("g")):
                 await owner.wish(silent)
             said = [(entry.side, entry.arrow, entry.note) for entry in bridge.entries if entry.arrow in "*!"]
             asked = [entry for entry in said if entry[0] == "a page"]
@@ -154,10 +156,10 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": 15.0}) as bridge:
             owner = Owner(bridge)
-            answer = await owner.wish(requests.Goto(requests.Spot(83.6, -70.0), number="g"))
+            answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
             assert answer.startswith("failed It is below the lowest altitude, 15°")
             assert not moves(bridge)
-            far = await owner.wish(requests.Sync(requests.Spot(200.0, 40.0), number="s"))
+            far = await owner.wish(requests.SyncRequest(requests.Spot(200.0, 40.0), number="s"))
             assert far.startswith("failed Sync refused: ")
             told = (await owner.see()).lately[-1]
             assert ": Sync refused: " in told and "Sync: " not in told
@@ -206,7 +208,7 @@ def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
 def test_no_move_is_longer_than_the_dead_man_lives() -> None:
     async def program() -> None:
         async with Bridge(config={"dead_man": 5.0}) as bridge:
-            answer = await Owner(bridge).wish(requests.Move(Direction.NORTH, 7, 6.0, number="m"))
+            answer = await Owner(bridge).wish(requests.MoveRequest(Direction.NORTH, 7, 6.0, number="m"))
             assert answer == "failed An arrow may be pressed for up to 5 s (--dead-man) at a rate of 1 to 9."
             assert not moves(bridge)
 
@@ -217,16 +219,16 @@ def test_taken_back_it_ends_at_once() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(requests.Move(Direction.WEST, 9, 20.0, number="m")))
+            wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
             await asyncio.sleep(2)
-            assert (await owner.wish(requests.End("m"))).startswith("done")
+            assert (await owner.wish(requests.CancelRequest("m"))).startswith("done")
             assert (await wish).startswith("done it was moved west for 1.")
             await asyncio.sleep(2)
             assert not moves(bridge)
-            await owner.wish(requests.Goto(CRAB, number="g"))
+            await owner.wish(requests.GotoRequest(CRAB, number="g"))
             await asyncio.sleep(2)
             assert moves(bridge)
-            assert await owner.wish(requests.End("g")) == "done the mount was stopped"
+            assert await owner.wish(requests.CancelRequest("g")) == "done the mount was stopped"
             await asyncio.sleep(2)
             assert not moves(bridge)
 
@@ -237,11 +239,11 @@ def test_what_another_has_begun_since_is_not_ended() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.Goto(CRAB, number="g"))
+            await owner.wish(requests.GotoRequest(CRAB, number="g"))
             await asyncio.sleep(1)
             assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
             await asyncio.sleep(1)
-            assert await owner.wish(requests.End("g")) == "done nothing that was begun here is under way"
+            assert await owner.wish(requests.CancelRequest("g")) == "done nothing that was begun here is under way"
             assert bridge.controller.slewing
             assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
 
@@ -252,8 +254,8 @@ def test_taken_back_before_it_came_it_is_not_begun() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
-            await owner.wish(requests.End("g"))
-            assert (await owner.wish(requests.Goto(CRAB, number="g"))).startswith("failed It was cancelled.")
+            await owner.wish(requests.CancelRequest("g"))
+            assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("failed It was cancelled.")
             await asyncio.sleep(2)
             assert not moves(bridge)
 
@@ -264,11 +266,11 @@ def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.Goto(CRAB, number="g"))
+            await owner.wish(requests.GotoRequest(CRAB, number="g"))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert (await owner.outcome("g")).startswith("failed it was stopped on the way by 127.0.0.1")
-            wish = asyncio.ensure_future(owner.wish(requests.Move(Direction.WEST, 9, 20.0, number="m")))
+            wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
             await asyncio.sleep(2)
             client.tell(b":Q#")
             assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
@@ -283,13 +285,13 @@ def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             owner, client = Owner(bridge), bridge.client()
-            press = requests.Press(Direction.NORTH, 7, number="p")
+            press = requests.PressRequest(Direction.NORTH, 7, number="p")
             assert await owner.wish(press) == "done it is moved north"
             client.tell(b":Q#")
             await asyncio.sleep(2)
             assert (await owner.wish(press)).startswith("failed Stopped.")
             assert not moves(bridge)
-            assert await owner.wish(requests.Press(Direction.NORTH, 7, number="q")) == "done it is moved north"
+            assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
     run(program())
 
@@ -298,7 +300,7 @@ def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
     async def program() -> None:
         async with Bridge(latency=0.5) as bridge:
             owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(requests.Goto(CRAB, number="g")))
+            wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
             while not bridge.controller.wanted.value.active:
                 await asyncio.sleep(0.05)
             assert not [line for line in (await owner.see()).wanted if "not begun yet" in line]
@@ -311,10 +313,10 @@ def test_parked_and_taken_up_again() -> None:
     async def program() -> None:
         async with Bridge(config={"lowest": -5.0}) as bridge:
             owner = Owner(bridge)
-            assert (await owner.wish(requests.Park(number="p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
             assert not truth_of(bridge.sim).tracking
-            assert (await owner.wish(requests.Unpark(number="u"))).startswith("done it is in service again")
+            assert (await owner.wish(requests.UnparkRequest(number="u"))).startswith("done it is in service again")
             assert truth_of(bridge.sim).tracking
 
     run(program())
@@ -324,9 +326,9 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
     async def program() -> None:
         async with Bridge(aligned=False) as bridge:
             owner = Owner(bridge)
-            assert "Align it at the hand control" in await owner.wish(requests.Goto(CRAB, number="g"))
+            assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
             bridge.controller.hold.on = True
-            assert "mount-gateway stop --release" in await owner.wish(requests.Goto(CRAB, number="h"))
+            assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
             assert "held: nothing moves it until mount-gateway stop --release" in (await owner.see()).allowed
 
     run(program())
@@ -336,7 +338,7 @@ def test_a_place_that_is_not_on_the_sky_is_refused() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             place = requests.Spot(400.0, 0.0)
-            assert (await Owner(bridge).wish(requests.Goto(place))).startswith("failed There is no such place")
+            assert (await Owner(bridge).wish(requests.GotoRequest(place))).startswith("failed There is no such place")
 
     run(program())
 
@@ -383,13 +385,13 @@ def test_a_meade_takes_the_same_wishes() -> None:
         async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
             owner = Owner(bridge)
             assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
-            assert (await owner.wish(requests.Goto(CRAB, number="g"))).startswith("done it goes to 05:34:32")
+            assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("done it goes to 05:34:32")
             assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-            assert (await owner.wish(requests.Goto(requests.Body("Jupiter"), number="j"))).startswith(
+            assert (await owner.wish(requests.GotoRequest(requests.Body("Jupiter"), number="j"))).startswith(
                 "done it goes to 07:"
             )
-            assert (await owner.wish(requests.End("j"))) == "done the mount was stopped"
-            assert (await owner.wish(requests.Park(number="p"))).startswith("done it goes to its park position")
+            assert (await owner.wish(requests.CancelRequest("j"))) == "done the mount was stopped"
+            assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
 
     run(program())
@@ -400,10 +402,10 @@ def test_many_wishes_leave_nothing_behind() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
             for number in range(200):
-                await owner.wish(requests.End(str(number)))
+                await owner.wish(requests.CancelRequest(str(number)))
             await asyncio.sleep(61)
             for number in range(200, 270):
-                await owner.wish(requests.End(str(number)))
+                await owner.wish(requests.CancelRequest(str(number)))
             assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2
 
     run(program())

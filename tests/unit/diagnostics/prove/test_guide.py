@@ -120,9 +120,9 @@ def _pull(proven: Proven, person: Onlooker) -> None:
 def _program(proven: Proven, person: Onlooker) -> None:
     """Another program presses an arrow, and lets it go."""
     take, number = proven.gateway.request_handler.take, requests.new_number()
-    press = requests.Press(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
+    press = requests.PressRequest(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
     proven.loop.create_task(take(press))
-    proven.loop.call_later(3.0, lambda: proven.loop.create_task(take(requests.LetGo(number=number))))
+    proven.loop.call_later(3.0, lambda: proven.loop.create_task(take(requests.ReleaseKeyRequest(number=number))))
 
 
 def _keys(proven: Proven, person: Onlooker) -> None:
@@ -389,9 +389,9 @@ def test_tracking_that_another_program_turns_on_stays_on() -> None:
     async def play() -> None:
         async with Proven() as proven:
             take = proven.gateway.request_handler.take
-            await take(requests.Track(on=False, who=WHO))
+            await take(requests.TrackRequest(on=False, who=WHO))
             person = Onlooker("ssyq")
-            on = requests.Track(on=True, who="192.168.1.7")
+            on = requests.TrackRequest(on=True, who="192.168.1.7")
             person.when["rate 9 north/south"] = lambda: proven.loop.create_task(take(on))
             with patch.object(small_motions, "KEYS", (9,)):
                 await proven.check(person)

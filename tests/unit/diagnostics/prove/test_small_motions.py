@@ -140,7 +140,7 @@ def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
 
     async def play() -> None:
         async with Proven(mount, change=lambda proven: _moves(proven, lambda *_: 0.0)) as proven:
-            await proven.gateway.request_handler.take(requests.Track(on=False, who=WHO))
+            await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=WHO))
             await asyncio.sleep(5.0)
             telescope = CheckedMount(proven.gateway)
             telescope.begin()
