@@ -24,7 +24,11 @@ from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
 #: Makes a request from the arguments. Raises UserError.
-Make: TypeAlias = Callable[[argparse.Namespace], requests.Request]
+Make: TypeAlias = Callable[
+    [argparse.Namespace],
+    "requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest"
+    " | requests.MoveRequest",
+]
 
 GOTO = """\
 Examples:
