@@ -27,6 +27,8 @@ from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver, Remark
 
+FASTEST = op.Rate(name="max")
+
 
 class Context:
     """The driver, the operator's policy, the log, the loop's clock, background tasks, and the shared values.
@@ -88,7 +90,7 @@ class Context:
     @property
     def fastest(self) -> float:
         """The speed of the mount's fastest motion, degrees a second."""
-        return self.driver.speed(op.Rate(name="max"))
+        return self.driver.speed(FASTEST)
 
     def speed(self, moving: op.Move | op.MoveAxis) -> float:
         """Return the speed of a motion by hand, degrees a second."""

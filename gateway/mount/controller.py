@@ -48,8 +48,8 @@ _T = TypeVar("_T")
 
 class MountController:
     """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
-    operation cannot succeed. ``peek`` answers a read at once if that needs no exchange, ``read`` waits if it does, and
-    ``read_now`` asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
+    operation cannot succeed. ``peek`` answers a client's read at once if that needs no exchange, ``answer`` waits if it
+    does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
     again, and ``touch`` notes that they were. ``announcers``: see ``Reconciler``.
     """
 
@@ -185,6 +185,11 @@ class MountController:
             answer = NOT_CACHED
         return cast(_T, answer)
 
+    async def answer(self, operation: op.Operation[_T], activity: HostActivity | None = None) -> _T:
+        """Return the answer to a read, from the cache if it is there. Raises Fault."""
+        cached = self.peek(operation, activity.program if activity is not None else NOBODY)
+        return await self.perform(operation, activity=activity) if cached is NOT_CACHED else cached
+
     async def preview(self, goal: op.Equatorial) -> Fault | None:
         """Return what a goto there would be refused with now; None if the mount would be sent there.
 
@@ -210,7 +215,7 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        The client ``asked`` at this loop time (by default now), when there had been so many ``stops``; it stops waiting
+        A read asks the mount, whatever is cached (``answer`` looks there first). The client ``asked`` at this loop time (by default now), when there had been so many ``stops``; it stops waiting
         after ``patience`` seconds.
         """
         program = activity.program if activity is not None else NOBODY

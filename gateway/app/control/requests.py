@@ -81,13 +81,13 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
         reads = op.ToEquinoxOfDate(where.ra % 360.0, where.dec)
     else:
         return op.Equatorial(where.ra % 360.0, where.dec)
-    return await controller.perform(reads)
+    return await controller.answer(reads)
 
 
 async def _know_site(controller: MountController) -> None:
     """Wait for the mount's site if none is known yet; what needs one says so if there is none."""
     with contextlib.suppress(Fault):
-        await controller.perform(op.GetSite())
+        await controller.answer(op.GetSite())
 
 
 class RequestHandler:
@@ -228,6 +228,8 @@ class RequestHandler:
             raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
+                if isinstance(operation, op.Read):
+                    return await self._controller.answer(operation, active.activity)
                 return await self._controller.perform(operation, active.stops, active.activity, PATIENCE)
         except TimeoutError:
             raise Busy from None
@@ -362,7 +364,7 @@ class RequestHandler:
         for name, read in {**reads, "drive": op.DriveRate()}.items():
             with contextlib.suppress(Fault, TimeoutError):
                 async with asyncio.timeout(SIGHT):
-                    told[name] = await controller.perform(read)
+                    told[name] = await controller.answer(read)
         return told
 
     async def _refresh(self) -> None:
@@ -373,4 +375,4 @@ class RequestHandler:
         with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(SIGHT):
                 for read in (op.Position(), op.Slewing(), op.GetStatus()):
-                    await controller.perform(read)
+                    await controller.answer(read)

@@ -241,13 +241,13 @@ class TurnRunner:
                     answer = self._recent_reading(wanted, turn)
                     if answer is not None:
                         continue
-                fault = self._refused(wanted, turn.arrived)
-                if fault is not None:
+                if not isinstance(wanted, Read):
+                    fault = self._refused(wanted, turn.arrived)
+                    if fault is None:
+                        return wanted
                     turn.reusable = False
                     continue
-                value = (
-                    self._controller.peek(wanted, self._activity.program) if isinstance(wanted, Read) else NOT_CACHED
-                )
+                value = self._controller.peek(wanted, self._activity.program)
                 if value is NOT_CACHED:
                     return wanted
                 if type(wanted) in MAX_AGE:
@@ -331,9 +331,7 @@ class TurnRunner:
 
     async def reading(self, operation: Operation) -> object:
         """Return a reading in this client's form, for a subscription. Raises Fault."""
-        value = self._controller.peek(operation, self._activity.program)
-        if value is NOT_CACHED:
-            value = await self._controller.perform(self._to_internal(operation), self._controller.stops, self._activity)
+        value: object = await self._controller.answer(self._to_internal(operation), self._activity)
         return value if self.equinox is None else self.equinox.to_client(operation, value)
 
     def _to_internal(self, operation: Operation) -> Operation:

@@ -48,8 +48,8 @@ AT_GOAL = 0.5
 
 
 class Reader:
-    """``peek`` answers clients from the cache, ``answer`` with an exchange if need be, within a timeout. All other
-    parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
+    """``peek`` answers clients from the cache; for what it does not find, ``answer`` asks the mount, within a timeout.
+    All other parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
 
     Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
     ``goto_over`` when the mount reports that a goto has ended, ``goto_missed`` in words if that is not at its goal.
@@ -101,10 +101,11 @@ class Reader:
             return value
         if (source := self.source(kind)) is not None:
             return self._calculate(kind, self.peek(source))
-        if value is NOT_CACHED:
-            return NOT_CACHED
-        entry = self._cache.entries[kind]
-        if entry.reading is None or entry.asked < self._cache.outdated:
+        return NOT_CACHED if value is NOT_CACHED else self._for_client(kind, self._cache.entries[kind])
+
+    def _for_client(self, kind: Kind, entry: Entry) -> object:
+        """Return a reported position as a client may get it now; NOT_CACHED if the mount must be asked (again)."""
+        if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated:
             return NOT_CACHED
         if not self._moves:
             return entry.value
@@ -222,7 +223,8 @@ class Reader:
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> object:
-        """Return the answer for a client, the last one if no new one arrives in time. Raises Fault if there is none."""
+        """Ask the mount for a client; return its last answer if no new one arrives in time. Raises Fault if it has none.
+        """
         kind = type(operation)
         try:
             async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):
@@ -237,25 +239,27 @@ class Reader:
         return answer
 
     async def _newest(self, operation: op.Operation) -> object:
-        """Return the mount's answer, from the cache or by an exchange. Raises Fault.
+        """Return the mount's answer by an exchange. Raises Fault.
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
-        kind = type(operation)
-        answer, value = NOT_CACHED, self.peek(kind)
+        kind, answer = type(operation), NOT_CACHED
         for _ in range(TRIES):
-            if value is NOT_CACHED and (source := self.source(kind)) is not None:
-                await self.answer(source())
-                value = self.peek(kind)
-            if value is not NOT_CACHED:
-                return value
+            if (source := self.source(kind)) is not None:
+                seen = self.peek(source)
+                value = self._calculate(kind, await self.answer(source()) if seen is NOT_CACHED else seen)
+                if value is not NOT_CACHED:
+                    return value
             answer = await self._shared_answer(operation)
             if kind is op.Slewing:
                 return answer or self._context.run_on.of_goto
             if kind not in POSITIONS:
                 return answer
-            value = self.peek(kind)
-        return answer if value is NOT_CACHED else value
+            if self.source(kind) is None:
+                value = self._for_client(kind, self._cache.entries[kind])
+                if value is not NOT_CACHED:
+                    return value
+        return answer
 
     async def answer_own(self, operation: op.Own, program: ProgramId) -> bytes:
         """Return the mount's own reply, cached or by an exchange that all waiting clients share. Raises Fault."""

@@ -223,10 +223,9 @@ class Surface:
 
         Raises NoTarget if a required field is missing.
         """
-        kind = operations.named(row.ask or "")
-        assert kind is not None
+        kind, needs = _asked(row.ask or "")
         fields: Values = {}
-        for field, required in _needs(kind):
+        for field, required in needs:
             value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
             if value is None and required:
                 raise NoTarget
@@ -264,9 +263,13 @@ def _refusal(command: Command, fault: Fault) -> bytes:
 
 
 @cache
-def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
-    """Return the fields of an operation, and whether each is required. Cached: the lookup takes longer than a reply."""
-    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
+def _asked(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
+    """Return the operation of that name, with its fields and whether each is required. Cached, because this takes
+    longer than a reply.
+    """
+    kind = operations.named(name)
+    assert kind is not None
+    return kind, tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
 def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
