@@ -23,7 +23,7 @@ from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
 from gateway.mount.link.queue import SETTING
-from gateway.mount.motion.changes import ended_short
+from gateway.mount.motion.changes import arrived, ended_short
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
@@ -49,8 +49,9 @@ _T = TypeVar("_T")
 class MountController:
     """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
     operation cannot succeed. ``peek`` answers a client's read at once if that needs no exchange, ``answer`` waits if it
-    does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh the last reading is. ``fresh_until`` returns how long answers may be given
-    again, and ``touch`` notes that they were. ``announcers``: see ``Reconciler``.
+    does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh the last reading is.
+    ``fresh_until`` returns how long answers may be given again, and ``touch`` notes that they were. ``announcers``: see
+    ``Reconciler``.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
@@ -93,7 +94,7 @@ class MountController:
         context.run_on.changed.connect(lambda until: reconciler.want(replace(reconciler.wanted, rests_by=until)))
         watch.must_stop.connect(reconciler.begin_stop)
         self.ends.again.connect(reconciler.send_again)
-        reader.goto_over.connect(reconciler.arrived)
+        reader.goto_over.connect(lambda _: reconciler.want(arrived(reconciler.wanted)))
         reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
         reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
         # Supervision of motions, identification, polling.
@@ -215,8 +216,8 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount, whatever is cached (``answer`` looks there first). The client ``asked`` at this loop time (by default now), when there had been so many ``stops``; it stops waiting
-        after ``patience`` seconds.
+        A read asks the mount, whatever is cached: ``answer`` looks there first. The client ``asked`` at this loop time
+        (by default now), when there had been so many ``stops``; it stops waiting after ``patience`` seconds.
         """
         program = activity.program if activity is not None else NOBODY
         if type(operation) in MAX_AGE:

@@ -191,7 +191,7 @@ class Identification:
             alone = not axes and not rests(before, after, slewing)
             if len(axes) == 1 and abs(turned[2 - min(axes)]) >= SLOW:
                 [axis] = axes
-                reconciler.halt(axis)
+                reconciler.take(op.StopAxis(axis), None, None)
                 context.note(f"axis {axis} still moved as the gateway had left it: it is stopped")
                 return
         if alone:

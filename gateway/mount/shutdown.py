@@ -14,6 +14,7 @@ import copy
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.context import Context
+from gateway.mount.motion import changes
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
@@ -28,7 +29,7 @@ LEFT = 1.0
 async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
     """Stop all motion and resume tracking; takes a few seconds at most, and raises nothing."""
     link = context.link
-    reconciler.refuse_earlier_orders()  # orders that still wait in a connection are not begun any more
+    reconciler.want(changes.without_earlier(reconciler.wanted))
     moved = reconciler.busy and link.state != "opening"
     if moved:
         await _stop(context, reconciler)

@@ -11,6 +11,7 @@ import contextlib
 from collections.abc import Callable
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
@@ -51,7 +52,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
         if left.motion is not None and controller.site_clock.host() - left.at >= RECENT:
             controller.identification.judge_first(left.motion)
         else:
-            controller.reconciler.owe_stop()
+            controller.reconciler.want(replace(controller.reconciler.wanted, owed=True))
 
 
 class StateStore:

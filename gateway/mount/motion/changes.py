@@ -36,6 +36,7 @@ from gateway.mount.motion.wanted import (
     ByHand,
     FocusMotion,
     GuidePulse,
+    Halt,
     Halted,
     NotOrdered,
     Order,
@@ -82,7 +83,7 @@ def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
     )  # fmt: skip
 
 
-def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:
+def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
     """Return the pending equal halt that serves for this one as well; None if there is none.
 
     A halt that waits behind a goto serves only if no other order came between the two.
@@ -91,8 +92,9 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Order | None:
         return None
     overtakes = not wanted.waiting_gotos
     for other in wanted.pending:
-        equal = other.operation == operation and not other.follow_up and not other.unless
-        if equal and other.overtakes is overtakes and (overtakes or other.asked == wanted.asked):
+        if not isinstance(other, Halt) or other.operation != operation or other.unless:
+            continue
+        if other.overtakes is overtakes and (overtakes or other.asked == wanted.asked):
             return other
     return None
 
@@ -129,13 +131,15 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
-def interrupted(wanted: Wanted, halt: Order) -> Wanted:
+def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
     """Let a halt interrupt the active order, if that can be begun again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
     if (
         halt.rank != FIRST
         or active is None
-        or not (isinstance(active.operation, RESTARTED_AFTER_END) or active.keeps_repeating)
+        or not (
+            isinstance(active.operation, RESTARTED_AFTER_END) or (isinstance(active, Halt) and active.keeps_repeating)
+        )
     ):
         return wanted
     pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
@@ -203,6 +207,7 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Apply the halt of one axis, which may end a whole goto, or be the release of an arrow that is still to move."""
+    assert isinstance(order, Halt)
     if order.ends_tap:
         return ended(wanted, order)
     if not wanted.waiting_gotos and (wanted.by_hand or not slewing) and (tapped := released(wanted, order)) is not None:
@@ -222,6 +227,7 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Put an end first, but behind a goto that it may have to end, and in order if a client keeps repeating it."""
+    assert isinstance(order, Halt)
     axis = axis_ended(order.operation)
     wanted = without_superseded(
         replace(wanted, pulses=tuple(pulse for pulse in wanted.pulses if pulse.axis != axis)), order.operation
@@ -287,7 +293,7 @@ def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None)
     wanted = removed(wanted, order)
     if isinstance(answer, PulseEnded):
         wanted = pulse_ended(wanted, answer)
-    if not isinstance(order.operation, ENDS) or order.follow_up:
+    if not isinstance(order, Halt):
         return wanted
     others = tuple(halt for halt in wanted.halted if halt.operation != order.operation)
     return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
@@ -298,21 +304,23 @@ def failed(wanted: Wanted, order: Order) -> Wanted:
     wanted = removed(wanted, order)
     if isinstance(order.operation, ENDS):
         wanted = replace(wanted, halted=tuple(halt for halt in wanted.halted if halt.operation != order.operation))
-    released = [other for other in wanted.pending if other.unless == order.number]
-    if not released:
-        return wanted
     pending = tuple(
-        replace(other, unless=0, rank=FIRST) if other.unless == order.number else other
+        replace(other, unless=0, rank=FIRST) if _waits_for(other, order) else other
         for other in wanted.pending
-        if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand
+        if not _waits_for(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
     )
     return replace(wanted, pending=pending)
+
+
+def _waits_for(halt: Order, goto: Order) -> bool:
+    """Whether this is a halt that becomes void once the goto has begun."""
+    return isinstance(halt, Halt) and halt.unless == goto.number
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
     """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
     unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
-    return order.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
+    return order.arrow.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
 def acknowledged(
@@ -324,7 +332,7 @@ def acknowledged(
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
-            void = {other.number for other in wanted.pending if other.unless == order.number or other.pulse_axis}
+            void = {other.number for other in wanted.pending if _waits_for(other, order) or other.pulse_axis}
             pending = tuple(other for other in wanted.pending if other.number not in void)
             slew, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
             moved = replace(wanted, motion=slew, homed=homed, slews=wanted.slews + 1, pulses=(), taps=())
@@ -347,6 +355,11 @@ def acknowledged(
         case op.Focus(direction=direction):
             return replace(wanted, focus=FocusMotion(order.by, now) if direction else None)
     return wanted
+
+
+def without_earlier(wanted: Wanted) -> Wanted:
+    """Refuse what clients asked for before now and what still waits in a connection."""
+    return replace(wanted, stops=wanted.stops + 1)
 
 
 def at_rest(wanted: Wanted) -> Wanted:

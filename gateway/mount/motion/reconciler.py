@@ -32,7 +32,7 @@ from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
 from gateway.mount.motion import changes, taps
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.stopping import StopSender
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, Arrow, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.protocols.base.driver import FollowUps, Schedule
@@ -124,27 +124,24 @@ class Reconciler:
         guides = isinstance(operation, op.Move) and taps.at_guide_rate(operation)
         exchange = self._link.typical_rtt if guides else 0.0
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # earlier orders would get no reply
-        order = Order(
+        kind = Halt if isinstance(operation, ENDS) else Order
+        order = kind(
             next(self._numbers),
             operation,
             by,
             rank=FIRST if wakes else IN_ORDER,
             at=now + exchange if guides else 0.0,
-            shortest=exchange / taps.LENGTHENED if guides and not self._driver.times_pulses else 0.0,
+            arrow=Arrow(shortest=exchange / taps.LENGTHENED if guides and not self._driver.times_pulses else 0.0),
             since=now if asked is None else asked,
             until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
         )
         try:
-            return self._order(order)
+            return self._accept(order)
         except Fault as fault:
             return waiting.failed(fault)
 
-    def halt(self, axis: int) -> None:
-        """End the motion of one axis."""
-        self._order(Order(next(self._numbers), op.StopAxis(axis), since=self._loop.time()))
-
-    def _order(self, order: Order) -> Outcome:
-        """Take an order, and return its outcome, or that of an equal pending halt. Raises Fault if it is refused."""
+    def _accept(self, order: Order) -> Outcome:
+        """Return the outcome of an order, or that of an equal pending halt. Raises Fault if it is refused."""
         after = changes.apply(self.wanted, order, self._loop.time(), self._movement.slewing)
         late = taps.dropped(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
         if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
@@ -182,6 +179,7 @@ class Reconciler:
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
     def want(self, wanted: Wanted) -> None:
+        """Replace what is wanted without an order, for what another part has seen or read."""
         self._want(wanted)
         self._start_next()
 
@@ -189,19 +187,7 @@ class Reconciler:
         """Carry out a follow-up after some seconds; it replaces an equal one that still waits."""
         self.want(changes.planned(self.wanted, later, next(self._numbers), self._loop.time()))
 
-    def arrived(self, _: None = None) -> None:
-        """Note that the mount reports the end of the goto."""
-        self._want(changes.arrived(self.wanted))
-
     # --- stops ------------------------------------------------------------------------------------------------------
-
-    def refuse_earlier_orders(self) -> None:
-        """Refuse operations that clients asked for before now and that were not ordered yet."""
-        self._put(replace(self.wanted, stops=self.wanted.stops + 1))
-
-    def owe_stop(self) -> None:
-        """Owe a stop, for a motion that an earlier run of the gateway left behind."""
-        self._put(replace(self.wanted, owed=True))
 
     def begin_stop(self, why: str | None = None) -> asyncio.Task[None]:
         """End every motion: cancel all orders that run or wait, and send the stop before everything else.
@@ -234,14 +220,10 @@ class Reconciler:
 
     # --- what is wanted ---------------------------------------------------------------------------------------------
 
-    def _put(self, wanted: Wanted) -> None:
-        self._state.value = wanted
-        self._state.changed.emit(wanted)
-
     def _want(self, wanted: Wanted) -> None:
         """Replace what is wanted, settle the outcomes of orders that are no longer wanted, and cancel work on them."""
         before = self.wanted
-        self._put(wanted)
+        self._state.put(wanted)
         for tap in wanted.taps:
             if tap not in before.taps:
                 self._loop.call_at(tap.until, self._end_tap, tap)
@@ -260,7 +242,7 @@ class Reconciler:
     def _end_tap(self, tap: Tap) -> None:
         """End the motion of an arrow that was released a while ago, unless something else has ended it."""
         if tap in self.wanted.taps and not self.closed:
-            self._order(Order(next(self._numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
+            self._accept(Halt(next(self._numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
 
     # --- the loop ---------------------------------------------------------------------------------------------------
 
@@ -283,7 +265,7 @@ class Reconciler:
             wanted = self.wanted
             if wanted.pulses:
                 wanted, order = changes.without_excess(wanted, order, self._loop.time())
-            self._put(replace(wanted, active=order.number))
+            self._state.put(replace(wanted, active=order.number))
             self._active, self._given_up = order.number, False
         elif self.wanted.pending and (moment := self.wanted.next_moment()) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
@@ -353,12 +335,12 @@ class Reconciler:
                 await announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await self.stop()
-        priority = MOTION if not isinstance(operation, ENDS) else SETTING if order.keeps_repeating else STOP
+        priority = MOTION if not isinstance(order, Halt) else SETTING if order.keeps_repeating else STOP
         check = partial(self._check_tap, order.number, MAX_START_DELAY)
         steps = self._driver.perform(operation)
         answer = await self._runner.drive(steps, priority, order.since if arrow else None, check)
         self._sent = self._driver.sent_at
-        if any(one.number == order.number and one.then_stop for one in self.wanted.pending):
+        if any(one.number == order.number and one.arrow.then_stop for one in self.wanted.pending):
             await self._runner.perform(op.AbortMotion(), STOP)
             return op.AbortMotion(), None
         if isinstance(operation, op.Move) and isinstance(answer, op.Pulsed):  # a tap at guide rate

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy
 from gateway.core.motion_kinds import ENDS, axis_moved
-from gateway.mount.motion.wanted import FIRST, AxisMotion, ByHand, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 #: A press that has waited longer than this for its turn is dropped with its release, and one that was held longer.
@@ -63,7 +63,7 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
     newest = waiting[-1]
     first = waiting[0] if waiting[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
-    taps = {one.number: replace(one, held=max(0.0, end.since - one.since)) for one, end in spans}
+    taps = {one.number: _held(one, max(0.0, end.since - one.since)) for one, end in spans}
     kept = (one for one in wanted.pending if one not in waiting or one.number in taps)
     wanted = replace(wanted, pending=tuple(taps.get(one.number, one) for one in kept))
     last = taps[spans[-1][0].number]
@@ -76,9 +76,9 @@ def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Give a tap at guide rate as a guide pulse; keep one for the next tap that the mount would lengthen too much."""
     before = sum(one.held or 0.0 for one in wanted.kept if one.operation == tap.operation)
     kept = tuple(one for one in wanted.kept if axis_of(one) != axis_of(tap))
-    tap = replace(tap, held=before + (tap.held or 0.0), at=0.0)
+    tap = replace(_held(tap, before + (tap.held or 0.0)), at=0.0)
     others = tuple(one for one in wanted.pending if one.number != tap.number)
-    if (tap.held or 0.0) < tap.shortest:
+    if (tap.held or 0.0) < tap.arrow.shortest:
         return replace(wanted, pending=others, kept=(*kept, tap))
     pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
     return replace(wanted, pending=(*others, pulse), kept=kept)
@@ -97,7 +97,7 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
     if before is not None:
         held = (before.held or 0.0) + (tap.held or 0.0)
         if before.operation == tap.operation and tap.number != wanted.active and held <= LONGEST_HELD:
-            joined = replace(before, held=held, since=tap.since)
+            joined = replace(_held(before, held), since=tap.since)
             return replace(wanted, pending=tuple(joined if one is before else one for one in others))
     elif (
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
@@ -142,12 +142,12 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
         return None
     if now - press.since > JUST_PRESSED:
         return None
-    tap = replace(press, held=0.0, then_stop=True)
+    tap = replace(press, arrow=Arrow(held=0.0, then_stop=True))
     pending = tuple(tap if one is press else one for one in wanted.pending)
     return replace(wanted, pending=pending, pressed=(), stops=wanted.stops + 1)
 
 
-def ended(wanted: Wanted, end: Order) -> Wanted:
+def ended(wanted: Wanted, end: Halt) -> Wanted:
     """Add the end of a tap, which cancels no order that came after the tap; a goto on its way serves as the end."""
     gotos = [one.number for one in wanted.waiting_gotos if one.number == wanted.active]
     end = replace(end, rank=FIRST, overtakes=True, asked=wanted.asked, unless=gotos[0] if gotos else 0)
@@ -193,7 +193,7 @@ def over(wanted: Wanted, axis: int) -> bool:
 
 
 def _halted(wanted: Wanted, axis: int) -> bool:
-    return any(one.operation == op.StopAxis(axis) and not one.follow_up for one in wanted.pending)
+    return any(isinstance(one, Halt) and one.operation == op.StopAxis(axis) for one in wanted.pending)
 
 
 def waits_for(wanted: Wanted, axis: int | None) -> bool:
@@ -210,6 +210,11 @@ def motion_of(wanted: Wanted, axis: int) -> AxisMotion | None:
 def axis_of(order: Order) -> int:
     """Return the axis of an arrow, or of its release."""
     return getattr(order.operation, "axis", 0)
+
+
+def _held(press: Order, seconds: float) -> Order:
+    """Return an arrow that was released after so many seconds."""
+    return replace(press, arrow=replace(press.arrow, held=seconds))
 
 
 def _late(press: Order, release: Order) -> bool:

@@ -39,19 +39,24 @@ class Postponement(NamedTuple):
     refusal: Fault | None
 
 
+class Arrow(Struct, frozen=True):
+    """An arrow that waits for its turn: if it was released already, it was ``held`` for so many seconds.
+
+    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next one.
+    """
+
+    held: float | None = None
+    then_stop: bool = False
+    shortest: float = 0.0
+
+
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway asked for and that is not done.
 
     ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
     the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
     is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
-    commands. ``unless`` is the number of a goto: once that has begun, this order is void.
-
-    An arrow that was released before its motion has begun was ``held`` for so many seconds; None while it is held.
-    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next one.
-
-    A halt has four more fields: whether it ``overtakes`` waiting orders, how many equal halts it ``repeats``,
-    ``Wanted.asked`` at its arrival, and whether it ``ends_tap``, an arrow that was released earlier.
+    commands.
     """
 
     number: int
@@ -64,19 +69,12 @@ class Order(Struct, frozen=True):
     follow_up: bool = False
     urgent: bool = False
     not_while_busy: bool = False
-    unless: int = 0
-    overtakes: bool = False
-    repeats: int = 0
-    asked: int = 0
-    held: float | None = None
-    then_stop: bool = False
-    shortest: float = 0.0
-    ends_tap: bool = False
+    arrow: Arrow = Arrow()
 
     @property
-    def keeps_repeating(self) -> bool:
-        """Whether this is a halt that a client keeps repeating, and that can wait for its turn."""
-        return self.repeats > AT_ONCE
+    def held(self) -> float | None:
+        """The seconds for which an arrow was held that was released before its motion has begun; else None."""
+        return self.arrow.held
 
     @property
     def pulse_axis(self) -> int | None:
@@ -127,6 +125,25 @@ class Order(Struct, frozen=True):
         if arrow and incoming.sending and now < self.since + FOR_EXCHANGE:
             return Postponement(FOR_EXCHANGE, None)
         return None
+
+
+class Halt(Order, frozen=True):
+    """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
+
+    It ``overtakes`` waiting orders or not, ``repeats`` so many equal halts, and had ``Wanted.asked`` orders before it.
+    ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a goto: once that has begun, this is void.
+    """
+
+    overtakes: bool = False
+    repeats: int = 0
+    asked: int = 0
+    ends_tap: bool = False
+    unless: int = 0
+
+    @property
+    def keeps_repeating(self) -> bool:
+        """Whether a client keeps repeating it: then it can wait for its turn."""
+        return self.repeats > AT_ONCE
 
 
 class AxisMotion(Struct, frozen=True):
@@ -283,13 +300,17 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """Holds ``value``, which all parts may read and only the reconciler replaces; ``changed`` is emitted then."""
+    """Holds ``value``, which all parts may read and only the reconciler replaces (``put``): ``changed`` is emitted."""
 
     def __init__(self) -> None:
         self.value = Wanted()
         #: Who ordered the last stop, for who asks why a motion ended; empty if that is not known.
         self.stopped_by = ""
         self.changed: Signal[Wanted] = Signal()
+
+    def put(self, wanted: Wanted) -> None:
+        self.value = wanted
+        self.changed.emit(wanted)
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:

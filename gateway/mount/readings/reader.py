@@ -223,8 +223,7 @@ class Reader:
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> object:
-        """Ask the mount for a client; return its last answer if no new one arrives in time. Raises Fault if it has none.
-        """
+        """Ask the mount for a client; return its last answer if no new one comes in time. Raises Fault without one."""
         kind = type(operation)
         try:
             async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):

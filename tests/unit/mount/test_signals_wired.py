@@ -7,6 +7,7 @@ from collections.abc import Callable
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.controller import MountController
+from gateway.mount.motion.wanted import Wanted
 from gateway.mount.presence import NOBODY
 from gateway.mount.site.readers import ReadBy
 from tests.support.each import each
@@ -15,7 +16,7 @@ from tests.support.in_process_gateway import Bridge
 CHANGES: dict[str, Callable[[MountController], object]] = {
     "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),
     "a reading was forgotten": lambda mount: mount.cache.forget(op.PierSide),
-    "something else is wanted": lambda mount: mount.reconciler.refuse_earlier_orders(),
+    "something else is wanted": lambda mount: mount.reconciler.want(Wanted(stops=1)),
     "a clock was set": lambda mount: ReadBy(mount.site_clock, NOBODY).keep_clock(op.SetClock(0.0, 0.0)),
     "a site was set": lambda mount: ReadBy(mount.site_clock, NOBODY).set_half(op.SetSite(latitude=10.0)),
     "an order was acknowledged": lambda mount: mount.reader.outdate(),

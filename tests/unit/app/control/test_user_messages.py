@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from gateway.app.control.user_messages import first_messages, last_message
 from gateway.core.operations import AbortMotion
@@ -163,7 +164,8 @@ def test_at_the_end_it_says_how_the_mount_was_left() -> None:
 def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.controller.reconciler.owe_stop()
+            reconciler = bridge.controller.reconciler
+            reconciler.want(replace(reconciler.wanted, owed=True))
             told = last_message(bridge.controller, True)
             assert told is not None
             assert told.warns

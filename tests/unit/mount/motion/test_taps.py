@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway.core import operations as op
 from gateway.mount.motion import taps
 from gateway.mount.motion.changes import apply
-from gateway.mount.motion.wanted import AxisMotion, ByHand, Order, Tap, Wanted
+from gateway.mount.motion.wanted import Arrow, AxisMotion, ByHand, Halt, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 ME, OTHER = HostActivity("10.0.0.1", 0.0), HostActivity("10.0.0.2", 0.0)
@@ -14,11 +14,11 @@ STOP = op.StopAxis(1)
 
 
 def press(number: int, since: float, operation: op.Move = EAST, held: float | None = None) -> Order:
-    return Order(number, operation, ME, since=since, held=held)
+    return Order(number, operation, ME, since=since, arrow=Arrow(held))
 
 
-def release(number: int, since: float, by: HostActivity | None = ME, ends_tap: bool = False) -> Order:
-    return Order(number, STOP, by, since=since, ends_tap=ends_tap)
+def release(number: int, since: float, by: HostActivity | None = ME, ends_tap: bool = False) -> Halt:
+    return Halt(number, STOP, by, since=since, ends_tap=ends_tap)
 
 
 def after(wanted: Wanted, order: Order) -> Wanted:

@@ -12,11 +12,11 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.motion_kinds import GOTOS
+from gateway.core.motion_kinds import ENDS, GOTOS
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion import changes
 from gateway.mount.motion.changes import apply, equal_pending_halt, stopped, without_superseded
-from gateway.mount.motion.wanted import ByHand, Movement, NotOrdered, Order, Slew, Wanted, WantedState
+from gateway.mount.motion.wanted import ByHand, Halt, Movement, NotOrdered, Order, Slew, Wanted, WantedState
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
 from tests.support.each import each
@@ -47,6 +47,10 @@ KINDS = [
 ]
 
 
+def ordered(number: int, operation: op.Operation, by: HostActivity | None = None) -> Order:
+    return (Halt if isinstance(operation, ENDS) else Order)(number, operation, by)
+
+
 class Desk:
     """Orders come in, and are carried out one by one; ``done`` lists them."""
 
@@ -57,7 +61,7 @@ class Desk:
     def ask(self, *operations: op.Operation, by: HostActivity | None = None) -> Desk:
         for operation in operations:
             self.numbers += 1
-            self.wanted = apply(self.wanted, Order(self.numbers, operation, by), self.now, self.slewing)
+            self.wanted = apply(self.wanted, ordered(self.numbers, operation, by), self.now, self.slewing)
         return self
 
     def begin(self) -> Order | None:
@@ -65,7 +69,7 @@ class Desk:
         for tap in self.wanted.taps:
             if tap.until <= self.now:
                 self.numbers += 1
-                end = Order(self.numbers, op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True)
+                end = Halt(self.numbers, op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True)
                 self.wanted = apply(self.wanted, end, self.now, self.slewing)
         order = self.wanted.next_order(self.now)
         self.wanted = replace(self.wanted, active=order.number if order else 0)
@@ -167,13 +171,14 @@ def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> No
     ranks = []
     for _ in range(4):
         order = desk.ask(op.StopAxis(1)).begin()
-        assert order is not None
+        assert isinstance(order, Halt)
         ranks.append(order.keeps_repeating)
         desk.finish(order)
     assert ranks == [False, False, True, True]
     desk.ask(NORTH, op.StopAxis(1))
     assert equal_pending_halt(desk.wanted, op.StopAxis(1)) is not None
-    assert not desk.wanted.pending[-1].keeps_repeating
+    last = desk.wanted.pending[-1]
+    assert isinstance(last, Halt) and not last.keeps_repeating
 
 
 def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_other_axis() -> None:
@@ -301,7 +306,7 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
 @some
 @given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
 def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
-    wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))
+    wanted = Wanted(pending=tuple(ordered(number, one) for number, one in enumerate(asked, 1)))
     left = [order.operation for order in without_superseded(wanted, halt).pending]
     if isinstance(halt, op.StopAxis):
         assert not [
