@@ -58,10 +58,12 @@ class SameMount:
 
     def seen(self, _: op.Equatorial) -> None:
         """Record where the mount is, if the gateway keeps something for it."""
+        if not (self._checked and self._keeps):
+            return
         context = self._context
         place, status = context.driver.last, context.cache.value(op.GetStatus)
         clock = context.site_clock.running(context.site_clock.mount_clock)
-        if not (self._keeps and self._checked) or place is None or status is None or clock is None:
+        if place is None or status is None or clock is None:
             return
         host, tracked = context.site_clock.host(), status.tracking is not op.Tracking.OFF
         self.left = AsLeft(host, place.ra, place.dec, tracked, clock.unix - host)

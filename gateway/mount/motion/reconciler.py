@@ -220,10 +220,14 @@ class Reconciler:
 
     # --- what is wanted ---------------------------------------------------------------------------------------------
 
+    def _put(self, wanted: Wanted) -> None:
+        self._state.value = wanted
+        self._state.changed.emit(wanted)
+
     def _want(self, wanted: Wanted) -> None:
         """Replace what is wanted, settle the outcomes of orders that are no longer wanted, and cancel work on them."""
         before = self.wanted
-        self._state.put(wanted)
+        self._put(wanted)
         for tap in wanted.taps:
             if tap not in before.taps:
                 self._loop.call_at(tap.until, self._end_tap, tap)
@@ -265,7 +269,7 @@ class Reconciler:
             wanted = self.wanted
             if wanted.pulses:
                 wanted, order = changes.without_excess(wanted, order, self._loop.time())
-            self._state.put(replace(wanted, active=order.number))
+            self._put(replace(wanted, active=order.number))
             self._active, self._given_up = order.number, False
         elif self.wanted.pending and (moment := self.wanted.next_moment()) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)

@@ -300,17 +300,13 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """Holds ``value``, which all parts may read and only the reconciler replaces (``put``): ``changed`` is emitted."""
+    """Holds ``value``, which all parts may read and only the reconciler replaces; ``changed`` is emitted then."""
 
     def __init__(self) -> None:
         self.value = Wanted()
         #: Who ordered the last stop, for who asks why a motion ended; empty if that is not known.
         self.stopped_by = ""
         self.changed: Signal[Wanted] = Signal()
-
-    def put(self, wanted: Wanted) -> None:
-        self.value = wanted
-        self.changed.emit(wanted)
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
@@ -373,13 +369,11 @@ class Movement:
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache, self._own = wanted, cache, False
+        #: Whether the mount reports a goto.
+        self.slewing = False
         cache.slews.connect(self._told)
         #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
         self.by_others_until = -1e9
-
-    @property
-    def slewing(self) -> bool:
-        return bool(self._cache.value(op.Slewing))
 
     @property
     def anything(self) -> bool:
@@ -387,7 +381,7 @@ class Movement:
         return bool(self._wanted.value.by_hand) or self.slewing
 
     def _told(self, _: object) -> None:
-        """A recording repeats this: it must not depend on who asks when."""
+        self.slewing = bool(self._cache.value(op.Slewing))
         self._own = self.ordered
 
     @property

@@ -324,8 +324,9 @@ class NexStar(Driver):
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
-            guides = min(GENTLE, key=lambda key: abs(self.key_speed(key) - self.guide_rates[1] * SIDEREAL))
-            return {"guide": guides, "center": 4, "find": 7, "max": 9}[rate.name]
+            if rate.name == "guide":
+                return min(GENTLE, key=lambda key: abs(self.key_speed(key) - self.guide_rates[1] * SIDEREAL))
+            return {"center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
