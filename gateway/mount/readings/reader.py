@@ -103,7 +103,7 @@ class Reader:
             return self._calculate(kind, self.peek(source))
         return NOT_CACHED if value is NOT_CACHED else self._for_client(kind, self._cache.entries[kind])
 
-    def _for_client(self, kind: Kind, entry: Entry) -> object:
+    def _for_client(self, kind: Kind, entry: CachedAnswer) -> object:
         """Return a reported position as a client may get it now; NOT_CACHED if the mount must be asked (again)."""
         if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated:
             return NOT_CACHED
