@@ -254,6 +254,7 @@ class Reader:
                 return answer or self._context.run_on.of_goto
             if kind not in POSITIONS:
                 return answer
+            self._cache.touch((kind,), self._now())  # its client goes on from here
             if self.source(kind) is None:
                 value = self._for_client(kind, self._cache.entries[kind])
                 if value is not NOT_CACHED:
