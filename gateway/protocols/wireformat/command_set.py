@@ -33,6 +33,7 @@ from gateway.protocols.wireformat.rows import (
     Dialect,
     Implementation,
     Model,
+    ModelRow,
     OwnRow,
     SurfaceRow,
 )
@@ -145,12 +146,9 @@ class CommandSet:
         for name in row.operations:
             if operations.named(name) is None:
                 raise MappingError(where, key, f"no operation is called {name!r}")
-        for name in row.given:
-            if (
-                row.ask is not None
-                and name not in (operations.named(row.ask) or operations.Operation).__struct_fields__
-            ):
-                raise MappingError(where, key, f"given: {row.ask} has no field {name!r}")
+        for name in (*row.given, *self.commands[key].request.fields) if row.ask else ():
+            if name not in (operations.named(row.ask or "") or operations.Operation).__struct_fields__:
+                raise MappingError(where, key, f"ask: {row.ask} has no field {name!r}")
         if row.tell is not None or row.say is not None:
             self._check_reply(where, key, set(row.tell or row.say or ()))
         for form in [form for reply, form in self.commands[key].replies if row.say and reply.fault is None]:
@@ -249,6 +247,7 @@ class CommandSet:
     @cached_property
     def models(self) -> dict[str, Model]:
         """Model -> its row, and what it leaves to the model that it is ``like``."""
+        self._read("models.toml", ModelRow)
         rows = self._read("models.toml", Model)
         forms = {reply.when for command in self.commands.values() for reply, _ in command.replies}
         for name, row in rows.items():
@@ -258,6 +257,8 @@ class CommandSet:
             if spoken and spoken not in forms and not (self.folder / f"{spoken}.toml").exists():
                 reason = f"dialect: there is no {spoken}.toml, and no reply for it in commands.toml"
                 raise MappingError(self._where("models.toml"), name, reason)
+            if (rates := row.get("rates")) and rates not in self.extra("rates.toml"):
+                raise MappingError(self._where("models.toml"), name, f"rates: rates.toml has no [{rates}]")
         return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
 
     def lacking(self, model: str | None) -> frozenset[str]:

@@ -1,6 +1,6 @@
 """The rows of the mapping files as structs, and the words allowed in them."""
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 from msgspec.structs import replace
@@ -42,6 +42,60 @@ OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
 #: that can carry out none of the operations of the row, every one. Before an operation: a mount that cannot carry it
 #: out. Before a trait: the presented model.
 UNALIGNED, UNABLE, ELSE, LACKS, PRESENTED = "unaligned", "unable", "else", "no-", "as-"
+
+
+class ModelRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A row of ``models.toml`` of any protocol, to be checked; the top of each file explains its keys."""
+
+    like: str = ""
+    dialect: str = ""
+    title: str = ""
+    mount: Literal["fork", "german", "alt-az", "equatorial"] = "fork"
+    commands: list[str] = []
+    beyond: bool = False
+    # nexstar
+    id: int = 0
+    ids: tuple[int, int] = (0, 0)
+    either: list[int] = []
+    rates: str = ""
+    versions: list[str] = []
+    shifted: list[str] = []
+    restarts: str = ""
+    motors: str = ""
+    has: list[Literal["gps", "rtc", "pec", "home", "pier"]] = []
+    starsense: bool = False
+    maker: str = ""
+    hand_control: str = ""
+    index: float = 0.0
+    equinox: Literal["jnow", "j2000"] = "jnow"
+    alt_az: str = msgspec.field(default="", name="alt-az")
+    # lx200
+    product: str = ""
+    names_begin: list[str] = []
+    firmware: str = ""
+    firmware_date: str = ""
+    firmware_time: str = ""
+    full_name: str = ""
+    sync_text: str = ""
+    date_text: str = ""
+    date_blanks: int = 0
+    bars_moving: str = ""
+    bars_idle: str = ""
+    find_text: str = ""
+    object_text: str = ""
+    names: int = 0
+    first_site: Literal[0, 1] = 0
+    max_rate: float = 0.0
+    max_rates: tuple[float, float] = (0.0, 0.0)
+    hertz: tuple[float, float] = (0.0, 0.0)
+    reticle: int = 0
+    help: bool = False
+    utc_date: bool = False
+    libraries: bool = False
+    status: bool = False
+    polar: bool = False
+    fork: bool = False
+    by_effect: bool = False
 
 
 def parse_version(text: str) -> Version:

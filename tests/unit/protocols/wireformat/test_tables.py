@@ -119,6 +119,10 @@ MISTAKES = [
     ("commands.toml", '[GR]\nrequest = ":GR#"\nhelp = "x"\nreply = "{x:n}#"\nanswer = "stat"', r"\[GR\]: .*answer"),
     ("models.toml", '+[mine]\nlike = "autostarr"', r"\[mine\]: like: there is no model 'autostarr'"),
     ("models.toml", '+[mine]\ndialect = "onstepp"', r"\[mine\]: dialect: there is no onstepp.toml"),
+    ("models.toml", '+[mine]\nmount = "germann"', r"\[mine\]: .*germann"),
+    ("models.toml", '+[mine]\nproduckt = "LX"', r"\[mine\]: .*produckt"),
+    ("models.toml", '+[mine]\nrates = "see"', r"\[mine\]: rates: rates.toml has no \[see\]"),
+    ("surface.toml", 'SL = { ask = "SetTracking" }', r"\[SL\]: ask: SetTracking has no field 'time'"),
     ("onstep.toml", "has = ['Zz']", r"\[has\]: there is no Zz"),
 ]
 
