@@ -62,14 +62,14 @@ def test_all_mounts_on_a_page_and_stop_all(workshop: Workshop, page: Page) -> No
     expect(page.locator("#attention")).to_contain_text("none moves, 1 not there")
     page.get_by_role("button", name="STOP ALL").click()
     expect(page.locator("#attention")).to_contain_text("stop sent, none moves, 1 not there, and not stopped")
-    assert onlooker.told("mount-gateway/all/command") == [b"stop"] * 2
+    wait_until("the broker has it", lambda: onlooker.told("mount-gateway/all/command") == [b"stop"] * 2)
     page.evaluate((Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text("utf-8"))
     assert page.evaluate("async () => (await axe.run()).violations.map(one => one.id)") == []
     page.get_by_role("button", name="Red light").click()
     wait_until("by night everything is red", lambda: not _not_red(page.screenshot()))
 
     process.end()
-    expect(page.get_by_text("gateway is gone")).to_be_visible()
+    expect(page.get_by_text("gateway is gone")).to_have_count(2)
     broker.end()
     expect(page.locator("#trouble")).to_contain_text("The broker is not there")
     page.get_by_role("button", name="STOP ALL").click()
