@@ -17,16 +17,21 @@ NOON = EVENING - 38400.0
 
 @pytest.mark.parametrize("start", [EVENING, NOON])
 @pytest.mark.parametrize("sun", [0.0, 20.0])
+@pytest.mark.parametrize(("seek", "command"), [(op.Home(), b":hF#"), (op.SetHome(), b":hS#")])
 @pytest.mark.safety_line(4)
-def test_a_meade_seeks_its_home_only_while_the_sun_is_down(start: float, sun: float) -> None:
+def test_a_meade_seeks_its_home_only_while_the_sun_is_down(
+    start: float, sun: float, seek: op.Operation, command: bytes
+) -> None:
+    """Also where it only stores what it finds: the paper says of :hS#, too, that it seeks."""
+
     async def program() -> None:
         async with Bridge("lx200gps", driven="lx200", start=start, config={"sun": sun}) as bridge:
             if start == NOON and sun:
                 with pytest.raises(NearSun, match="hand control"):
-                    await bridge.controller.perform(op.Home())
+                    await bridge.controller.perform(seek)
             else:
-                await bridge.controller.perform(op.Home())
+                await bridge.controller.perform(seek)
                 await asyncio.sleep(5.0)
-            assert (b":hF#" in bridge.sent()) is not (start == NOON and sun > 0.0)
+            assert (command in bridge.sent()) is not (start == NOON and sun > 0.0)
 
     run(program())

@@ -88,6 +88,9 @@ class MotionAdmission:
         self._mount.hold.admit(operation)
         self._path.forget()
         await self._check_aligned(operation)
+        seeks = isinstance(operation, op.Home | op.SetHome) and self._mount.driver.seeks_unseen
+        if seeks and self._mount.suns.up():
+            raise NearSun(SEEKS_UNSEEN)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
         elif isinstance(operation, op.Pulse | op.PulseAxis):
@@ -192,8 +195,6 @@ class MotionAdmission:
         there = mount.driver.destination(operation)
         if there is None:
             check_own_park(operation, limits)
-            if isinstance(operation, op.Home) and mount.driver.seeks_unseen and mount.suns.up():
-                raise NearSun(SEEKS_UNSEEN)
             self._path.ways = []  # it may go anywhere
             return
         try:
