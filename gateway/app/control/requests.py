@@ -239,7 +239,7 @@ class RequestHandler:
         controller, longest = self._controller, self._controller.policy.dead_man
         if not 0.0 < request.seconds <= longest or not 1 <= request.key <= 9:
             raise Invalid(f"An arrow may be pressed for up to {longest:g} s (--dead-man) at a rate of 1 to 9.")
-        operation = op.Move(request.direction, op.Rate(key=request.key))
+        operation, parked = op.Move(request.direction, op.Rate(key=request.key)), controller.driver.parked
         try:
             await self._perform(operation, active)
             since = controller.now()
@@ -252,7 +252,8 @@ class RequestHandler:
                 await controller.perform(op.StopAxis(operation.axis), None, active.activity)
         if stopped:
             raise Stopped
-        return f"it was moved {request.direction.word} for {lasted:.1f} s"
+        away = "; it is not parked any more" if parked and not controller.driver.parked else ""
+        return f"it was moved {request.direction.word} for {lasted:.1f} s{away}"
 
     async def _press(self, request: requests.PressRequest, active: ActiveRequest) -> str:
         """Begin a motion by hand, or keep it alive. Raises Fault."""

@@ -205,6 +205,18 @@ def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
     run(program())
 
 
+def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            owner = Owner(bridge)
+            await owner.wish(requests.ParkRequest(number="p"))
+            assert (await owner.outcome("p")).endswith("it is parked")
+            assert "it is not parked any more" in await owner.wish(NORTH)
+            assert "parked" not in await owner.wish(NORTH)
+
+    run(program())
+
+
 def test_no_move_is_longer_than_the_dead_man_lives() -> None:
     async def program() -> None:
         async with Bridge(config={"dead_man": 5.0}) as bridge:

@@ -33,7 +33,7 @@ function now() {
   if (seen.state === "busy") rows.push(["note", `The mount is busy${seen.reason ? `: ${seen.reason}` : ""}.`]);
   if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", BUTTONS.release, () => order({ do: "release" })]);
   if (seen.asleep) rows.push(["note", "The mount is asleep.", BUTTONS.wake, () => order({ do: "wake" })]);
-  if (seen.parked) rows.push(["note parked", seen.goto_unparks ? "The mount is parked. Go there unparks it." : "The mount is parked: unpark it first. Many mounts refuse a goto before that.", BUTTONS.unpark, () => order({ do: "unpark" })]);
+  if (seen.parked) rows.push(["note parked", seen.goto_unparks ? "The mount is parked. Go there and the arrows move it all the same; it is not parked any more then." : "The mount is parked: unpark it first. Many mounts refuse gotos and arrows before that.", BUTTONS.unpark, () => order({ do: "unpark" })]);
   if (seen.aligned === false) rows.push(["note", "The mount is not aligned, so it does not know where it points. Align it at its hand control."]);
   if (seen.clock_doubt) rows.push(["bad", sentence(seen.clock_doubt), BUTTONS.time, tellTime]);
   if (seen.site_doubt) rows.push(["bad", sentence(seen.site_doubt)]);
