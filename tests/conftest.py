@@ -108,12 +108,12 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield base
 
 
-def _calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
+def _calculated(days: Collection[int]) -> Almanac:
     """Calculate an almanac in this process, which has often loaded astropy already: a process for it takes a second."""
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    return by_astropy.almanac(days, sites)
+    return by_astropy.almanac(days)
 
 
 @pytest.fixture(autouse=True)

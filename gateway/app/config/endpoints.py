@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import re
-import time
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -246,31 +245,31 @@ def parse_site(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
+#: A latitude or longitude as on maps: degrees, perhaps minutes and seconds, and a letter for the side.
+_ON_MAPS = re.compile(
+    r"""([+-]?)(\d+(?:\.\d+)?)\s*[°d:]?\s*(?:(?<=[°d:\s])(\d+(?:\.\d+)?)\s*['′m:]?\s*)?"""
+    r"""(?:(?<=['′m:\s])(\d+(?:\.\d+)?)(?:s|\s*["″])?\s*)?([NSEW]?)"""
+)
+
+
 def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
-    """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError.
+    """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError."""
+    values = [_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
+    if len(parts) != 2 or None in values or abs(values[0] or 0.0) > 90.0:
+        raise UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
+    return values[0] or 0.0, values[1] or 0.0
 
-    astropy translates them, in a process of its own, and the almanac keeps them for the next start.
-    """
-    from gateway.astro.ephemeris import keeper
-    from gateway.astro.ephemeris.almanac import DAY, stored
 
-    wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
-    if len(parts) != 2 or any("h" in part.lower() for part in parts):
-        raise wrong
-    site = ",".join(parts)
-    if (known := stored().sites.get(site)) is not None:
-        return known
-    today = int(time.time() // DAY)
-    try:
-        almanac, _ = keeper.renewed(range(today, today + keeper.AHEAD), [site])
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"{text!r}: astropy, which translates this, cannot be used here ({error}): write it in degrees, north and "
-            "east positive, with the minutes as a sixtieth each: 45.5,-122.7 is 45°30'N,122°42'W"
-        ) from None
-    if site not in almanac.sites:
-        raise wrong
-    return almanac.sites[site]
+def _angle(text: str, sides: str) -> float | None:
+    """Return the degrees of an angle as on maps, with one of two ``sides``, the positive first; None if it is none."""
+    found = _ON_MAPS.fullmatch(text)
+    if found is None or found[5] not in ("", *sides):
+        return None
+    degrees, minutes, seconds = (float(found[number] or 0.0) for number in (2, 3, 4))
+    if max(minutes, seconds) >= 60.0:
+        return None
+    value = degrees + minutes / 60.0 + seconds / 3600.0
+    return -value if (found[1] == "-") is not (found[5] == sides[1]) else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:

@@ -1,9 +1,9 @@
 """The almanac: the sky of many days in one file, which a process of its own calculates and every gateway reads.
 
 A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of
-astropy's own result (for the Moon; the others far less), in microseconds. The file also holds the sites that users
-wrote with minutes or letters, in decimals. It must have the name of the format and a right checksum, and no other user
-may be able to write it, because it says where the Sun is. `SHIPPED` is the one of the rehearsals, in the package.
+astropy's own result (for the Moon; the others far less), in microseconds. The file must have the name of the format and
+a right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED` is the one of
+the rehearsals, in the package.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PLACES["frame"] = (_FRAME, 0)
 _LENGTH = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
 #: Names the format and its version.
 MAGIC = b"mount-gateway almanac 1\n"
-#: The longest file that is read: eight years. How many days, and how many sites, are kept: the newest.
+#: The longest file that is read: eight years. How many days are kept: the newest.
 LONGEST, KEPT = 8_000_000, 200
 SHIPPED = Path(__file__).with_name("rehearsal.almanac")
 
@@ -43,10 +43,9 @@ Row = tuple[float, ...]
 
 
 class Almanac(msgspec.Struct, frozen=True):
-    """``days``: the rows of each day since the Unix epoch, part after part; ``sites``: in degrees, east positive."""
+    """``days``: the rows of each day since the Unix epoch, part after part."""
 
     days: dict[int, bytes] = {}
-    sites: dict[str, tuple[float, float]] = {}
 
     def at(self, part: str, unix: float) -> Row | None:
         """Return the values of a part of the sky at a Unix time, interpolated from the four nearest rows (Lagrange).
@@ -71,11 +70,11 @@ class Almanac(msgspec.Struct, frozen=True):
 
     def joined(self, newer: Almanac) -> Almanac:
         """Return this almanac with a newer one."""
-        return Almanac({**self.days, **newer.days}, {**self.sites, **newer.sites})
+        return Almanac({**self.days, **newer.days})
 
     def newest(self) -> Almanac:
-        """Return it without the oldest of too many days and sites."""
-        return Almanac(dict(list(self.days.items())[-KEPT:]), dict(list(self.sites.items())[-KEPT:]))
+        """Return it without the oldest of too many days."""
+        return Almanac(dict(list(self.days.items())[-KEPT:]))
 
     def encoded(self) -> bytes:
         """Return the content of a file."""

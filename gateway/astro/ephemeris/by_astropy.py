@@ -1,4 +1,4 @@
-"""Days of the almanac, and sites in decimals, calculated by astropy. The import takes half a second and 45 MB: no
+"""Days of the almanac, calculated by astropy. The import takes half a second and 45 MB: no
 process that serves does it, only one of its own (``mount-gateway almanac``) and tests.
 
 `Time` counts the leap seconds, ERFA's IAU 2006 precession and 2000A nutation lead from J2000 to the equinox of date,
@@ -11,7 +11,7 @@ Errors, against Skyfield and JPL's DE421: sidereal time 5 ms, axes 1 mas, Sun 0.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from functools import cache, lru_cache
 from typing import Any
 
@@ -19,7 +19,7 @@ import astropy_iers_data  # type: ignore[import-untyped]
 import erfa
 import numpy as np
 from astropy import units as u
-from astropy.coordinates import Latitude, Longitude, get_body_barycentric, get_sun
+from astropy.coordinates import get_body_barycentric, get_sun
 from astropy.time import Time, TimeDelta
 
 from gateway.astro.ephemeris.almanac import DAY, PARTS, ROWS, STEP, Almanac
@@ -30,21 +30,10 @@ _SECONDS = np.arange(ROWS) * STEP
 _LIGHT = 299792.458  # km a second
 
 
-def almanac(days: Collection[int], sites: Iterable[str] = ()) -> Almanac:
-    """Return the rows of these days since the Unix epoch, and those of the sites that can be understood in decimals."""
+def almanac(days: Collection[int]) -> Almanac:
+    """Return the rows of these days since the Unix epoch."""
     parts = [_rows(part, tuple(days)).astype("<f8") for part in PARTS] if days else []
-    rows = {day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)}
-    return Almanac(rows, {site: place for site in sites if (place := in_decimals(site)) is not None})
-
-
-def in_decimals(site: str) -> tuple[float, float] | None:
-    """Return latitude and longitude of ``LAT,LON`` with minutes or letters, in degrees; None if it means none."""
-    try:
-        written = site.split(",")
-        latitude, longitude = Latitude(written[0], unit="deg"), Longitude(written[1], unit="deg", wrap_angle="180d")
-    except (ValueError, TypeError, IndexError):
-        return None
-    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
+    return Almanac({day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)})
 
 
 @cache

@@ -35,8 +35,8 @@ ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 
-def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, str]:
-    """Return an almanac with these days and sites, and why it cannot be stored. Raises OSError, ValueError."""
+def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
+    """Return an almanac with these days, and why it cannot be stored. Raises OSError, ValueError."""
     path, trouble = cache_directory() / "almanac", ""
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
@@ -47,9 +47,8 @@ def renewed(days: Iterable[int], sites: Iterable[str] = ()) -> tuple[Almanac, st
             trouble = f"{path.parent}: {error.strerror or error}"
         almanac = stored()
         lacking = [day for day in days if day not in almanac.days]
-        unknown = [site for site in sites if site not in almanac.sites]
-        if lacking or unknown:
-            almanac = almanac.joined(calculated(lacking, unknown)).newest()
+        if lacking:
+            almanac = almanac.joined(calculated(lacking)).newest()
             try:
                 if not trouble:
                     replace_file(path, almanac.encoded())
@@ -82,7 +81,7 @@ def _make_folder(folder: Path) -> None:
         raise OSError("other users can write there")
 
 
-def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
+def calculated(days: Collection[int]) -> Almanac:
     """Let a process calculate an almanac. Raises OSError, ValueError if it fails or takes too long.
 
     It ends when this process does, however that ends: its input is a pipe that nobody writes to.
@@ -93,9 +92,8 @@ def calculated(days: Collection[int], sites: Collection[str]) -> Almanac:
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            [*words, *(f"--site={site}" for site in sites)],
-            stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS,
-        )  # fmt: skip
+            words, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
+        )
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {LONGEST:.0f} s") from None
     finally:

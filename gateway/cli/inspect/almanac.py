@@ -28,7 +28,6 @@ def add_almanac(commands: Commands) -> None:
     command.add_argument("file", metavar="FILE", help="the file to write, 2.7 kB for each day")
     command.add_argument("--days", metavar="DAYS", type=int, default=40, help="how many days (default: 40)")
     command.add_argument("--dates", help=argparse.SUPPRESS)
-    command.add_argument("--site", action="append", default=[], help=argparse.SUPPRESS)
     command.set_defaults(run=_almanac)
 
 
@@ -52,7 +51,7 @@ def _almanac(arguments: argparse.Namespace) -> int:
         from gateway.astro.ephemeris import by_astropy
     except ImportError as error:
         raise UserError(f"astropy cannot be used here: {error}") from None
-    data = by_astropy.almanac(days, arguments.site).encoded()
+    data = by_astropy.almanac(days).encoded()
     if asked:
         sys.stdout.buffer.write(data)
     else:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.config import parse_site
 from gateway.astro.ephemeris import almanac as file
 from gateway.astro.ephemeris import keeper
 from gateway.astro.ephemeris.almanac import DAY, KEPT, PARTS, Almanac, decoded, read, stored
@@ -32,23 +31,23 @@ WHOLE_DAY = bytes(8 * 333)
 REAL = keeper.calculated
 
 
-def made(days: Collection[int], sites: Collection[str] = ()) -> Almanac:
+def made(days: Collection[int]) -> Almanac:
     """An almanac as quick as it is wrong."""
-    return Almanac(dict.fromkeys(days, WHOLE_DAY), {site: (48.5, 11.5) for site in sites if site != "x"})
+    return Almanac(dict.fromkeys(days, WHOLE_DAY))
 
 
 class Process:
     """Stands for the process that calculates: what it was asked, and how it fares."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[list[int], list[str]]] = []
+        self.asked: list[list[int]] = []
         self.fails = ""
 
-    def __call__(self, days: Collection[int], sites: Collection[str]) -> Almanac:
-        self.asked.append((list(days), list(sites)))
+    def __call__(self, days: Collection[int]) -> Almanac:
+        self.asked.append(list(days))
         if self.fails:
             raise ValueError(self.fails)
-        return made(days, sites)
+        return made(days)
 
 
 @pytest.fixture
@@ -108,7 +107,7 @@ def test_a_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
 
 
 def test_every_damage_is_seen() -> None:
-    good = made([TODAY], ["a"]).encoded()
+    good = made([TODAY]).encoded()
     assert decoded(good).days == {TODAY: WHOLE_DAY}
     damaged = [good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :] for place in range(0, len(good), 7)]
     for data in [*damaged, b"", good[:-1], good[:20], b"x" * 5000, Almanac({1: b"short"}).encoded()]:
@@ -155,11 +154,11 @@ def test_the_rehearsals_days_are_in_the_package() -> None:
 
 
 def test_what_is_stored_is_not_calculated_again(process: Process, tmp_path: Path) -> None:
-    almanac, trouble = renewed([TODAY, TODAY + 1], ["a"])
+    almanac, trouble = renewed([TODAY, TODAY + 1])
     assert set(almanac.days) == {TODAY, TODAY + 1} and not trouble
-    assert stored() == almanac == renewed([TODAY], ["a"])[0]
-    renewed([TODAY, TODAY + 2], ["a", "b"])
-    assert process.asked == [([TODAY, TODAY + 1], ["a"]), ([TODAY + 2], ["b"])]
+    assert stored() == almanac == renewed([TODAY])[0]
+    renewed([TODAY, TODAY + 2])
+    assert process.asked == [[TODAY, TODAY + 1], [TODAY + 2]]
     folder = tmp_path / "cache"
     assert [path.name for path in folder.iterdir()] == ["almanac"]
     if os.name == "posix":
@@ -171,10 +170,10 @@ def test_two_that_start_together_on_an_empty_cache_calculate_once(
 ) -> None:
     begun, go_on, found = threading.Event(), threading.Event(), list[Almanac]()
 
-    def slowly(days: Collection[int], sites: Collection[str]) -> Almanac:
+    def slowly(days: Collection[int]) -> Almanac:
         begun.set()
         assert go_on.wait(20)
-        return process(days, sites)
+        return process(days)
 
     monkeypatch.setattr(keeper, "calculated", slowly)
     threads = [threading.Thread(target=lambda: found.append(renewed([TODAY])[0])) for _ in range(2)]
@@ -257,12 +256,10 @@ def calculates(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return be
 
 
-def test_the_process_calculates_days_and_sites_and_leaves_nothing_here(
-    exact: Almanac, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_process_calculates_days_and_leaves_nothing_here(exact: Almanac, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(keeper, "gateway_argv", lambda: EAGER)
-    almanac = REAL([TODAY, TODAY + 1], ["48°30'N,11°30'E", "north,x", "1"])
-    assert almanac == Almanac(exact.days, {"48°30'N,11°30'E": (48.5, 11.5)})
+    almanac = REAL([TODAY, TODAY + 1])
+    assert almanac == Almanac(exact.days)
 
 
 @each(
@@ -273,7 +270,7 @@ def test_the_process_calculates_days_and_sites_and_leaves_nothing_here(
 def test_a_process_that_dies_says_why(program: str, says: str, calculates: Callable[[str], None]) -> None:
     calculates(program)
     with pytest.raises(ValueError, match=says):
-        REAL([TODAY], [])
+        REAL([TODAY])
 
 
 def test_the_process_ends_with_the_gateway_that_started_it() -> None:
@@ -289,7 +286,7 @@ def test_a_process_that_hangs_is_killed(
     calculates(f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)")
     monkeypatch.setattr(keeper, "LONGEST", 2.0)
     with pytest.raises(ValueError, match="more than 2 s"):
-        REAL([TODAY], [])
+        REAL([TODAY])
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), signal.SIGCONT)
 
@@ -310,7 +307,7 @@ def test_the_next_days_are_calculated_when_few_are_left_and_nothing_moves(
     serving.quiet = quiet
     before = len(process.asked)
     serving.runs(3 * PAUSE)
-    asked = [days for days, _ in process.asked[before:]]
+    asked = process.asked[before:]
     assert asked == ([] if first is None else [[*range(first, first + AHEAD)]])
     assert serving.has(TODAY)
 
@@ -321,11 +318,11 @@ def test_another_date_is_calculated_at_once_and_the_next_one_a_minute_later(proc
     serving.quiet = False
     serving.later = [lambda day=day: serving.sky.sun(day * DAY) for day in range(15000, 15500, 100)]
     serving.runs(PAUSE - 10.0)
-    assert process.asked[1:] == [([*range(15000, 15000 + AHEAD)], [])]
+    assert process.asked[1:] == [[*range(15000, 15000 + AHEAD)]]
     assert serving.has(15000) and not serving.has(15400)
     serving.later = []
     serving.runs(PAUSE)
-    assert [days[0] for days, _ in process.asked[2:]] == [15400], "which is still missing"
+    assert [days[0] for days in process.asked[2:]] == [15400], "which is still missing"
 
 
 @pytest.mark.parametrize("first", [0.0, 47600.0])
@@ -340,7 +337,7 @@ def test_a_clock_in_a_year_without_tables_asks_for_nothing_until_it_is_set(first
 
 def test_at_the_end_of_the_last_year_only_its_days_are_asked_for(process: Process) -> None:
     Serving(47480).runs(PAUSE)
-    assert [days for days, _ in process.asked] == [[47480, 47481]]
+    assert process.asked == [[47480, 47481]]
 
 
 def _no_thread(thread: threading.Thread) -> None:
@@ -368,8 +365,6 @@ def test_a_program_that_sets_one_date_after_another_fills_neither_memory_nor_dis
         serving.sky.sun(day * DAY)
         serving.runs(1.0)
     assert len(stored().days) == KEPT and 21500 in stored().days
-    renewed([TODAY], map(str, range(1000)))
-    assert len(stored().sites) == KEPT
 
 
 # --- from another computer --------------------------------------------------------------------------------------------
@@ -403,22 +398,3 @@ def test_a_named_almanac_that_cannot_be_used_ends_the_start(
         path.chmod(0o600)
     with pytest.raises(UserError, match=f"--almanac {path}: {says}"):
         AlmanacKeeper(Sky(), print).open(str(path))
-
-
-# --- sites ------------------------------------------------------------------------------------------------------------
-
-
-def test_a_site_is_translated_once(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("time.time", lambda: TODAY * DAY)
-    for _ in range(2):
-        assert parse_site("11°30'E,48°30'N") == (48.5, 11.5)
-    assert [sites for _, sites in process.asked] == [["48°30'N,11°30'E"]]
-    assert TODAY in process.asked[0][0], "the start that follows is exact"
-
-
-def test_where_nothing_can_translate_it_the_start_ends_with_how_to_write_it(process: Process) -> None:
-    process.fails = "No module named 'astropy'"
-    with pytest.raises(UserError) as caught:
-        parse_site("48°30'N,11°30'E")
-    assert "No module named 'astropy'" in str(caught.value) and "45.5,-122.7 is 45°30'N" in str(caught.value)
-    assert "\n" not in str(caught.value)

@@ -398,7 +398,20 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
     assert parse_site(text) == pytest.approx(place, abs=1e-6)
 
 
-@each("text", ["north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"])
+@each(
+    "text",
+    [
+        "north",
+        "48.1",
+        "48.1,11.6,5",
+        "48h,11h",
+        "48°08'N,x",
+        "95°N,11°E",
+        "48°08'W,11°36'W",
+        "33.5s,70.5w",
+        "33 51 31 s,11",
+    ],
+)
 def test_what_is_no_site_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
         parse_site(text)
