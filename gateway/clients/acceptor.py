@@ -61,16 +61,9 @@ class ConnectionAcceptor:
     @cached_property
     def presets(self) -> PresetWatch:
         """Notices programs with the wrong telescope type."""
-        controller = self.controller
+        surface = self.binding.surface
         return PresetWatch(
-            self.binding.surface.protocol.name,
-            self.binding.framing,
-            self._where,
-            controller.now,
-            controller.loop.call_later,
-            self._warn,
-            controller.wire_log.remember,
-            self._one_type,
+            self.controller, surface.protocol.name, self.binding.framing, self._where, self._warn, self._one_type
         )
 
     @property

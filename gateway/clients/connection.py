@@ -16,7 +16,7 @@ from collections.abc import Callable
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import LONG_AGO
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.clients.strangers import Greeting, Piece, StrangerFilter, page
+from gateway.clients.strangers import Greeting, Piece, StrangerFilter, answer
 from gateway.clients.wrong_preset import FirstCommands
 from gateway.transport.handler import Connected
 from gateway.transport.tcp import SHARE
@@ -185,7 +185,7 @@ class ClientConnection:
             f"sends {greeting.words}; this is a port for programs that speak {titles}: "
             "nothing of it reaches the mount, and the connection is closed"
         )
-        self._hang_up(page(titles, greeting.head_only) if greeting.http else b"")
+        self._hang_up(answer(titles) if greeting.http else b"")
 
     def close(self) -> None:
         if self._filter is not None and not self.stranger and self._filter.waiting:

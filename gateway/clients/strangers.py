@@ -21,6 +21,7 @@ from msgspec import Struct
 
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
+from gateway.transport.web_server import answer_of
 
 #: Characters of a method (RFC 9110), those that follow it (two of the address), and the longest method examined.
 _METHOD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
@@ -39,9 +40,8 @@ class Greeting(Struct, frozen=True):
 
     words: str
     first: tuple[Octet, ...]
-    #: Whether the answer is a web page; the answer to HEAD has no body.
+    #: Whether it is answered over HTTP.
     http: bool = False
-    head_only: bool = False
 
 
 #: The greeting that is recognised by its form.
@@ -75,7 +75,7 @@ def _greetings() -> Iterator[Greeting]:
     table = read_table("strangers.toml")
     for words, methods in table["methods"].items():
         for method in methods:
-            yield Greeting(words, _from_bytes(f"{method} ".encode()), http=True, head_only=method == "HEAD")
+            yield Greeting(words, _from_bytes(f"{method} ".encode()), http=True)
     for words, texts in table["texts"].items():
         for text in texts:
             yield Greeting(words, _from_bytes(text.encode("latin-1")), http=text.startswith("PRI"))
@@ -188,20 +188,13 @@ class Recogniser:
         return None
 
 
-def page(titles: str, head_only: bool = False) -> bytes:
-    """Return a complete HTTP/1.1 answer for a web browser. ``titles`` are those of the port's protocols."""
-    text = (
-        '<!doctype html>\n<html lang="en">\n<title>mount-gateway</title>\n<link rel="icon" href="data:,">\n'
-        f"<p>This port of mount-gateway is for telescope programs that speak {titles}.\n"
-        "<p>A web browser can do nothing here, and nothing of its request has reached the mount.\n"
-        "To use the mount, enter this address and this port in your telescope program.\n"
-    ).encode()
-    head = (
-        "HTTP/1.1 400 Bad Request\r\nContent-Type: text/html; charset=utf-8\r\n"
-        f"Content-Length: {len(text)}\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
-        "Connection: close\r\n\r\n"
-    ).encode()
-    return head if head_only else head + text
+def answer(titles: str) -> bytes:
+    """Return the answer to a stranger that speaks HTTP. ``titles`` are those of the port's protocols."""
+    return answer_of(
+        "400 Bad Request",
+        f"This port of mount-gateway is for telescope programs that speak {titles}.\n"
+        "To use the mount, enter this address and port in your telescope program.\n",
+    )
 
 
 class Piece(NamedTuple):

@@ -10,14 +10,13 @@ from collections.abc import Callable
 
 from gateway.clients.strangers import IDLE
 from gateway.core.wire_log import show
+from gateway.mount.controller import MountController
 from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Seconds within which a command of the surface's own protocol must follow.
 WITHIN = 3.0
-#: Seconds after which a host may be warned of again, if it has used the right protocol meanwhile.
-WARN_AGAIN = 60.0
 #: Bytes of a connection that are examined, and hosts that are remembered.
 MAX_BYTES, MAX_HOSTS = 64, 1000
 
@@ -72,27 +71,23 @@ def _beside(where: str) -> str:
 class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    ``remember`` is called for every one with its host and the words, for those who ask for recent events.
-    ``framing`` splits bytes into commands of the surface's protocol; ``later`` calls a function after some seconds.
-    ``one_type``: the surface is for one protocol only; on one for every protocol any telescope type fits.
+    Whoever asks for recent events is told of every one. ``framing`` splits bytes into commands of the surface's
+    protocol ``own``. ``one_type``: the surface is for one protocol only; on one for every protocol any type fits.
     """
 
     def __init__(
         self,
+        controller: MountController,
         own: str,
         framing: Callable[[], Framer],
         where: str,
-        now: Callable[[], float],
-        later: Callable[[float, Callable[[], None]], object],
         warn: Callable[[str], None],
-        remember: Callable[[str, str], None],
         one_type: bool = True,
     ) -> None:
-        self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
-        self._remember, self._one_type = remember, one_type
-        self._framing = framing
+        self.controller, self.own, self.where, self.warn = controller, own, where, warn
+        self._framing, self._one_type = framing, one_type
         self._spoke: dict[str, float] = {}
-        self._warned: dict[str, float] = {}
+        self._warned: set[str] = set()
 
     def listen(self, name: str, host: str) -> FirstCommands:
         return FirstCommands(self, name, host, self._framing())
@@ -101,7 +96,7 @@ class PresetWatch:
         """A client has used the surface's own protocol."""
         if len(self._spoke) >= MAX_HOSTS:
             self._spoke.clear()
-        self._spoke[host] = self.now()
+        self._spoke[host] = self.controller.now()
 
     def spoke_since(self, host: str, began: float) -> bool:
         """Whether a client on this host has used it since ``began``."""
@@ -109,12 +104,11 @@ class PresetWatch:
 
     def warn_of(self, name: str, host: str, sent: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        words, warned = advice(self.own, sent, self.where) if self._one_type else "", self._warned.get(host, -1e9)
-        if words:
-            self._remember(host, words)
-        again = host in self._warned and (self.now() - warned < WARN_AGAIN or not self.spoke_since(host, warned))
-        if words and not again and len(self._warned) < MAX_HOSTS:
-            self._warned[host] = self.now()
+        if not (words := advice(self.own, sent, self.where) if self._one_type else ""):
+            return
+        self.controller.wire_log.remember(host, words)
+        if host not in self._warned and len(self._warned) < MAX_HOSTS:
+            self._warned.add(host)
             self.warn(f"{name} {words}")
 
 
@@ -130,10 +124,12 @@ class FirstCommands:
     def feed(self, data: bytes) -> None:
         presets = self._presets
         if not self._sent:
-            began = presets.now()
-            presets.later(WITHIN, lambda: self._decide(began))
+            began = presets.controller.now()
+            presets.controller.loop.call_later(WITHIN, self._decide, began)
         self._sent = (self._sent + data)[:MAX_BYTES]
-        if any(load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.now())):
+        if any(
+            load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.controller.now())
+        ):
             presets.spoke(self._host)
             self.done = True
 

@@ -80,6 +80,8 @@ class Fault(GatewayError):
     """An operation that was not carried out; ``str(fault)`` is the text for the client's user."""
 
     words = "Not possible."
+    #: What a person may need to know besides, at a terminal or on a page; {sun} and {sync} are the limits.
+    means = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
     took = 0.0
     #: Whether the command may have reached the mount.
@@ -144,6 +146,7 @@ class NearSun(Fault):
     """The target, or the path to it, is nearer to the Sun than the operator allows."""
 
     words = "Too close to the Sun."
+    means = "By day the gateway keeps the tube {sun:g}° from the Sun; with a solar filter, --sun changes that."
 
 
 class Contradicted(Fault):
@@ -156,24 +159,28 @@ class PastMeridian(Fault):
     """The target is farther from the meridian than the operator's limit of the hour angle."""
 
     words = "Beyond the hour angle limit."
+    means = "The hour angle limit keeps the tube from the pier."
 
 
 class NotAligned(Fault):
     """The hand control is not aligned, so its coordinates mean nothing."""
 
     words = "Mount not aligned."
+    means = "Align it at the hand control, then ask again."
 
 
 class SyncTooFar(Fault):
     """A sync farther from the present position than ``sync_limit``."""
 
     words = "Sync too far from present position."
+    means = "All syncs since the last alignment may add up to {sync:g}°."
 
 
 class Stopped(Fault):
     """A stop arrived before the motion could be started."""
 
     words = "Stopped."
+    means = "A stop or another order came before it was done."
 
 
 class Unsupported(Fault):
@@ -186,12 +193,14 @@ class NoAnswer(Fault):
     """The mount did not reply, or its line is lost."""
 
     words = "No answer from mount."
+    means = "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."
 
 
 class Asleep(NoAnswer):
     """The mount hibernates: the command was not sent, because the mount would not answer."""
 
     words = "The mount is asleep."
+    means = "Unpark it, or wake it by its own keys."
 
 
 class Garbled(NoAnswer):
@@ -209,14 +218,14 @@ class Silence(Fault):
 class Held(Fault):
     """The user holds the mount with ``mount-gateway stop --hold``: no client moves it until the user releases it."""
 
-    words = "The mount is held. To release it, type mount-gateway stop --release."
-    brief = "The mount is held: type mount-gateway stop --release."
+    words = "The mount is held: mount-gateway stop --release releases it."
 
 
 class Busy(Fault):
     """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
 
     words = "The mount is busy."
+    means = "Ask again in a moment."
 
 
 class NoDevice(Fault):

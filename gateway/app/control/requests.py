@@ -15,16 +15,16 @@ from msgspec.structs import replace
 
 from gateway.app.control.operations import unpacked
 from gateway.app.control.orders import halt
-from gateway.app.control.refusals import explain
 from gateway.app.discovery.served import Serving, served
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.core.errors import Busy, Fault, Invalid, Stopped, UserError
+from gateway.core.errors import BelowHorizon, Busy, Fault, Invalid, NearSun, PastMeridian, Stopped, TooHigh, UserError
 from gateway.core.requests import DONE, FAILED, UNDER_WAY, Answer
 from gateway.mount.controller import MountController
 from gateway.mount.motion.taps import holder
 from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
 
@@ -66,6 +66,22 @@ def title(request: msgspec.Struct) -> str:
 def _operation(request: object) -> type[op.Operation] | None:
     """Return the kind of operation that is asked for; None for every other request."""
     return op.named(request.operation) if isinstance(request, requests.OperationRequest) else None
+
+
+#: Refusals by limits that a page may have narrowed, and what is said of that.
+NARROWED = BelowHorizon | TooHigh | NearSun | PastMeridian
+BY_PAGE = (
+    "A page of the console has narrowed the limits until the gateway ends ({0}); it can take that back under More."
+)
+
+
+def explain(fault: Fault, limits: Limits) -> str:
+    """Return a refusal for a person: the words that programs get, and what they mean."""
+    if limits.by_page and isinstance(fault, NARROWED):
+        return f"{fault} {BY_PAGE.format(limits)}"
+    if fault.brief or not fault.means:  # a text with a brief form says what to do
+        return str(fault)
+    return f"{fault} {fault.means.format(sun=limits.sun, sync=limits.sync)}"
 
 
 async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:

@@ -21,12 +21,6 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
 OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
-#: Advice for a terminal, and what stands in its place on a page, which has buttons for that.
-ON_PAGE = {
-    "The mount is held. To release it, type mount-gateway stop --release.": "The mount is held: release it first.",
-    "until mount-gateway stop --release": "before it is released",
-    ": mount-gateway unpark, or its own keys": "",
-}
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -45,8 +39,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
         "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held,
         "goto_unparks": controller.driver.goto_unparks, "wanted": list(shown.wanted),
-        "allowed": [on_page(words) for words in shown.allowed],
-        "lately": [on_page(words) for words in shown.lately],
+        "allowed": list(shown.allowed), "lately": list(shown.lately),
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
@@ -54,13 +47,6 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "site_holds": controller.settings.holds_for(),
         **_sky(controller, state), **_site_and_clock(state), **_goal(controller, state),
     }  # fmt: skip
-
-
-def on_page(words: str) -> str:
-    """Return a sentence as a page says it."""
-    for advice, instead in ON_PAGE.items():
-        words = words.replace(advice, instead)
-    return words
 
 
 def abilities(controller: MountController) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.refusals import explain
+from gateway.app.control.requests import explain
 from gateway.core import errors
 from gateway.core import operations as op
 from gateway.core.errors import Fault

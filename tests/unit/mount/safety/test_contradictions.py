@@ -6,7 +6,7 @@ from itertools import combinations
 
 import pytest
 
-from gateway.app.control.refusals import explain
+from gateway.app.control.requests import explain
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Contradicted, Fault
