@@ -154,7 +154,7 @@ class MountState(Struct, frozen=True, dict=True):
             yield "narrowed by a page of the console, until the gateway ends"
         yield f"syncs of up to {limits.sync:g}°"
         if self.look.held:
-            yield "held: nothing moves it until mount-gateway stop --release"
+            yield "held: nothing moves it until it is released (mount-gateway stop --release)"
 
     def _lately(self) -> Iterator[str]:
         """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""

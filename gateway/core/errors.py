@@ -218,7 +218,8 @@ class Silence(Fault):
 class Held(Fault):
     """The user holds the mount with ``mount-gateway stop --hold``: no client moves it until the user releases it."""
 
-    words = "The mount is held: mount-gateway stop --release releases it."
+    words = "The mount is held: release it first (mount-gateway stop --release)."
+    brief = "The mount is held: type mount-gateway stop --release."
 
 
 class Busy(Fault):

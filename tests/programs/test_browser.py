@@ -128,7 +128,8 @@ def test_pages_and_visits_move_nothing(workshop: Workshop) -> None:
     unharmed("fetch", 1)
     shown = (f"http://127.0.0.1:{port}/x" for port in (*ports, *ports))
     for address in [*(f"{site.url}/form{port}" for port in ports), *(f"http://127.0.0.1:{port}/x" for port in ports)]:
-        tab, page = browser.visit(address), (next(shown), "mount-gateway")
+        tab, at = browser.visit(address), next(shown)
+        page = at, at.removeprefix("http://")
         wait_until(f"{address} is answered with a page", partial(reads, browser, tab, page))
     time.sleep(0.5)  # what would have been begun can be seen by now
     unharmed("form and visit", 3)

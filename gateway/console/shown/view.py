@@ -21,6 +21,8 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
 OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
+#: Advice for a terminal, which a page leaves out: it has a button for that.
+RELEASE = " (mount-gateway stop --release)"
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -39,7 +41,8 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
         "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held,
         "goto_unparks": controller.driver.goto_unparks, "wanted": list(shown.wanted),
-        "allowed": list(shown.allowed), "lately": list(shown.lately),
+        "allowed": [on_page(words) for words in shown.allowed],
+        "lately": [on_page(words) for words in shown.lately],
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
@@ -47,6 +50,11 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "site_holds": controller.settings.holds_for(),
         **_sky(controller, state), **_site_and_clock(state), **_goal(controller, state),
     }  # fmt: skip
+
+
+def on_page(words: str) -> str:
+    """Return a sentence as a page says it."""
+    return words.replace(RELEASE, "")
 
 
 def abilities(controller: MountController) -> dict[str, Any]:

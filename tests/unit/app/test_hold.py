@@ -23,7 +23,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
 
-WORDS = b"The mount is held: mount-gateway stop --release releases it."
+WORDS = b"The mount is held: type mount-gateway stop --release."
 RATE = op.Rate(name="max")
 HELD, RELEASED = Answer("done", "stopped and held"), Answer("done", "released")
 #: All that takes its turn among the motions, and whether a held mount does it.

@@ -121,7 +121,7 @@ def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[
     assert stop(*here, "--hold") == (0, f"{moving.endpoint}: stopped and held\n{held}")
     assert not moving.moves()
     goto = b":Sr07:00:00#:Sd+30*00:00#:MS#"
-    refused = b"112The mount is held: mount-gateway stop --release releases it.#"
+    refused = b"112The mount is held: type mount-gateway stop --release.#"
     assert ask(moving.where, goto, refused) == refused
     moving.gateway.end(signal.SIGKILL)
     moving.begin()

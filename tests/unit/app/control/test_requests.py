@@ -341,7 +341,10 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
             assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
             bridge.controller.hold.on = True
             assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
-            assert "held: nothing moves it until mount-gateway stop --release" in (await owner.see()).allowed
+            assert (
+                "held: nothing moves it until it is released (mount-gateway stop --release)"
+                in (await owner.see()).allowed
+            )
 
     run(program())
 
