@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.protocols.lx200.simulator.controller_commands import SimulatedController
+from gateway.protocols.lx200.simulator.controllers import SimulatedController
 from gateway.protocols.wireformat.command_set import load
 from tests.conformance.test_manual_synscan import fits
 from tests.support.each import each

@@ -136,15 +136,6 @@ class Terminal(Screen):
                 return key
         return " "
 
-    async def agrees(self, question: str) -> bool:
-        """Return whether the answer is y, where nothing moves that the space bar could stop; after q none is asked."""
-        key = "q" if self._left else " "
-        while key == " ":
-            self.stop.clear()
-            key = await self.key(question, "ynq")
-        self._left = key == "q"
-        return key == "y"
-
 
 #: Degrees from the Sun that the check keeps by day.
 SUN = 40.0
@@ -175,12 +166,13 @@ def add_prove(commands: Commands) -> None:
 
 def _prove(arguments: argparse.Namespace) -> int:
     from gateway.app.config import parse_endpoint
+    from gateway.app.config.showing import toml
     from gateway.app.state.mount_claim import MountTaken
     from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
     from gateway.diagnostics.prove.findings import load, save, write
     from gateway.diagnostics.prove.guide import GuidedCheck
 
-    config, source = settings(arguments, served=False)
+    config, _ = settings(arguments, served=False)
     if not sys.stdin.isatty():
         raise UserError("prove asks questions: start it in a terminal")
     folder: Path = arguments.folder
@@ -215,21 +207,10 @@ def _prove(arguments: argparse.Namespace) -> int:
         terminal.say(f"Wrote {path}: verdicts and measured values, no place and no time.")
         terminal.say("Please send it to whoever gave you mount-gateway.")
     if over and findings.keys:
-        asyncio.run(_offer_keys(findings, Path(source.name) if source.is_file else None, terminal))
-    return code
-
-
-async def _offer_keys(findings: Findings, file: Path | None, terminal: Terminal) -> None:
-    """Show the lines of gateway.toml that adapt the gateway to what differs, and write them if that is wished."""
-    from gateway.diagnostics.prove.adapting import adapted
-
-    with terminal.open():
         terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
-        text, changes = adapted(file, findings.keys)
-        for line in changes:
-            terminal.say(line)
-        if file and text and await terminal.agrees(f"y: write them to {file}  n: do not"):
-            file.write_text(text, "utf-8")
+        for key, value in findings.keys.items():
+            terminal.say(f"{key} = {toml(value)}")
+    return code
 
 
 def checked(config: Config) -> Config:

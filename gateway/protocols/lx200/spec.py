@@ -76,7 +76,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
-    from gateway.protocols.lx200.simulator.controller_commands import SimulatedController
+    from gateway.protocols.lx200.simulator.controllers import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
     other = load(NAME).of(model).other

@@ -12,10 +12,12 @@ import json
 import socket
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
 from ipaddress import ip_address
-from typing import cast
+from typing import Any, cast
 
 from gateway.system.own_names import interface_addresses
+from gateway.transport.web_server import WebDevice
 
 PORT, GROUP = 32227, "ff12::a1:9aca"
 #: The beginning of a question; its last digit is the version.
@@ -100,3 +102,24 @@ def _ipv6(port: int) -> socket.socket:
         with contextlib.suppress(OSError):
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, member)
     return made
+
+
+# --- Alpaca as a part of the web server -------------------------------------------------------------------------------
+
+
+class AlpacaWeb:
+    """Alpaca for the registry. What serves the requests is imported when the first client connects."""
+
+    def load(self) -> None:
+        """Import the routes, and with them aiohttp."""
+        import_module("gateway.protocols.alpaca.http.server")
+
+    def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> None:
+        """Add the devices to the application."""
+        from gateway.protocols.alpaca.http.server import AlpacaServer
+
+        AlpacaServer(devices).add_to(app)
+
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """Answer ASCOM's discovery; return the function that ends this. Raises OSError."""
+        return await answer_discovery(places)

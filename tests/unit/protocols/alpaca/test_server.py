@@ -14,7 +14,7 @@ import pytest
 from gateway.app.pages import application
 from gateway.core.wire_log import WireLog
 from gateway.protocols.alpaca.http import programs
-from gateway.protocols.alpaca.http.face import AlpacaWeb
+from gateway.protocols.alpaca.http.discovery import AlpacaWeb
 from gateway.transport.handler import Connected, ConnectionRefused, Write
 from gateway.transport.web_server import WebDevice, WebServer
 from tests.support.each import each
