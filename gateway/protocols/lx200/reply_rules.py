@@ -2,9 +2,9 @@
 
 A reply has one of five forms: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A raw
 0x15 instead of any of them, also of none, means busy (LX200GPS). After a command without a reply the gateway pauses
-shortly, because old telescopes need it. Replies are parsed like input of clients: line ends and blanks around them are
-no part of them, and a digit that no form has, with a text after it, is a refusal with that text. Otherwise only the
-exact form is accepted.
+shortly, because old telescopes need it. Replies are parsed like input of clients: line ends, blanks and zero bytes
+around them are no part of them, and a digit that no form has, with a text after it, is a refusal with that text.
+Otherwise only the exact form is accepted.
 
 If a surface presents the mount itself, the gateway writes its own replies in the notation of the connected telescope,
 learnt from its answers: separators, the seconds of a site, the sign of a longitude or a rate.
@@ -27,14 +27,15 @@ NAK = 0x15
 TIMEOUT, PACE = 3.0, 0.05  # seconds
 #: The maximum length of a reply that ends with ``#``.
 LONGEST = 200
-#: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds.
-_SEP = rb"[^0-9#]"
+#: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds, or a
+#: degree sign in UTF-8, of which only the second byte counts. A lost digit or sign would be another position.
+_SEP, _UTF_8 = rb"(?:\xc2\xb0|[^0-9#])", re.compile(rb"\xc2(?=\xb0)")
 _FORMS = {
-    "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d(?:\.\d+)?",
     "hh:mm:ss": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
     "HH:MM:SS.SSSS": rb"\d\d:\d\d:\d\d\.\d+",
     "HH:MM.T": rb"\d\d" + _SEP + rb"\d\d\.\d",
-    "sDD*MM:SS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "sDD*MM:SS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d(?:\.\d+)?",
     "sDD*MM:SS.SSS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d\.\d+",
     "sDD*MM": rb"[+-]\d\d" + _SEP + rb"\d\d(?:" + _SEP + rb"\d\d)?",
     "DDD*MM:SS": rb"\d\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
@@ -45,7 +46,7 @@ _FORMS = {
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
 #: What some mounts send around a reply, and before its ``#`` where that ends no text.
-PADDING, _PADDED = b"\r\n ", re.compile(rb"[\r\n ]+#")
+PADDING, _PADDED = b"\r\n\t \0", re.compile(rb"[\r\n\t \0]+#")
 #: A digit and a text, as a mount refuses an order; and a text that cannot be a reply to anything else.
 _SAID, _WORDS = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
 
@@ -66,7 +67,7 @@ def _exact(source: str) -> re.Pattern[bytes]:
 
 def _literal(text: str) -> bytes:
     """Return the pattern of characters between fields, with blanks or a line end before a ``#``."""
-    return re.escape(text.encode("latin-1")).replace(rb"\#", rb"[\r\n ]*\#")
+    return re.escape(text.encode("latin-1")).replace(rb"\#", rb"[\r\n\t \0]*\#")
 
 
 @cache
@@ -197,7 +198,7 @@ class Lx200ReplyRules:
                 length = len(buffer)  # some telescopes append one to every reply
             elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
                 return refusal
-            told = found[0] if ":text}" in str(template.source) else _PADDED.sub(b"#", found[0])
+            told = found[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED.sub(b"#", found[0]))
             values = template.decode(told)
             if reply.fault is not None:
                 return _fault(reply.fault, values, reply.says), length

@@ -24,7 +24,7 @@ from tests.support.uart import UartWire
 
 DEVICES = ["lx200", "autostar", "lx200gps", "onstep", "teenastro"]
 #: What a device sends around each of its replies.
-AROUND = [(b"", b"\r\n"), (b"\r\n", b""), (b"\n\r", b" \r\n"), (b" ", b" ")]
+AROUND = [(b"", b"\r\n"), (b"\r\n", b""), (b"\n\r", b" \r\n"), (b" ", b" "), (b"\t", b"\0")]
 
 
 def padded(bridge: Bridge, around: tuple[bytes, bytes], apart: bool) -> None:
@@ -102,7 +102,25 @@ def test_a_digit_with_a_text_is_a_refusal_with_that_text(command: str, reply: by
     assert says.lower() in f"{taken[0]} {type(taken[0]).__name__}".lower()
 
 
+@each(("command", "reply", "value"), [
+    ("GD", b"-12\xc2\xb030:45#", {"dec": pytest.approx(-12.5125)}),
+    ("GD", b"+12\xc2\xb030#", {"dec": pytest.approx(12.5)}),
+    ("GZ", b"123\xc2\xb030:00#", {"az": pytest.approx(123.5)}),
+    ("GR", b"06:21:28.40#", {"ra": pytest.approx(95.36833)}),
+    ("GD", b"-12*30:45.0#", {"dec": pytest.approx(-12.5125)}),
+])  # fmt: skip
+def test_a_degree_sign_in_utf_8_and_decimals_are_another_notation(command: str, reply: bytes, value: Any) -> None:
+    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    assert taken is not None and taken[1] == len(reply)
+    assert isinstance(taken[0], dict) and {**taken[0], **value} == taken[0], taken
+
+
 @each(("command", "reply"), [
+    ("GD", b"12*30:45#"),
+    ("GD", b" 12*30:45#"),
+    ("GD", b"+12\xc230:4#"),
+    ("GR", b"6:21:28#"),
+    ("GR", b"06:21:28.#"),
     ("MS", b"0Object#"),
     ("MS", b"+45*00:00#"),
     ("MA", b"1AT1#"),
