@@ -272,6 +272,8 @@ class MountController:
     ) -> asyncio.Future[None]:
         """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
         motion = None
+        if isinstance(operation, op.AbortSlew):
+            self._note_stop(activity.who)
         if isinstance(operation, MOTIONS):
             motion = self.reconciler.take(operation, stops, activity, asked=asked)
 

@@ -16,19 +16,24 @@ OPEN = {"lowest": -90.0, "sun": 0.0}
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200gps"), ("alpaca", "german")])
-@pytest.mark.parametrize("stop", ["another program", "mount-gateway stop", "M"])
+@pytest.mark.parametrize("stop", ["another program", "mount-gateway stop", "M", "an arrow"])
 def test_who_has_ended_a_goto_is_told(driven: str, model: str, stop: str) -> None:
     async def night() -> None:
-        async with Bridge(model, driven=driven, config=OPEN) as bridge:
+        presented, surface = ("nexstar", "cge") if stop == "M" else ("lx200", "autostar")
+        async with Bridge(model, driven=driven, presented=presented, surface=surface, config=OPEN) as bridge:
             ra, dec = bridge.sim.truth()
             await bridge.controller.perform(op.Goto(ra - 60.0, min(dec, 40.0)))
             await asyncio.sleep(2.0)
             who = "10.0.0.7"
             if stop == "another program":
                 bridge.client(who).tell(b":Q#")
+            elif stop == "an arrow":
+                who = stop
+                bridge.client().tell(b":RC#:Mn#")
+                await asyncio.sleep(4.0)
+                bridge.client().tell(b":Qn#")
             elif stop == "M":
-                who = "before its goal"
-                await bridge.controller.perform(op.AbortSlew())
+                await bridge.client(who).ask(b"M")
             else:
                 who = stop
                 await bridge.controller.stop(who)

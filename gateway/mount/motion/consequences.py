@@ -55,6 +55,8 @@ class Consequences:
             cache.put(op.Slewing, True, self._now())
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
+            if isinstance(before.motion, Slew):
+                self._context.note("the goto was stopped before its goal by an arrow")
             cache.look_again(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, before.by_hand.get(operation.axis))

@@ -127,7 +127,7 @@ _TEXT_OTHERS = {
     "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _FREE),
     "sHH:MM": Codec(lambda value: sx.offset_in_minutes(value).encode("ascii"), sx.parse_offset, _FREE),
     "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
-    "sMM.M": _number("sMM.M", 1, 2, True, -99, 99),
+    "sMM.M": _number("sMM.M", 1, 2, True, -30, 30),
     "NNN": _number("NNN", 0, 3, False, 0, 999),
     "NNN'": _arcminutes(_number("NNN", 0, 3, False, 0, 999)),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
