@@ -150,15 +150,17 @@ async def _parameters(request: web.Request) -> Pairs:
     body = await request.read()
     try:
         if body.startswith(b"--"):
-            return _form_data(body)
-        return parse_qsl(body.decode("utf-8"), keep_blank_values=True, max_num_fields=100, errors="strict")
+            pairs = _form_data(body)
+        else:
+            pairs = parse_qsl(body.decode("utf-8"), keep_blank_values=True, max_num_fields=100, errors="strict")
+        return [(name, value.strip()) for name, value in pairs]  # a + that is not encoded is a blank
     except ValueError:
         raise BadRequest("The parameters cannot be decoded") from None
 
 
 def _form_data(body: bytes) -> Pairs:
     """Return the parameters of a multipart/form-data body. Raises ValueError if it is not whole."""
-    boundary = body.partition(b"\r\n")[0].removeprefix(b"--")
+    boundary = body.partition(b"\n")[0].strip().removeprefix(b"--")
     form: Any = message_from_bytes(b'Content-Type: multipart/form-data; boundary="%s"\r\n\r\n' % boundary + body)
     if form.defects or not form.is_multipart():
         raise ValueError("the form is not whole")

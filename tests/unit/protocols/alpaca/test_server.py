@@ -208,7 +208,10 @@ MULTIPART = (
 )
 
 
-@each("body", [MULTIPART, b"RightAscension=5.5&Declination=-3", b"RightAscension=5.5&Declination=%2d3"])
+@each("body", [
+    MULTIPART, MULTIPART.replace(b"\r\n", b"\n"), b"RightAscension=5.5&Declination=-3",
+    b"RightAscension=5.5&Declination=%2d3", b"RightAscension=+5.5&Declination=-3\r\n",
+])  # fmt: skip
 @each(
     "kind", ["multipart/form-data; boundary=xY7", "application/x-www-form-urlencoded", "application/json", "text/plain"]
 )
