@@ -121,7 +121,7 @@ def parse_endpoint(text: str, of: str = "") -> Endpoint:
     """
     what, at, where = text.partition("@")
     if not at or not where:
-        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'))}")
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), of)}")
     endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
     return _over_http(endpoint, of) if where.startswith("http") or of == "mount" else endpoint
 
@@ -155,8 +155,10 @@ def _of_any(what: str, where: str) -> Endpoint:
     return Endpoint(ANY, where)
 
 
-def _example(text: str) -> str:
+def _example(text: str, of: str) -> str:
     """Return an example of a whole endpoint, made from the half that was written."""
+    if of == "surface":
+        return "lx200@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":

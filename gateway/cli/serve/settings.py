@@ -206,6 +206,8 @@ def _file(arguments: argparse.Namespace) -> Path | None:
                 raise UserError(f"{flag} {value} {place}: write {flag} {value}@{place}")
         if "@" in str(alone) and not alone.exists():
             raise UserError(f"{alone}: write --mount before the mount, and --surface before where programs connect")
+        if alone.suffix != ".toml" and not alone.exists():
+            raise UserError(f"{alone}: there is no such file. Values of one flag have no blanks: --site 48.1,11.6")
         given = alone
     return given or (DEFAULT_FILE if not arguments.mount and DEFAULT_FILE.is_file() else None)
 
