@@ -5,6 +5,7 @@ Entries are values, sinks are functions that take them. Without a sink no entry 
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -14,6 +15,8 @@ from typing import NamedTuple
 MOST = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 REMEMBERED = 64
+#: What the refusals of a program that tries many values differ by.
+_NUMBERS = re.compile(r"[\d.]+")
 
 
 class Entry(NamedTuple):
@@ -99,7 +102,9 @@ class WireLog:
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
-        """Record that a client's command was refused; with ``once_of`` (a host) it is logged once per text and host."""
+        """Record that a client's command was refused; with ``once_of`` (a host), of texts that differ by their numbers
+        alone only the first is logged.
+        """
         self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
         if self.on_refusal is not None and text != self._refused_last:
@@ -108,7 +113,7 @@ class WireLog:
         if once_of is None:
             self.note(side, text)
         else:
-            self.note_once(side, text, once_of)
+            self.note_once(side, text, once_of, kind=_NUMBERS.sub("", text))
 
     def turned_away(self, side: str, text: str, host: str) -> None:
         """Record a refused connection, logged once."""

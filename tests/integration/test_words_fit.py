@@ -107,3 +107,18 @@ def test_explain_names_a_mount_in_words_that_fit() -> None:
     assert "on an onstep mount" in explain("lx200", "lx200:onstep", ":GR#").text
     told = explain("lx200", "alpaca:german", ":MA#").text
     assert "tracking is turned off before" not in told
+
+
+def test_refusals_that_differ_by_their_numbers_alone_are_logged_once() -> None:
+    async def night() -> None:
+        async with Bridge(surface="lx200gps", config=OPEN) as bridge:
+            client = bridge.client()
+            for rate in range(30, 60):
+                client.tell(f":RA{rate}.5#".encode())
+                await asyncio.sleep(0.1)
+            client.tell(b":RE99.9#")
+            await asyncio.sleep(1.0)
+            assert [entry.note[:5] for entry in bridge.entries if "refused" in entry.note] == ["`:RA3", "`:RE9"]
+            assert "59.5" in mount_state(bridge.controller).drawn().lately[-2]
+
+    run(night())

@@ -121,7 +121,9 @@ def parse_endpoint(text: str, of: str = "") -> Endpoint:
     """
     what, at, where = text.partition("@")
     if not at or not where:
-        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), of)}")
+        raise UserError(
+            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), of)}"
+        )
     endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
     return _over_http(endpoint, of) if where.startswith("http") or of == "mount" else endpoint
 

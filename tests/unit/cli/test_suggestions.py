@@ -51,7 +51,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["run", "--name", "pier"], "mount-gateway config --example"),
         (["run", "nexstar@sim", "lx200@tcp://:0"], "write --mount before the mount"),
         (["run", "nexstar@sim"], "write --mount before the mount"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "48.1", "11.6"], "--site 48.1,11.6"),
+        (
+            ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "48.1", "11.6"],
+            "--site 48.1,11.6",
+        ),
         (["run", "--mount", "nexstar@sim", "--surface", "4030"], "for example lx200@tcp://"),
         (["run", "a.toml", "--config", "b.toml"], "write one file"),
         (["explain", ":GR#"], "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
