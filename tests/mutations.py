@@ -349,7 +349,7 @@ MUTATIONS = [
     ),
     Mutation(
         "an almanac that another user can write is believed",
-        r"stat\.S_IMODE\(seen\.st_mode\) & 0o022",
+        r"stat\.S_IMODE\(status\.st_mode\) & 0o022",
         "False",
         "tests/unit/astro/test_almanac.py",
     ),

@@ -71,20 +71,20 @@ class Geometry(NamedTuple):
         return wrap180(self.pole * (first - self._zero)), wrap180(self.pole * second)
 
     def axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
-        """Return the axis positions that point there, in one of the two ways."""
+        """Return the axis positions for a direction, on either side of the pier (``flipped``)."""
         if self.build is Build.ALTAZ:
             first, second = hour_angle_to_horizon(hour_angle, dec, self.latitude)
         else:
             first, second = self.pole * hour_angle + self._zero, self.pole * dec
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
-    def readings(self, here: Pair, reads: Pair, goal: Pair) -> Pair:
+    def readings(self, position: Pair, reads: Pair, goal: Pair) -> Pair:
         """Return the axis readings for a goal, counted from what the mount ``reads`` where it points now: its counting
         may begin elsewhere. Here and goal are hour angles and declinations; a German mount keeps its counterweight low.
         """
-        ways = [self.axes(*here, flipped) for flipped in (False, True)]
+        ways = [self.axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(reads[0] - first), wrap180(reads[1] - second)) for first, second in ways]
-        offset = min(offsets, key=lambda one: abs(one[0]) + abs(one[1]))
+        offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
         first, second = self.axes(*goal, self.other_side(goal[0]))
         return first + offset[0], second + offset[1]
 
@@ -92,8 +92,8 @@ class Geometry(NamedTuple):
         """Whether a goto to this hour angle is flipped: the tube of a German mount is on the opposite side."""
         return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0
 
-    def travel(self, axis: int, here: float, there: float) -> float:
+    def travel(self, axis: int, start: float, end: float) -> float:
         """Return the degrees an axis turns: the shorter way; a German mount keeps its counterweight low."""
         if self.build is Build.GERMAN:
-            return wrap180(there - 90.0) - wrap180(here - 90.0)
-        return wrap180(there - here) if axis == 1 else wrap180(there) - wrap180(here)
+            return wrap180(end - 90.0) - wrap180(start - 90.0)
+        return wrap180(end - start) if axis == 1 else wrap180(end) - wrap180(start)

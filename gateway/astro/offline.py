@@ -2,7 +2,7 @@
 
 By default astropy looks for new leap seconds and new Earth rotation tables on the Internet when the installed ones are
 old, and for settings in the user's home. Observatories are offline, a service may have no home folder, and nothing
-here may wait. So the gateway uses the installed data, however old, and gets the same results on every computer.
+in this package may wait. So the gateway uses the installed data, however old: results are equal on all computers.
 """
 
 from __future__ import annotations

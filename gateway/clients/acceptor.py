@@ -19,7 +19,7 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.clients.wrong_preset import PresetWatch
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
-from gateway.protocols.base.session import Kept, Shared
+from gateway.protocols.base.session import ClientState, Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Connected
 
@@ -50,7 +50,7 @@ class ConnectionAcceptor:
         self.access, self._admission = access, ClientAdmission(access, number, controller.wire_log)
         self._where, self._warn, self._one_type = where, warn, one_type
         self._clients: set[CommandProcessor] = set()
-        self._saved_states: dict[str, tuple[float, Kept]] = {}
+        self._saved_states: dict[str, tuple[float, ClientState]] = {}
         self._connections: set[ClientConnection] = set()
 
     @cached_property
@@ -149,7 +149,7 @@ class ConnectionAcceptor:
             return
         self._save_state(host, client)
 
-    def _saved_state(self, host: str) -> Kept | None:
+    def _saved_state(self, host: str) -> ClientState | None:
         """Return what the last connection from this host has left, unless that is too long ago."""
         at, kept = self._saved_states.get(host, (-1e9, None))
         return kept if self.controller.now() - at <= INHERIT_FOR else None
@@ -158,6 +158,6 @@ class ConnectionAcceptor:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
             self.controller.presence.disconnected(client.activity)
-        self._saved_states[host] = (self.controller.now(), copy(client.session.kept))
+        self._saved_states[host] = (self.controller.now(), copy(client.session.client))
         for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._saved_states[old]

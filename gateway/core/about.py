@@ -1,8 +1,7 @@
 """The version of this program, the commit that it was built from, its date, and the folder of its package.
 
-The version is the one line in pyproject.toml: a checkout reads it there, an installation in its metadata. The commit is
-told where it is known: by the checkout, by pip, or by the file in the wheel that a release, or a build from a checkout,
-puts there. Nothing needs it.
+pyproject.toml defines the version: a checkout reads it in that file, an installation in its metadata. The commit comes
+from the checkout, from pip, or from a file that the build put into the wheel. Nothing depends on it.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from pathlib import Path
 RELEASED = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE = Path(__file__).resolve().parents[1]
-#: How many digits of a commit are told.
+#: How many digits of a commit are shown.
 DIGITS = 12
 _PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 
@@ -24,8 +23,8 @@ _PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 def version() -> str:
     """Return the version, such as ``0.2.0``."""
     project = _text(PACKAGE.parent / "pyproject.toml")
-    if f'name = "{_PROJECT}"' in project and (found := re.search(r'(?m)^version = "(.+)"$', project)):
-        return found[1]
+    if f'name = "{_PROJECT}"' in project and (match := re.search(r'(?m)^version = "(.+)"$', project)):
+        return match[1]
     from importlib import metadata  # it takes longer to import than all that most commands do
 
     try:
@@ -38,7 +37,7 @@ def version() -> str:
 def commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
     built = _text(PACKAGE / "commit.txt") or checked_out(PACKAGE.parent / ".git") or _installed_from()
-    return found[0][:DIGITS] if (found := _COMMIT.search(built)) else ""
+    return match[0][:DIGITS] if (match := _COMMIT.search(built)) else ""
 
 
 def full_version(number: str | None = None, built_from: str = "") -> str:

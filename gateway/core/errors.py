@@ -39,8 +39,8 @@ class SunIsNoGoal(UserError):
 
 def told(error: OSError) -> str:
     """Return what the system says of an error, and what to do about it if that is known."""
-    words = error.strerror or str(error)
-    return f"{words}; {step}" if (step := _STEPS.get(error.errno or 0)) else words
+    text = error.strerror or str(error)
+    return f"{text}; {step}" if (step := _STEPS.get(error.errno or 0)) else text
 
 
 def about_file(path: Path | str, error: OSError, *, reading: bool = False) -> str:
@@ -80,22 +80,22 @@ class Fault(GatewayError):
     """An operation that was not carried out; ``str(fault)`` is the text for the client's user."""
 
     words = "Not possible."
-    #: What a person may need to know besides, at a terminal or on a page; {sun} and {sync} are the limits.
+    #: An explanation for a terminal or a page; {sun} and {sync} are the limits.
     means = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
     took = 0.0
     #: Whether the command may have reached the mount.
     sent = True
 
-    #: Whether it is in the log, and counted, as a refusal.
+    #: Whether the log already shows and counts it as a refusal.
     logged = False
 
-    #: At most 60 characters for programs that show no more; if there are such, the whole text says what to do as well.
+    #: A short text, at most 60 characters, for programs that show no more; the whole text then also says what to do.
     brief = ""
 
-    def __init__(self, words: str | None = None, brief: str = "") -> None:
-        super().__init__(words or self.words)
-        if words or brief:
+    def __init__(self, text: str | None = None, brief: str = "") -> None:
+        super().__init__(text or self.words)
+        if text or brief:
             self.brief = brief
 
     def of(self, what: str) -> str:

@@ -1,4 +1,4 @@
-"""What people and programs ask of a gateway: from a page, a broker, a shell or Python, in one vocabulary.
+"""Requests to a gateway from a page, a broker, a shell or Python, in one vocabulary.
 
 Every door (the page's socket, MQTT, the control endpoint) decodes what comes in once, and inside the gateway a request
 is one of these values. Recordings and the control endpoint hold it as one line of plain ASCII JSON. Angles are in

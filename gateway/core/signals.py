@@ -27,7 +27,7 @@ class Signal(Generic[T]):
         self._listeners = (*self._listeners, listener)
 
     def disconnect(self, listener: Callable[[T], object]) -> None:
-        self._listeners = tuple(one for one in self._listeners if one != listener)
+        self._listeners = tuple(other for other in self._listeners if other != listener)
 
     def emit(self, value: T) -> None:
         self.count += 1

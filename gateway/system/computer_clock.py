@@ -38,10 +38,10 @@ def synchronised() -> bool:
     """Whether the kernel says that a time source keeps its clock right; True if the kernel does not say."""
     try:
         state = _Timex()
-        found = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
+        result = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
     except (OSError, AttributeError):
         return True
-    return found < 0 or not (found == _ERROR or state.status & _UNSYNCHRONISED)
+    return result < 0 or not (result == _ERROR or state.status & _UNSYNCHRONISED)
 
 
 class Kernel:

@@ -48,7 +48,7 @@ def raise_limit(programs: int, parts: int) -> str:
 
 
 def no_room() -> str:
-    """Return why there is no room for one more client, in words; empty if there is room."""
+    """Return why there is no room for another client; empty if there is room."""
     most = limit()
     if most is None:
         return ""

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
-#: The user's folders on Linux: platformdirs' name, the variable that names one, and where it is below HOME without.
+#: The user's folders on Linux: platformdirs' name, the variable that overrides it, and the default below HOME.
 _ON_LINUX = {"user_state_path": ("XDG_STATE_HOME", ".local/state"), "user_cache_path": ("XDG_CACHE_HOME", ".cache")}
 NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name another one"
 
@@ -84,7 +84,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(beside, path)
-    except OSError:  # on a full disk, what is there of it takes the last room
+    except OSError:  # on a full disk, the unfinished file takes the last room
         with contextlib.suppress(OSError):
             beside.unlink()
         raise

@@ -40,8 +40,8 @@ class PidLock:
         while self._number is None:
             number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
-                seen = os.fstat(number)
-                if not stat.S_ISREG(seen.st_mode):
+                status = os.fstat(number)
+                if not stat.S_ISREG(status.st_mode):
                     raise OSError(errno.EINVAL, "is not a file", str(self.path))
                 if not _lock(number):
                     raise LockHeld(read_pid(self.path))
@@ -57,7 +57,7 @@ class PidLock:
             os.ftruncate(self._number, len(content))
 
     def release(self) -> None:
-        """Release the lock if it is held. A file that is kept contains this process id until the next holder."""
+        """Release the lock if it is held. A remaining file contains this process id until the next holder."""
         number, self._number = self._number, None
         if number is None:
             return

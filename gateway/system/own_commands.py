@@ -38,8 +38,8 @@ def own_command() -> str:
         return sys.executable
     import shutil
 
-    here = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
-    return here or f"{sys.executable} -m gateway"
+    command = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
+    return command or f"{sys.executable} -m gateway"
 
 
 def pip_command() -> str:
@@ -52,7 +52,7 @@ def pip_command() -> str:
 
 
 def how_to_add(extra: str) -> str:
-    """Return how to install one of the extras of ``pyproject.toml``: what to type, and where."""
+    """Return the instruction that installs an extra of ``pyproject.toml``: what to type, and where."""
     if is_single_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
     what = " ".join(_packages(extra)) or f"'.[{extra}]' in the folder of mount-gateway"

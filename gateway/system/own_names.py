@@ -16,8 +16,8 @@ def interface_addresses() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
     import ifaddr  # imported late, because it would delay every start
 
     for adapter in ifaddr.get_adapters():
-        for one in adapter.ips:
-            text = one.ip if isinstance(one.ip, str) else one.ip[0]
+        for address in adapter.ips:
+            text = address.ip if isinstance(address.ip, str) else address.ip[0]
             yield str(adapter.nice_name), ip_address(text)
 
 
@@ -26,9 +26,9 @@ def ipv4_networks() -> Iterator[tuple[IPv4Address, IPv4Network]]:
     import ifaddr
 
     for adapter in ifaddr.get_adapters():
-        for one in adapter.ips:
-            if isinstance(one.ip, str):
-                yield IPv4Address(one.ip), IPv4Network(f"{one.ip}/{one.network_prefix}", strict=False)
+        for address in adapter.ips:
+            if isinstance(address.ip, str):
+                yield IPv4Address(address.ip), IPv4Network(f"{address.ip}/{address.network_prefix}", strict=False)
 
 
 def host_of(header: str) -> str:

@@ -29,14 +29,14 @@ class Process(Struct, frozen=True):
 
 def gateways() -> list[Process]:
     """Return all gateways that are visible, except this process; none on systems without ``/proc``."""
-    found = []
+    running = []
     for entry in PROC.iterdir() if PROC.is_dir() else ():
         if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_argv(int(entry.name))):
             try:
-                found.append(Process(int(entry.name), entry.stat().st_uid))
+                running.append(Process(int(entry.name), entry.stat().st_uid))
             except OSError:
                 continue  # it has ended meanwhile
-    return sorted(found, key=lambda process: process.pid)
+    return sorted(running, key=lambda process: process.pid)
 
 
 def is_gateway(pid: int) -> bool:
@@ -110,9 +110,9 @@ def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
     for name in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):
             for line in (proc / "net" / name).read_text().splitlines()[1:]:
-                words = line.split()
-                if len(words) > 9 and words[3] == LISTENS:
-                    yield words[9], int(words[1].rpartition(":")[2], 16)
+                columns = line.split()
+                if len(columns) > 9 and columns[3] == LISTENS:
+                    yield columns[9], int(columns[1].rpartition(":")[2], 16)
 
 
 def openers(targets: Collection[str], proc: Path = PROC) -> Iterator[tuple[str, tuple[int, str]]]:

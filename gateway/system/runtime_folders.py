@@ -23,7 +23,7 @@ SESSIONS = Path("/run/user")
 
 
 def folders() -> tuple[list[Path], list[str]]:
-    """Return the usable folders, and for each other one the reason why it is not usable."""
+    """Return the usable folders, and for every other folder why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
     for folder in [*candidates(), directory() / FALLBACK]:
@@ -63,8 +63,8 @@ def folders_of_others() -> list[tuple[Path, int]]:
     """Return the folders of all other users with the users' ids; empty unless this user is root."""
     if user() != 0:
         return []
-    found = [*temporary().glob(f"{NAME}-*"), *SESSIONS.glob(f"*/{NAME}")]
-    owned = [(folder, _owner(folder)) for folder in sorted(found)]
+    present = [*temporary().glob(f"{NAME}-*"), *SESSIONS.glob(f"*/{NAME}")]
+    owned = [(folder, _owner(folder)) for folder in sorted(present)]
     return [(folder, owner) for folder, owner in owned if owner]
 
 
@@ -89,10 +89,10 @@ def protect_from_cleanup(folder: Path) -> int | None:
 def _owner(folder: Path) -> int | None:
     """Return the owner of a directory; None for anything else, also for a link."""
     try:
-        seen = os.lstat(folder)
+        status = os.lstat(folder)
     except OSError:
         return None
-    return seen.st_uid if stat.S_ISDIR(seen.st_mode) else None
+    return status.st_uid if stat.S_ISDIR(status.st_mode) else None
 
 
 def _reason_unusable(folder: Path) -> str:
@@ -102,16 +102,16 @@ def _reason_unusable(folder: Path) -> str:
             folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             os.mkdir(folder, 0o700)
-        seen = os.lstat(folder)
+        status = os.lstat(folder)
     except OSError as error:
         return error.strerror or str(error)
-    if not stat.S_ISDIR(seen.st_mode):
+    if not stat.S_ISDIR(status.st_mode):
         return "is not a directory"
     if user() is None:
         return ""
-    if seen.st_uid != user():
-        return f"belongs to {user_name(seen.st_uid)}, not to you"
-    if seen.st_mode & 0o077:
+    if status.st_uid != user():
+        return f"belongs to {user_name(status.st_uid)}, not to you"
+    if status.st_mode & 0o077:
         return "is open to other users; chmod 700 closes it"
     return ""
 

@@ -59,7 +59,7 @@ def say(text: str) -> None:
 def _plain(error: UnicodeError) -> tuple[str, int]:
     """Return the plain form of characters that a stream cannot encode, and where to go on."""
     assert isinstance(error, UnicodeEncodeError)
-    return "".join(PLAIN.get(one, "?") for one in error.object[error.start : error.end]), error.end
+    return "".join(PLAIN.get(character, "?") for character in error.object[error.start : error.end]), error.end
 
 
 def replace_unencodable() -> None:
@@ -86,10 +86,10 @@ def print_to_stderr(line: str) -> None:
 def in_journal(stream: TextIO) -> bool:
     """Whether the journal reads this stream, and it was not redirected to a file or a terminal."""
     try:
-        found = os.fstat(stream.fileno())
+        status = os.fstat(stream.fileno())
     except (OSError, ValueError):  # it has no descriptor, or is closed
         return False
-    return os.environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+    return os.environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"
 
 
 def level(number: int, stream: TextIO) -> str:
@@ -102,7 +102,7 @@ def message(text: str, number: int, stream: TextIO) -> str:
 
     Control characters are escaped, because parts of the text may come from a file or a command line.
     """
-    text = _CONTROL.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+    text = _CONTROL.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
     return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 #: Seconds until a connection must be open, until the first answer, and until a request is given up.
 CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
-#: Seconds that an idle connection is kept, and how often a read is asked whose connection was closed.
+#: Seconds that an idle connection stays open, and the attempts of a read whose connection was closed.
 KEPT, ASKED = 60.0, 5
 #: Seconds between repetitions of a stop that has overtaken an order; and after it, in which it is repeated although no
 #: answer comes: if that is lost for good, it would end other programs' motions as well.
@@ -88,7 +88,7 @@ class HttpWire:
         self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Ask the server its first questions. Raises OSError with a reason in words."""
+        """Ask the server its first questions. Raises OSError with a readable reason."""
         import aiohttp
 
         connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT)  # a stop must not wait for a connection
@@ -159,7 +159,7 @@ class HttpWire:
             overtaken = unanswered | self._orders
 
     async def _carry_out(self, session: ClientSession, number: int, request: HttpRequest) -> bool:
-        """Send a request, and deliver the answer; return whether there was one."""
+        """Send a request, and deliver the answer; return whether an answer came."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
@@ -212,7 +212,7 @@ def written(url: str, request: HttpRequest) -> bytes:
 
 
 def reason(error: Exception) -> str:
-    """Return why a server cannot be reached, in words."""
+    """Return why a server cannot be reached."""
     cause = getattr(error, "os_error", None) or error
     if isinstance(cause, ConnectionRefusedError) or getattr(cause, "errno", None) == errno.ECONNREFUSED:
         return "no program listens there (connection refused)"

@@ -2,7 +2,7 @@
 
 It is loaded at the first byte for it, because loading takes a quarter of a second, which would delay every start. A
 connection whose request is not whole ``WHOLE`` seconds after its first byte, or that sends none, ends; so does one that
-is idle for ``IDLE`` seconds. The places are shared as ``room.py`` says; who gets none is told so.
+is idle for ``IDLE`` seconds. ``room.py`` shares out the places; a client without a place gets a refusal.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class WebPort:
 
 
 class WebServer:
-    """Serves the aiohttp application that ``load`` returns, to ``close``; without one every request is refused."""
+    """Serves the aiohttp application that ``load`` returns, until ``close``; without ``load``, refusals only."""
 
     def __init__(self, load: Callable[[], Awaitable[Any]] | None = None) -> None:
         self._load = load
@@ -61,7 +61,7 @@ class WebServer:
         self.where = ""
 
     async def listen(self, where: str, others: int = 0) -> WebPort:
-        """Open a port, or one of so many ``others`` after it that is free. Raises UserError."""
+        """Open a port, or the first free one of the ``others`` that follow it. Raises UserError."""
         server, real = await listen(where, lambda: HttpConnection(self), others)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]
@@ -147,7 +147,7 @@ class HttpConnection(asyncio.Protocol):
         if self._host is None:
             return
         if not loading.cancelled():
-            loading.result()  # a fault of ours is told in the log, and this connection ends in a while
+            loading.result()  # the log shows our own faults, and this connection ends in a while
         inner = self._inner = self._server.handler()
         if inner is None:
             self._refuse(NONE)
@@ -167,7 +167,7 @@ class HttpConnection(asyncio.Protocol):
 
     @contextmanager
     def answering(self) -> Iterator[None]:
-        """A request is there, with its body, and is answered."""
+        """Answer a request, which has arrived with its body."""
         self._end_deadline()
         self._answering = True
         try:
@@ -209,7 +209,7 @@ class HttpConnection(asyncio.Protocol):
 
 
 async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
-    """Answer a request when its body is there: half of one could mean something else."""
+    """Answer a request when its body has arrived: half a body could mean something else."""
     connection = request.transport.get_protocol() if request.transport is not None else None
     await request.read()
     if not isinstance(connection, HttpConnection):
@@ -218,9 +218,9 @@ async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
         return await handler(request)
 
 
-def answer_of(status: str, words: str) -> bytes:
+def answer_of(status: str, text: str) -> bytes:
     """Return the bytes of a short answer, after which the connection ends."""
-    body = words.encode()
+    body = text.encode()
     head = (
         f"HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {len(body)}\r\n"
         "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nRetry-After: 2\r\nConnection: close\r\n\r\n"
@@ -232,8 +232,8 @@ def answer_of(status: str, words: str) -> bytes:
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` is told
-    whose requests are refused. It is offered at its own ``port``; 0: at all that have no device of their own."""
+    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` records
+    refused requests. It is offered at its own ``port``; 0: at all that have no device of their own."""
 
     accept: Accept
     title: str

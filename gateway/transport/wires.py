@@ -175,7 +175,7 @@ def unlock(port: Serial) -> None:
 
 
 def open_port(url: str, baud: int) -> Serial:
-    """Open a serial URL for exclusive use. Raises OSError with the reason in words."""
+    """Open a serial URL for exclusive use. Raises OSError with a readable reason."""
     import serial
 
     timeout: float | None = 2.0
@@ -194,9 +194,9 @@ def open_port(url: str, baud: int) -> Serial:
                 errno.ENOENT,
                 f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
             ) from None
-        for numbers, part, reason, words in _REASONS:
+        for numbers, part, reason, message in _REASONS:
             if number in numbers or part in text:
-                raise OSError(reason, words.format(who=_who_may_use(url))) from None
+                raise OSError(reason, message.format(who=_who_may_use(url))) from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
             raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
         raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None
@@ -253,8 +253,8 @@ def _who_may_use(device: str) -> str:
                 f"/dev/ttyUSB0; if the mount is at {device}, allow it: sudo chgrp {USUAL_GROUP} {device} && sudo chmod "
                 f"660 {device}"
             )
-    own = f"sudo usermod -aG {group_of(device)} $USER puts you into the group that may use it"
-    return f"{own} (then log out and in again)"
+    advice = f"sudo usermod -aG {group_of(device)} $USER puts you into the group that may use it"
+    return f"{advice} (then log out and in again)"
 
 
 def group_of(device: str) -> str:

@@ -66,7 +66,7 @@ def test_refused_without_a_way_to_ask(said: bytes) -> None:
 def test_without_a_reply_it_is_passed_over(said: bytes) -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(said) == b""
-    assert not sim.parts and "custom" not in sim.kept
+    assert not sim.parts and "custom" not in sim.stored
 
 
 def test_every_example_of_the_manual_is_well_formed() -> None:

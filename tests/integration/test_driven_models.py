@@ -74,7 +74,7 @@ _FORK: Refusals = {"TrackRate": "Unsupported"}
 #: Motors before 6.12, on forks: variable rates on both axes do for a pulse on the sky, not for a motor's own.
 _NO_PULSES: Refusals = {"PulseAxis": "Unsupported"}
 #: Before 2.3: neither site nor clock.
-_OLD: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
+_OLD: Refusals = {"SetSite": "ClientState", "SetClock": "ClientState"}
 #: Before 1.6: no pass-through to motors and GPS unit.
 _ANCIENT: Refusals = _OLD | {
     "SetTracking": "Unsupported",
@@ -144,7 +144,7 @@ NEXSTAR: dict[str, dict[str, Refusals]] = {
 }
 
 #: A StarSense in the place of a mount's own hand control; once it is aligned it is told neither site nor time.
-_STARSENSE: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
+_STARSENSE: Refusals = {"SetSite": "ClientState", "SetClock": "ClientState"}
 for _model in (
     "advanced-gt",
     "slt",

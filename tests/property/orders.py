@@ -175,9 +175,9 @@ class Keypad:
         sim = self._sim
         self.pressed.add(letter)
         if self._meade:
-            kept, sim.kept["rate"] = sim.kept["rate"], _MEADE_RATE[rate].decode()
+            kept, sim.stored["rate"] = sim.stored["rate"], _MEADE_RATE[rate].decode()
             motion.arrow(sim, f"M{letter}", {})
-            sim.kept["rate"] = kept
+            sim.stored["rate"] = kept
             return
         motor, sense = _MOTOR[letter]
         sim.mechanics.cancel(sim.now)

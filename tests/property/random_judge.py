@@ -248,7 +248,7 @@ class Judge:
             self.complain(f"{data!r} to an aligned hand control")
 
     def _to_meade(self, data: bytes) -> None:
-        kept = self.sim.kept
+        kept = self.sim.stored
         self._slewed = self._slewed or data in (b":MS#", b":MA#")
         if data != b"\x06" and not re.fullmatch(rb"(:|\$Q)[^:#]*#|:[^#]*#", data):
             self.complain(f"to the telescope: {data!r} is no whole command")

@@ -323,14 +323,14 @@ class Evening(Play):
         """A goto that the gateway allows, below the mount's own horizon. A SynScan has none."""
         if self.synscan:
             return "-"
-        kept, stood = self.sim.kept["lowest"], self.sim.truth()
-        self.sim.kept["lowest"] = 60.0
+        kept, stood = self.sim.stored["lowest"], self.sim.truth()
+        self.sim.stored["lowest"] = 60.0
         try:
             await self.one.leave(*self.high(50.0, 0.0))
             must(self.one.nexstar or self.one.stop is None, "the goto is not refused")  # these have no words for that
         finally:
             await asyncio.sleep(2.0)
-            self.sim.kept["lowest"] = kept
+            self.sim.stored["lowest"] = kept
             must(off(self.sim.truth(), stood) < EXACT, "it went")
         raise Refusal("without words")
 

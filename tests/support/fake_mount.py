@@ -189,7 +189,7 @@ class Talk:
         """Close the connection and open the next one, which inherits what the session keeps across connections."""
         before = self.session
         self.session = type(before)(before.model, before.settings, before.clock, before.common)
-        self.session.kept = copy(before.kept)
+        self.session.client = copy(before.client)
         self.framer = self.binding.framing()
 
     def wait(self, seconds: float) -> None:

@@ -114,7 +114,7 @@ class Judge:
         for what, size, most in (
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MAX_REPLIES),
             ("framer", pending, 64),
-            ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
+            ("kept", len(repr(client.session.client)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client.runner._sent), 40), ("deferred", len(client.runner._deferred), 4),
             ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
             ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._saved_states), 200),

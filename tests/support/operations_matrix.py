@@ -338,7 +338,7 @@ def _kept(b: Bridge) -> Fault:
     """The outcome of a site or clock that was not sent: the gateway serves it from then on, and logs why."""
     said = [entry.note for entry in b.entries if entry.note]
     if any("kept in the gateway" in note for note in said):
-        return Kept()
+        return ClientState()
     return Refused("not in force") if any("it is not in force" in note for note in said) else Fault("nothing")
 
 
@@ -346,7 +346,7 @@ class KeepsTracking(Fault):
     """The log says that the mount has reached its park position and keeps tracking."""
 
 
-class Kept(Fault):
+class ClientState(Fault):
     """The gateway itself serves the value from now on."""
 
 
@@ -365,7 +365,7 @@ async def set_guide_rate(b: Bridge) -> bool:
     return (
         bool(b.sim.settings["guide rate", 16] == 64)
         if hasattr(b.sim, "settings")
-        else bool(abs(b.sim.kept["Rg"] - 3.8) < 0.1)
+        else bool(abs(b.sim.stored["Rg"] - 3.8) < 0.1)
     )
 
 

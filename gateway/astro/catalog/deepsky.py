@@ -1,6 +1,6 @@
 """Messier, NGC, IC, Caldwell and UGC objects from OpenNGC, the database in the package pyongc.
 
-It is read with sqlite3, not with the package's own functions: those return one object at a time with numpy arrays and
+It is read with sqlite3, not with the package's own functions: those return single objects with numpy arrays and
 take seconds for a search by limits. Only objects with an NGC or IC number can be found by a UGC number.
 
 A search covers the sky in strips of an hour of right ascension from north to south, the westernmost strip first,
@@ -48,13 +48,13 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
     if catalog == "M":
         catalog, number = _REPLACEMENTS.get(number, (catalog, number))
     if catalog == "M":
-        found = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
+        rows = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:
         name = _IDENTIFIERS[catalog] % number
-        found = _rows("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
-    if not found:
+        rows = _rows("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
+    if not rows:
         return None
-    row = found[0]
+    row = rows[0]
     if row[1] == "Dup":
         row = _original(row[0]) or row
     return None if row[2] is None else _entry(row, called)
@@ -75,9 +75,12 @@ def _original(name: str) -> tuple[object, ...] | None:
 
 
 def _entry(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
-    own, kind, ra, dec, magnitude, size, width, messier = row
-    catalog, number = own[: len(own) - len(own.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))], own.lstrip("NGCI")
-    shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else own)
+    identifier, kind, ra, dec, magnitude, size, width, messier = row
+    catalog, number = (
+        identifier[: len(identifier) - len(identifier.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))],
+        identifier.lstrip("NGCI"),
+    )
+    shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else identifier)
     return CatalogObject(
         name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width
     )

@@ -43,7 +43,7 @@ def look_up(name: str, year: float) -> CatalogObject | None:
 def of_star(number: int, year: float) -> CatalogObject:
     """Return the entry of a star of ``supplied.stars``, by its Hipparcos number."""
     known = supplied.stars()[number]
-    called = next((one for one, at in HIPPARCOS.items() if at == number), "")
+    called = next((name for name, at in HIPPARCOS.items() if at == number), "")
     first, *others = filter(None, (called, *known.letters.split("|")))
     return CatalogObject(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
 
@@ -55,8 +55,10 @@ def beginning(text: str, most: int) -> list[str]:
         return []
     spelled = _spelled()
     begin = [known for spelling, known in spelled.items() if spelling.startswith(typed)]
-    words = [known for known in spelled.values() if any(normalized(word).startswith(typed) for word in known.split())]
-    return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(words, key=_rank))))[:most]
+    containing = [
+        known for known in spelled.values() if any(normalized(word).startswith(typed) for word in known.split())
+    ]
+    return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(containing, key=_rank))))[:most]
 
 
 def _rank(known: str) -> tuple[bool, float, int]:
@@ -72,7 +74,7 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
     close = [*longer, *similar(typed, spelled, 2 * SUGGESTED, ALIKE)]
     known = dict.fromkeys(spelled[spelling] for spelling in close)
-    return [one for one in known if OTHER_NAMES.get(one) not in known][:SUGGESTED]
+    return [other for other in known if OTHER_NAMES.get(other) not in known][:SUGGESTED]
 
 
 @cache

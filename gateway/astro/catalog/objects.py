@@ -32,10 +32,10 @@ class NotInstalled(Unsupported):
 
 def data_file(package: str, name: str) -> Path:
     """Return the path of a data file of an installed package. Raises NotInstalled."""
-    found = find_spec(package)
-    if found is None or found.origin is None:
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
         raise NotInstalled
-    path = Path(found.origin).parent / name
+    path = Path(spec.origin).parent / name
     if not path.is_file():
         raise NotInstalled
     return path
@@ -81,13 +81,13 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
 
 def describe(entry: CatalogObject) -> str:
     """Describe an object as in the Meade manual's example, ``M31 EX GAL MAG 3.5 SZ178.0'``, without unknown values."""
-    words = [entry.name]
+    parts = [entry.name]
     star = entry.kinds == "*"
     if not star:
-        words.append(quality(entry.magnitude, entry.size, entry.width))
-    words.append(_WORDS.get(entry.kinds[:1], "OBJECT"))
+        parts.append(quality(entry.magnitude, entry.size, entry.width))
+    parts.append(_WORDS.get(entry.kinds[:1], "OBJECT"))
     if entry.magnitude is not None:
-        words.append(f"MAG{entry.magnitude:4.1f}")
+        parts.append(f"MAG{entry.magnitude:4.1f}")
     if entry.size is not None:
-        words.append(f"SZ{entry.size:5.1f}'")
-    return " ".join(words)
+        parts.append(f"SZ{entry.size:5.1f}'")
+    return " ".join(parts)

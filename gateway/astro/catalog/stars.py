@@ -113,12 +113,12 @@ def hipparcos_number(catalogue: str, number: int) -> int | None:
     except NotInstalled:
         raise NoCrossNumbers from None
     before = rb"[^\t\n]*\t" * (COLUMNS[catalogue] + 1)
-    found = re.search(rb"^(\d+)\t" + before + str(number).encode() + rb"\s", data, re.MULTILINE)
-    return None if found is None else int(found[1])
+    match = re.search(rb"^(\d+)\t" + before + str(number).encode() + rb"\s", data, re.MULTILINE)
+    return None if match is None else int(match[1])
 
 
 def by_other_number(catalogue: str, number: int, year: float) -> CatalogObject | None:
     """Return the star with its J2000 position in that year, or None. Raises NotInstalled."""
-    found = hipparcos_number(catalogue, number)
-    entry = None if found is None else hipparcos(found, year)
+    hip = hipparcos_number(catalogue, number)
+    entry = None if hip is None else hipparcos(hip, year)
     return None if entry is None else replace(entry, name=f"{catalogue}{number}")

@@ -58,19 +58,19 @@ def file(name: str) -> Path:
 
 
 def _read(name: str) -> dict[str, Any]:
-    found: dict[str, Any] = msgspec.json.decode(file(name).read_bytes())
-    return found
+    content: dict[str, Any] = msgspec.json.decode(file(name).read_bytes())
+    return content
 
 
 @cache
 def deep_sky() -> dict[str, CatalogObject]:
     """Return nebulae, clusters and galaxies by each of their numbers and names, as they are written in the file."""
     rows: list[Any] = _read("deepsky.json")["rows"]
-    found: dict[str, CatalogObject] = {}
+    objects: dict[str, CatalogObject] = {}
     for names, *row in reversed(rows):  # if several have had the same name, it means the first
         first, *others = names.split("|")
-        found |= dict.fromkeys((first, *others), CatalogObject(*(first, *row, ", ".join(others))))
-    return found
+        objects |= dict.fromkeys((first, *others), CatalogObject(*(first, *row, ", ".join(others))))
+    return objects
 
 
 @cache
@@ -104,18 +104,18 @@ def stars() -> dict[int, Star]:
 def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
     """Return the numbers of stars by letter and constellation (``αOri``); and all spellings of constellations.
 
-    Of stars with the same letter it means the double that one looks at (ε1 Lyr), or else the brightest.
+    Of stars with the same letter it means the well-known double (ε1 Lyr), or else the brightest.
     """
-    found: dict[str, int] = {}
+    numbers: dict[str, int] = {}
     for star in sorted(stars().values(), key=lambda star: (star.number not in doubles(), star.magnitude)):
         for name in filter(None, star.letters.split("|")):
             letter, constellation = name.split(" ")
-            found.setdefault(letter + constellation, star.number)
+            numbers.setdefault(letter + constellation, star.number)
             if not letter.isdecimal():
-                found.setdefault(letter[0] + constellation, star.number)
+                numbers.setdefault(letter[0] + constellation, star.number)
     names: dict[str, list[str]] = _read("stars.json")["constellations"]
-    spelled = {normalized(one): short for short, both in names.items() for one in (short, *both)}
-    return found, spelled
+    spelled = {normalized(spelling): short for short, both in names.items() for spelling in (short, *both)}
+    return numbers, spelled
 
 
 def star_by_letter(name: str) -> int | None:
@@ -124,7 +124,7 @@ def star_by_letter(name: str) -> int | None:
     parts = re.fullmatch(r"(\d+)()(\D+)", typed)
     if parts is not None:
         letter = parts[1]
-    elif begins := [one for one in _LETTERS if typed.startswith(one)]:
+    elif begins := [letter for letter in _LETTERS if typed.startswith(letter)]:
         longest = max(begins, key=len)
         parts = re.fullmatch(r"()(\d*)(\D+)", typed.removeprefix(longest))
         letter = _LETTERS[longest]
@@ -136,7 +136,7 @@ def star_by_letter(name: str) -> int | None:
 
 @cache
 def doubles() -> dict[int, str]:
-    """Return what is to be seen of the doubles, by Hipparcos number."""
+    """Return a description of each double star, by Hipparcos number."""
     return {
         row[1]: f"magnitudes {row[4]:.1f} and {row[5]:.1f}, {row[6]:g}″ apart: {row[7]}"
         for row in _read("doubles.json")["rows"]

@@ -1,4 +1,4 @@
-"""The almanac: the sky of many days in one file, which a process of its own calculates and every gateway reads.
+"""The almanac: the sky of many days in one file, which a separate process calculates and every gateway reads.
 
 A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of
 astropy's own result (for the Moon; the others far less), in microseconds. The file must have the name of the format and
@@ -24,7 +24,7 @@ from gateway.system.runtime_folders import user
 
 DAY, STEP = 86400.0, 10800.0
 ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
-#: The dates that there are tables for, Unix time: from 1973-01-02, when that of UT1 begins, to 2099.
+#: The range of dates that tables can cover, Unix time: from 1973-01-02, when that of UT1 begins, to 2099.
 FROM, TO = 94780800.0, 4102444800.0
 #: Parts of the sky. A row of ``frame`` has 10 numbers, one of a body 3.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -35,7 +35,7 @@ _PLACES["frame"] = (_FRAME, 0)
 _LENGTH = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
 #: Names the format and its version.
 MAGIC = b"mount-gateway almanac 1\n"
-#: The longest file that is read: eight years. How many days are kept: the newest.
+#: The longest file that is read: eight years. The number of days to keep, the newest.
 LONGEST, KEPT = 8_000_000, 200
 SHIPPED = Path(__file__).with_name("rehearsal.almanac")
 
@@ -65,7 +65,7 @@ class Almanac(msgspec.Struct, frozen=True):
         return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
     def days_from(self, first: int) -> int:
-        """Return how many days it has from this one on, until the first that it has not."""
+        """Return the number of consecutive days in it from this day on."""
         return next(number for number in count() if first + number not in self.days)
 
     def joined(self, newer: Almanac) -> Almanac:
@@ -101,10 +101,10 @@ def decoded(data: bytes) -> Almanac:
 def read(path: Path) -> Almanac:
     """Return the almanac of a file. Raises OSError, and ValueError if it cannot be used or trusted."""
     with open(plain_file(path), "rb") as file:
-        seen = os.fstat(file.fileno())
-        if user() is not None and seen.st_uid not in (0, user()):
+        status = os.fstat(file.fileno())
+        if user() is not None and status.st_uid not in (0, user()):
             raise ValueError("it belongs to another user, who can change it; make a copy of it, and name that")
-        if user() is not None and stat.S_IMODE(seen.st_mode) & 0o022:
+        if user() is not None and stat.S_IMODE(status.st_mode) & 0o022:
             raise ValueError("other users can write it; chmod go-w, as its owner")
         return decoded(file.read(LONGEST))
 
@@ -112,7 +112,7 @@ def read(path: Path) -> Almanac:
 def stored(named: str | None = None) -> Almanac:
     """Return the almanac of the cache folder, empty if none can be used, with that of a ``named`` file.
 
-    Raises UserError if the named one cannot be used.
+    Raises UserError if the named file cannot be used.
     """
     try:
         almanac = read(cache_directory() / "almanac")

@@ -1,5 +1,5 @@
 """Days of the almanac, calculated by astropy. The import takes half a second and 45 MB: no
-process that serves does it, only one of its own (``mount-gateway almanac``) and tests.
+process that serves does it, only ``mount-gateway almanac`` and tests.
 
 `Time` counts the leap seconds, ERFA's IAU 2006 precession and 2000A nutation lead from J2000 to the equinox of date,
 `get_sun` and `get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC is
@@ -89,6 +89,6 @@ def from_earth(name: str, at: Any) -> Any:
     for _ in range(3):  # iterate the light time: each round is a thousand times more exact
         sent = at - light * u.s
         viewer = get_body_barycentric("earth", sent, ephemeris="builtin") if name == "Moon" else earth
-        seen = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)
-        light = np.sqrt((seen**2).sum(axis=0)) / _LIGHT
-    return seen
+        apparent = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)
+        light = np.sqrt((apparent**2).sum(axis=0)) / _LIGHT
+    return apparent

@@ -1,7 +1,7 @@
-"""Keeps the almanac: lets a process of its own calculate what is missing, and stores it for the next start.
+"""Maintains the almanac: starts a process that calculates missing days, and stores them for the next start.
 
 The process that serves mounts imports neither astropy nor numpy. All gateways of a user share one file; the holder of
-its lock replaces it as a whole, and the next one finds there what it needs. An almanac that cannot be stored stays in
+its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in
 memory. Between two attempts there is a minute, after a failure an hour.
 """
 
@@ -25,9 +25,9 @@ from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 from gateway.system.runtime_folders import user
 
-#: Days that are calculated together, from a missing one on. At rest, so many days must be left.
+#: The number of days per calculation, from the first missing one; and the days ahead that must always be available.
 AHEAD, LEFT = 30, 10
-#: Seconds: the process may take, between two looks and after a process, after one that failed.
+#: Seconds: the time limit of the process, between two checks (also after a process), and after a failure.
 LONGEST, PAUSE, AGAIN = 120.0, 60.0, 3600.0
 #: One thread, which gives way to everything else, and no modules from the folder it was started in.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
@@ -74,10 +74,10 @@ def _make_folder(folder: Path) -> None:
     if not folder.is_absolute():
         raise OSError("there is no home folder")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    seen = folder.lstat()
-    if not stat.S_ISDIR(seen.st_mode):
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode):
         raise OSError("is not a folder")
-    if user() is not None and (seen.st_uid != user() or seen.st_mode & 0o022):
+    if user() is not None and (status.st_uid != user() or status.st_mode & 0o022):
         raise OSError("other users can write there")
 
 
@@ -86,13 +86,13 @@ def calculated(days: Collection[int]) -> Almanac:
 
     It ends when this process does, however that ends: its input is a pipe that nobody writes to.
     """
-    words = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
+    argv = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     environment = {**os.environ, **ENVIRONMENT, "PYTHONPATH": path}
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            words, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
+            argv, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
         )
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {LONGEST:.0f} s") from None
@@ -136,7 +136,7 @@ class AlmanacKeeper:
         self._sky, self._warn, self._quiet, self._clock = sky, warn, quiet, clock
         #: The almanac of the start, that of this run, and both.
         self._opened = self._own = self._almanac = Almanac()
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._asked = asyncio.Event()
 
     def open(self, named: str | None = None) -> None:
@@ -159,13 +159,13 @@ class AlmanacKeeper:
         try:
             newer, trouble = await _on_daemon(days)
         except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
-            self._tell_once(
+            self._warn_once(
                 f"the almanac could not be calculated: {error}. Where it has no tables, simpler formulas are used: the "
                 "Sun within 0.01 degrees, the Moon within 0.04, no planets. It is tried again in an hour"
             )
             return False
         if trouble:
-            self._tell_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
+            self._warn_once(f"the almanac cannot be stored, so each start calculates it again: {trouble}")
         self._use(newer)
         return True
 
@@ -184,7 +184,7 @@ class AlmanacKeeper:
         days = {start + more for start in starts if start not in held for more in range(AHEAD)}
         return sorted(day for day in days if day not in held and FROM <= day * DAY < TO)
 
-    def _tell_once(self, words: str) -> None:
-        if words not in self._told:
-            self._told.add(words)
-            self._warn(words)
+    def _warn_once(self, message: str) -> None:
+        if message not in self._warned:
+            self._warned.add(message)
+            self._warn(message)

@@ -2,7 +2,7 @@
 
 Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
 refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
-Commands interpolate in the tables of an almanac, which a process of its own has calculated with astropy
+Commands interpolate in the tables of an almanac, which a separate process has calculated with astropy
 (``keeper.py``). Where there is no table, and before 1973 and after 2099, the closed formulas are used, and the day is
 noted as missing. No call waits, no method raises for finite arguments.
 
@@ -46,7 +46,7 @@ class Sky:
     def __init__(self) -> None:
         self._almanac = Almanac()
         self._frames: dict[float, Frame] = {}
-        #: The last day that was needed and has no tables; ``ask`` is called when there is another one.
+        #: The last needed day without tables; ``ask`` is called when another day is needed.
         self.missing: int | None = None
         self.ask: Callable[[], object] = lambda: None
 
@@ -120,15 +120,15 @@ class Sky:
 
         Apparent like the Sun; the Moon's aberration is only its motion in the 1.3 s of light time, 0.7".
         """
-        seen = self._moon_from(unix, lat, lon_east)
-        return *from_vector(seen), math.hypot(*seen)
+        moon = self._moon_from(unix, lat, lon_east)
+        return *from_vector(moon), math.hypot(*moon)
 
     def on_moon(
         self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
     ) -> tuple[float, float]:
         """Return the apparent (ra, dec) of date of a place on the Moon, as seen from a site, with libration."""
-        seen = self._moon_from(unix, lat, lon_east)
-        return from_vector(closed_forms.place_on_moon(seen, unix, moon_lat, moon_lon_east))
+        moon = self._moon_from(unix, lat, lon_east)
+        return from_vector(closed_forms.place_on_moon(moon, unix, moon_lat, moon_lon_east))
 
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
         """Return the geocentric (ra, dec) of date of a planet, corrected for light time; None without a table.

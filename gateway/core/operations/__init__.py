@@ -17,7 +17,7 @@ from gateway.core.operations.values import Operation, Read
 
 def named(name: str) -> type[Operation] | None:
     """Return the operation class of that name, or None."""
-    found: object = globals().get(name)
-    if isinstance(found, type) and issubclass(found, Operation) and found not in (Operation, Read):
-        return found
+    kind: object = globals().get(name)
+    if isinstance(kind, type) and issubclass(kind, Operation) and kind not in (Operation, Read):
+        return kind
     return None

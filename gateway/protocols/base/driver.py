@@ -94,14 +94,14 @@ class GotoUnderWay(Struct):
     """A goto under way since ``since`` (driver clock; infinite before it is acknowledged: a mount that stands still
     then has not ended it). ``then``: park at its end.
 
-    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun; ``seen``:
-    the mount has told that it slews.
+    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
+    ``slew_reported``: the mount has reported that it slews.
     """
 
     since: float = math.inf
     then: str | None = None
     unconfirmed: bool = False
-    seen: bool = False
+    slew_reported: bool = False
 
 
 class Driver:
@@ -133,7 +133,7 @@ class Driver:
     emulates_sync = False
     #: The last position, as the mount counts.
     last: op.Equatorial | None = None
-    #: Whether the last declination that the mount told was beyond the pole: it takes the tube for driven over it.
+    #: Whether the last reported declination was beyond the pole: the mount assumes that the tube was driven over it.
     told_beyond = False
     #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
     moves_by_gotos = False
@@ -223,7 +223,7 @@ class Driver:
     def home_refused(self) -> None:
         """React to a refused Park or Home: on a mount that does not report its home state, the search has failed."""
 
-    def tube_side(self, told: str) -> str | None:
+    def tube_side(self, reported: str) -> str | None:
         """Return the real side of the pier (E, W) for an answer to PierSide; None if the mount has no sides."""
         return None
 
@@ -262,7 +262,7 @@ class Driver:
 
     @property
     def emulated(self) -> str:
-        """What the driver keeps that ends when the mount is switched off, and what it is without that, in words."""
+        """A description of the state that is lost when the mount is switched off, and of what replaces it."""
         return ""
 
     def forget_emulated(self) -> Steps:

@@ -74,10 +74,10 @@ class PlainReplies:
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the first reply in the buffer and its length; None if incomplete. ValueError: a field out of range."""
         for reply, template in self.protocol.commands[ask.command].replies:
-            if (found := template.matcher.match(buffer)) is not None:
+            if (match := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:
-                    return getattr(errors, reply.fault)(), found.end()
-                return template.decode(found[0]), found.end()
+                    return getattr(errors, reply.fault)(), match.end()
+                return template.decode(match[0]), match.end()
         return None
 
 
@@ -92,7 +92,7 @@ class ReplyRules(Replies, Protocol):
     padding: bytes
 
     def expected(self, ask: Send) -> Expected: ...
-    def ambiguous_with(self, one: Send, other: Send) -> bool: ...
+    def ambiguous_with(self, sent: Send, other: Send) -> bool: ...
     def as_written(self, command: str, reply: bytes) -> bytes: ...
     def encode(self, ask: Send) -> bytes: ...
     def resync_commands(self, number: int) -> Iterator[Send]: ...

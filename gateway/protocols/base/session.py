@@ -1,6 +1,6 @@
 """The state of one client of a surface, and the settings that all clients of a mount share.
 
-``Session.kept`` holds what the client itself has set; each protocol has its own struct for it, and the next connection
+``Session.client`` holds the settings of the client; each protocol has a struct for them, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
 frozen, all sessions hold it through ``Shared``, and only a client with the permission to set can replace it.
 """
@@ -88,8 +88,8 @@ class Shared:
         self.settings, self.changed = settings, changed
 
 
-class Kept(Struct):
-    """The settings that a client has made for itself."""
+class ClientState(Struct):
+    """The settings of one client."""
 
     precision: str
 
@@ -97,14 +97,14 @@ class Kept(Struct):
 class Session:
     """One client of a surface: its own settings, the model presented to it, and the settings shared by all clients.
 
-    It begins with a copy of ``kept``, if given. A client that may only read has ``may_not_set``, called when it tries.
+    It begins with a copy of ``client``, if given. ``may_not_set`` is called when a read-only client tries to set.
     """
 
     #: Whether the next connection from the same host begins with the settings of this one.
     inherits = True
-    #: The struct of the settings that a client of this protocol has for itself.
-    state: type[Kept] = Kept
-    kept: Kept
+    #: The struct for the settings of one client of this protocol.
+    state: type[ClientState] = ClientState
+    client: ClientState
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class Session:
         settings: ClientSettings,
         clock: Callable[[], float],
         shared: Shared | None = None,
-        kept: Kept | None = None,
+        client: ClientState | None = None,
         may_not_set: Callable[[], None] | None = None,
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
@@ -124,16 +124,16 @@ class Session:
         self.refused = ""
         #: Whether the reply to the current command is a refusal that is not in the log.
         self.said_no = False
-        self.kept = self.state(settings.precision) if kept is None else copy(kept)
+        self.client = self.state(settings.precision) if client is None else copy(client)
 
     def forget(self) -> None:
         """Reset the client's own settings to those at power-on."""
-        self.kept = self.state(self.settings.precision)
+        self.client = self.state(self.settings.precision)
 
     def recognised(self, settings: Values) -> None:
         """The client's program is known now: use its settings."""
         self.settings = replace(self.settings, **settings)
-        self.kept.precision = settings.get("precision", self.kept.precision)
+        self.client.precision = settings.get("precision", self.client.precision)
 
     @property
     def shared(self) -> MountSettings:
@@ -153,6 +153,6 @@ class Session:
             raise ReadOnly
 
     def known(self, name: str) -> object:
-        """Return the client's own setting, else the constant of the presented model, else None."""
-        value = getattr(self.kept, name, None)
+        """Return a setting of the client, else the constant of the presented model, else None."""
+        value = getattr(self.client, name, None)
         return self.model.get(name) if value is None else value

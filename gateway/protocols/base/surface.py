@@ -55,9 +55,9 @@ class Surface:
         #: unchanged, if ``passes`` allows it.
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
-        #: Whether the mount's own answer would contradict what this client was told before.
+        #: Whether the mount's answer would contradict an earlier answer to this client.
         self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
-        #: Reply -> the reply in the mount's own notation, if the surface presents the mount itself.
+        #: Reply -> the reply in the mount's notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
@@ -81,8 +81,8 @@ class Surface:
 
     def begins_goto(self, frame: bytes) -> bool:
         """Whether a command may begin a goto."""
-        found = self.protocol.find(frame)
-        row = self.protocol.surface.get(found[0].name) if found is not None else None
+        match = self.protocol.find(frame)
+        row = self.protocol.surface.get(match[0].name) if match is not None else None
         return row is not None and any(
             issubclass(operations.named(name) or Operation, GOTOS) for name in row.operations
         )
@@ -98,13 +98,13 @@ class Surface:
     def _handle(self, session: Session, frame: bytes) -> Handling:
         if self.lacks(session.model, frame):
             return b""
-        found = self.protocol.find(frame)
-        if found is None:
+        match = self.protocol.find(frame)
+        if match is None:
             reply = self.unanswered(frame, None)
             if reply == ACKNOWLEDGED:
                 session.refused = "its argument cannot be read"
             return reply
-        command, template = found
+        command, template = match
         if command.name in session.model.get("lacking", ()):
             return self.unanswered(frame, None)
         row = self.protocol.surface.get(command.name)
@@ -119,10 +119,10 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
-            own = self.protocol.own.get(command.name) if session.model.get("own") else None
-            if own is not None and own.keep is not None and "fault" not in values:
+            native = self.protocol.own.get(command.name) if session.model.get("own") else None
+            if native is not None and native.keep is not None and "fault" not in values:
                 with suppress(Unsupported):
-                    return (yield from self._own(session, command, own.keep, values))
+                    return (yield from self._own(session, command, native.keep, values))
             if passed and not self.passes(command.name, values):
                 return self.unanswered(frame, None)
             if row is None or passed:
@@ -191,17 +191,17 @@ class Surface:
             return ""  # the log said so when it arrived
         if lacking := self.lacks(session.model, frame):
             return lacking
-        found = self.protocol.find(frame)
-        if found is None:
+        match = self.protocol.find(frame)
+        if match is None:
             return f"{self.protocol.name} has no such command"
-        if found[0].name in session.model.get("lacking", ()):
-            return f"{found[0].help}: this mount has no such command; a surface that names a model has it"
-        row = self.protocol.surface.get(found[0].name)
+        if match[0].name in session.model.get("lacking", ()):
+            return f"{match[0].help}: this mount has no such command; a surface that names a model has it"
+        row = self.protocol.surface.get(match[0].name)
         if row is None:
-            return f"{found[0].help}: not answered here"
+            return f"{match[0].help}: not answered here"
         if isinstance(frame, Suspect) and may_begin_motion(row.operations):
-            return f"{found[0].help}: not done. {Disturbed.words}"
-        return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
+            return f"{match[0].help}: not done. {Disturbed.words}"
+        return f"{match[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out the verb of a row; return the reply's values."""
@@ -226,7 +226,7 @@ class Surface:
         kind, needs = _asked(row.ask or "")
         fields: Values = {}
         for field, required in needs:
-            value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
+            value = values.get(field, row.given.get(field, getattr(session.client, field, None)))
             if value is None and required:
                 raise NoTarget
             if value is not None:
@@ -238,7 +238,7 @@ class Surface:
         if isinstance(answer, bytes):
             return answer
         model = session.model
-        form = command.form(session.kept.precision, model.get("name"), model.get("dialect"))
+        form = command.form(session.client.precision, model.get("name"), model.get("dialect"))
         return b"" if form is None else self.as_written(command.name, form.encode(_fields_of(answer, form.fields)))
 
 

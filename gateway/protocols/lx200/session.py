@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from gateway.astro.catalog.objects import CatalogObject
 from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
-from gateway.protocols.base.session import AltitudeLimits, Kept, Session
+from gateway.protocols.base.session import AltitudeLimits, ClientState, Session
 
 #: The default place on the Moon, for the half that a client has not set.
 _MIDDLE = MoonPlace(0.0, 0.0)
@@ -53,7 +53,7 @@ class LibraryLimits(Struct, frozen=True):
     quality: str = "VP"
 
 
-class LxKept(Kept):
+class LxClientState(ClientState):
     """The client's own settings. Angles are degrees; None means never set."""
 
     ra: float | None = None
@@ -108,10 +108,10 @@ class LxKept(Kept):
 class LxSession(Session):
     """The session of an LX200 client."""
 
-    state = LxKept
-    kept: LxKept
+    state = LxClientState
+    client: LxClientState
 
     @property
     def limits(self) -> AltitudeLimits:
         """The altitude limits in force for this client."""
-        return self.settings.limits.narrowed(self.kept.lowest, self.kept.highest)
+        return self.settings.limits.narrowed(self.client.lowest, self.client.highest)

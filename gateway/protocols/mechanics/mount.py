@@ -2,7 +2,7 @@
 
 It is independent of protocols and clocks: every method takes ``now`` in Unix seconds. Between two calls the axes move
 by formula, not in steps, so nothing depends on how often a caller reads them. A motor rests, turns at a rate, does a
-goto, or follows the sky; its position is the ordered one less what it still runs on or lags behind
+goto, or follows the sky; its position is the ordered position minus the distance that it still runs on or lags behind
 (``axis_motor.Ramp``). An order first notes the present position and speed; at the next reading the ramps begin that
 lead from the noted speeds to the ordered ones. So every motion is continuous, whatever the sequence of orders. Angles
 are degrees, rates degrees a second of time.
@@ -88,7 +88,7 @@ class Mechanics:
         return leg is not None and now < leg.ends
 
     def arrives(self, now: float) -> float:
-        """Return when the goto ends; ``now`` without one."""
+        """Return when the goto ends; ``now`` if there is none."""
         return max([now, *(motor.leg.ends for motor in self._axes.values() if motor.leg is not None)])
 
     def tracking(self, now: float) -> bool:
@@ -194,8 +194,8 @@ class Mechanics:
     def sync(self, now: float, ra: float, dec: float) -> None:
         """Correct the axes so that the mount believes to point at this position now."""
         first, second = self.axes(now)
-        there = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
-        self.correct(now, (wrap180(there[0] - first), wrap180(there[1] - second)))
+        target = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
+        self.correct(now, (wrap180(target[0] - first), wrap180(target[1] - second)))
 
     def correct(self, now: float, correction: Pair) -> None:
         """Set the correction of the believed axis positions, degrees; nothing moves."""
@@ -219,10 +219,10 @@ class Mechanics:
         believed = self.geometry.sky(first + self.correction[0], second + self.correction[1])
         self._advance_and_note(now)
         self.build, self.flipped, self._follows_aim = build, False, False
-        there = Geometry(build, self.true_sky.latitude).axes(*truth, False)
+        actual = Geometry(build, self.true_sky.latitude).axes(*truth, False)
         assumed = self.geometry.axes(*believed, False)
-        self.correction = wrap180(assumed[0] - there[0]), wrap180(assumed[1] - there[1])
-        for motor, position in zip(self._axes.values(), there, strict=True):
+        self.correction = wrap180(assumed[0] - actual[0]), wrap180(assumed[1] - actual[1])
+        for motor, position in zip(self._axes.values(), actual, strict=True):
             motor.position, motor.rate, motor.speed = position, 0.0, 0.0
         self._follow(now)
 
@@ -257,9 +257,9 @@ class Mechanics:
         if self.build is not Build.ALTAZ:
             self._axes[1].rate = self._sense * self._drive_rate * self._on
         elif self._on and not self._follows_aim:
-            here = self._positions
-            self._aim = self._from_axes(now, here, self.correction)
-            self.flipped = abs(wrap180(here[1] + self.correction[1])) > 90.0
+            positions = self._positions
+            self._aim = self._from_axes(now, positions, self.correction)
+            self.flipped = abs(wrap180(positions[1] + self.correction[1])) > 90.0
         self._follows_aim = self._on and self.build is Build.ALTAZ
 
     def _override_tracking(self, now: float, axis: int) -> None:
@@ -275,17 +275,17 @@ class Mechanics:
         if self.suspended_since is None:
             self.suspended_since = now
 
-    def _leg(self, now: float, axis: int, here: float, there: float, fast: float | None = None) -> Leg:
-        slow, distance = APPROACH_RATE * self.speed, self.geometry.travel(axis, here, there)
+    def _leg(self, now: float, axis: int, start: float, end: float, fast: float | None = None) -> Leg:
+        slow, distance = APPROACH_RATE * self.speed, self.geometry.travel(axis, start, end)
         return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
 
-    def _begin_goto(self, now: float, there: Pair, fixed: bool) -> None:
+    def _begin_goto(self, now: float, goal: Pair, fixed: bool) -> None:
         """Begin a goto from the noted axis positions."""
         self.suspended_since = None
         for number, motor in self._axes.items():
             motor.rest()
-            motor.leg = self._leg(now, number, motor.position, there[number - 1])
-            motor.goal = there[number - 1] if fixed else None
+            motor.leg = self._leg(now, number, motor.position, goal[number - 1])
+            motor.goal = goal[number - 1] if fixed else None
 
     def _end_goto(self, now: float) -> None:
         """End the goto and track again, unless a motor has another order."""
@@ -355,16 +355,16 @@ class Mechanics:
 
     def _note(self, now: float) -> None:
         """Note positions and speeds of the axes: the next order begins with them."""
-        here, speeds = self._positions_at(now), self._speeds_at(now)
+        positions, speeds = self._positions_at(now), self._speeds_at(now)
         changing = any(motor.added or motor.pulse or now < motor.ramp.ends for motor in self._axes.values())
-        for motor, position, speed in zip(self._axes.values(), here, speeds, strict=True):
+        for motor, position, speed in zip(self._axes.values(), positions, speeds, strict=True):
             quickest = motor.ramp.acceleration if now < motor.ramp.ends else 0.0
             if motor.leg is not None:  # a motor with a faster acceleration during a goto can also brake with it
                 quickest = max(quickest, motor.leg.acceleration)
             motor.acceleration = max(self.acceleration, quickest)
             motor.position, motor.since, motor.speed = position, now, speed
         if self._follows_aim and (changing or self._drive_rate != SIDEREAL_RATE):
-            self._aim = self._from_axes(now, here, self.correction)
+            self._aim = self._from_axes(now, positions, self.correction)
         self._noted = True
 
     def _begin_ramps(self) -> None:

@@ -88,7 +88,7 @@ def truth_of(simulator: Simulated) -> Truth:
 def sun(unix: float) -> tuple[float, float]:
     """Return the Sun's right ascension and declination of date, degrees, to 0.01 (Astronomical Almanac, section C).
 
-    It does not use the gateway's ephemeris, so that a mistake there is found.
+    It does not use the gateway's ephemeris, so that it reveals mistakes in it.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0
     anomaly = radians(357.528 + 0.9856003 * days)
@@ -101,7 +101,7 @@ async def sample(simulator: Simulated, keep: Callable[[Truth], object], every: f
     """Call ``keep`` with the Truth every ``every`` seconds of simulator time, for ever. Raises what ``keep`` raises."""
     due: float = simulator.clock()
     while True:
-        seen = truth_of(simulator)
-        keep(seen)
-        due = due + every if due + every > seen.t else seen.t + every  # skips samples missed while the computer slept
-        await asyncio.sleep(max(0.0, due - seen.t))
+        truth = truth_of(simulator)
+        keep(truth)
+        due = due + every if due + every > truth.t else truth.t + every  # skips samples missed while the computer slept
+        await asyncio.sleep(max(0.0, due - truth.t))

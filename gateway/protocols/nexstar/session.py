@@ -11,19 +11,19 @@ from collections.abc import Mapping
 
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.core.operations import Operation
-from gateway.protocols.base.session import Kept, Session
+from gateway.protocols.base.session import ClientState, Session
 from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 
 
-class NexStarKept(Kept):
+class NexStarClientState(ClientState):
     """Settings of one client. ``axis_goto``: the goals of single axes (1, 2) since its last goto, degrees."""
 
     axis_goto: Mapping[int, float] = {}
 
 
 class NexStarSession(Session):
-    state = NexStarKept
-    kept: NexStarKept
+    state = NexStarClientState
+    client: NexStarClientState
 
 
 def begin(operation: Operation) -> Handling:

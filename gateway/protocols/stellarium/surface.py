@@ -13,7 +13,7 @@ from typing import Any
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import Activity, Equatorial, GetActivity, Goto, Position
 from gateway.protocols.base.frames import LengthFramer
-from gateway.protocols.base.session import Kept, Session
+from gateway.protocols.base.session import ClientState, Session
 from gateway.protocols.base.wants import Handling, Subscription
 from gateway.protocols.wireformat.command_set import load
 
@@ -55,7 +55,7 @@ class StellariumFramer(LengthFramer):
         return frames
 
 
-class Progress(Kept):
+class Progress(ClientState):
     """``status`` is sent with every position: whether the last goto was accepted, or ended ``short`` of its goal."""
 
     status: int = WELL
@@ -66,7 +66,7 @@ class StellariumSession(Session):
     """The session of a Stellarium client."""
 
     state = Progress
-    kept: Progress
+    client: Progress
 
 
 def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
@@ -76,9 +76,9 @@ def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
             raise Invalid("the declination is beyond a pole")
         yield Goto(values["ra"], values["dec"])
     except Fault:
-        session.kept.status = REFUSED
+        session.client.status = REFUSED
         raise
-    session.kept.status = WELL
+    session.client.status = WELL
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
@@ -90,11 +90,11 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
 
     def message(seen: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
-        status = ENDED_SHORT if session.kept.short and not session.kept.status else session.kept.status
+        status = ENDED_SHORT if session.client.short and not session.client.status else session.client.status
         return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": status})
 
     def note(moves: Activity) -> bytes:
-        session.kept.short = bool(moves.short)
+        session.client.short = bool(moves.short)
         return b""
 
     every = pushed.pushed

@@ -70,10 +70,10 @@ class FrameTemplate:
 
     def decode(self, frame: bytes) -> Values:
         """Return the values in a frame. Raises ValueError if it has another form or a field is out of range."""
-        found = self.matcher.fullmatch(frame)
-        if found is None:
+        match = self.matcher.fullmatch(frame)
+        if match is None:
             raise ValueError(f"'{show(frame)}' is not {self.source!r}")
-        return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
+        return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), match.groups(), strict=True)}
 
 
 class Command:
@@ -104,8 +104,8 @@ class Command:
         if not self.asked and self.pushed is None:
             return "it needs a request, or pushed"
         if self.question and self.answer not in ANSWERS:
-            words = ", ".join(f"{word} (it {does})" for word, does in ANSWERS.items())
-            return f"it asks for a value, so it needs answer = one of {words}"
+            choices = ", ".join(f"{word} (it {does})" for word, does in ANSWERS.items())
+            return f"it asks for a value, so it needs answer = one of {choices}"
         if self.answer is not None and not self.question:
             return "answer is for a command that asks for a value and does nothing else"
         if self.urgent not in (None, *URGENT):

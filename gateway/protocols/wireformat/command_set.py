@@ -41,7 +41,7 @@ from gateway.protocols.wireformat.rows import (
 _T = TypeVar("_T")
 #: What the function of a surface row may take, by name: each takes what it uses.
 GIVEN = ("session", "command", "values")
-#: The words of ``urgent`` for commands that act as soon as they arrive.
+#: The values of ``urgent`` for commands that act as soon as they arrive.
 AT_ONCE = ("stop", "restart", "axis")
 
 
@@ -104,8 +104,8 @@ class CommandSet:
         """Return the model with a dialect that calls itself so, ``other`` if its name is no maker's that is known; None
         for a mount of the protocol's own maker.
         """
-        own = [name for row in self.models.values() for name in row.get("names_begin", ())]
-        named = dict.fromkeys(own) | {self.models[model]["product"]: model for model in self.dialects}
+        beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
+        named = dict.fromkeys(beginnings) | {self.models[model]["product"]: model for model in self.dialects}
         return next((model for name, model in named.items() if name and product.startswith(name)), "other")
 
     def of(self, model: str | None) -> CommandSet:
@@ -223,21 +223,21 @@ class CommandSet:
         """Return the public functions of these modules, ``module.function`` -> function, for the rows of ``file``
         (``surface`` or ``driver``). Those of a surface are called with all of ``GIVEN``, and take what they name of it.
 
-        Raises MappingError if a row calls one that there is not, or one of a surface that takes something else.
+        Raises MappingError if a row calls an unknown function, or one whose parameters a surface cannot provide.
         """
-        found = _public(modules)
+        functions = _public(modules)
         if file == "surface":
             called = [(key, row.call) for key, row in self.surface.items()]
         else:
             sets = (self, *dict.fromkeys(map(self.of, self.dialects)))
-            called = [(key, row.call) for one in sets for key, rows in one.driver.items() for row in rows]
+            called = [(key, row.call) for tables in sets for key, rows in tables.driver.items() for row in rows]
         for key, name in called:
-            if name is not None and name not in found:
+            if name is not None and name not in functions:
                 raise MappingError(self._where(f"{file}.toml"), key, f"call: there is no function {name!r}")
-            if file == "surface" and name is not None and (other := set(_takes(found[name])).difference(GIVEN)):
+            if file == "surface" and name is not None and (other := set(_takes(functions[name])).difference(GIVEN)):
                 wrong = f"call: {name} takes {', '.join(sorted(other))}; it is given only {', '.join(GIVEN)}"
                 raise MappingError(self._where("surface.toml"), key, wrong)
-        return {name: _given(function) for name, function in found.items()} if file == "surface" else found
+        return {name: _given(function) for name, function in functions.items()} if file == "surface" else functions
 
     @cached_property
     def all_traits(self) -> frozenset[str]:
@@ -319,7 +319,7 @@ class CommandSet:
     def first(self, data: bytes) -> bytes:
         """Return the whole command that these bytes begin with, or empty bytes."""
         matches = (template.matcher.match(data) for _, template in self._beginning(data))
-        return next((found[0] for found in matches if found), b"")
+        return next((match[0] for match in matches if match), b"")
 
     def may_begin(self, data: bytes) -> bool:
         """Whether these bytes are empty or may be the beginning of a command."""
@@ -351,7 +351,7 @@ def _takes(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _given(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that is called with all of ``GIVEN``, and passes on what this one takes."""
+    """Return a function that accepts all of ``GIVEN``, and passes on the parameters that this one has."""
     names = _takes(function)
     if names == GIVEN or not set(names).issubset(GIVEN):
         return function

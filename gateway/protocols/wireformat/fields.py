@@ -104,16 +104,16 @@ def _arcminutes(codec: Codec) -> Codec:
 
 def _word(choices: str) -> Codec:
     """One of a few literal words, as in ``{mode:A|L|P}``."""
-    words = [word.encode("latin-1") for word in choices.split("|")]
+    allowed = [word.encode("latin-1") for word in choices.split("|")]
 
     def encode(value: str) -> bytes:
         raw = value.encode("latin-1")
-        if raw not in words:
+        if raw not in allowed:
             raise ValueError(f"{value!r} is not one of {choices}")
         return raw
 
-    pattern = b"|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
-    widths = {len(word) for word in words}
+    pattern = b"|".join(re.escape(word) for word in sorted(allowed, key=len, reverse=True))
+    widths = {len(word) for word in allowed}
     width = widths.pop() if len(widths) == 1 else None
     return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")", width)
 

@@ -88,7 +88,7 @@ def quoted(text: str) -> bytes:
 def parse_json(raw: bytes) -> object:
     """Parse one line of JSON."""
     try:
-        found: object = msgspec.json.decode(raw)
+        value: object = msgspec.json.decode(raw)
     except msgspec.DecodeError as error:
         raise ValueError(str(error)) from None
-    return found
+    return value

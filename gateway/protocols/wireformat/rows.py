@@ -241,7 +241,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A file of the protocol's folder that is named like the ``dialect`` of a model: what its mounts do otherwise.
 
-    has       the commands of ``commands.toml`` that they have, whatever is written there of models
+    has       the commands of ``commands.toml`` that they have, whatever that file says of models
     commands  those with another form or meaning, and those of their own
     driver    operation -> its implementations, instead of those of ``driver.toml``
     facts     what the driver's functions need to know
@@ -253,15 +253,15 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     facts: dict[str, Any] = {}
 
     def spoken(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
-        """Return the commands that it has. Raises MappingError if one of those of the protocol does not exist."""
+        """Return its commands. Raises MappingError if it names a command that the protocol does not have."""
         if absent := sorted(set(self.has) - rows.keys()):
             raise MappingError(where, "has", f"there is no {', '.join(absent)}")
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def driven(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
-        """Return how operations are carried out: as in these rows with the commands that it has, or by its own."""
-        kept = {}
+        """Return the implementations of operations: those rows whose commands it has, and its own rows."""
+        usable = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]
-            kept[operation] = [way for way in possible if way.commands and has.issuperset(way.needs)]
-        return kept | self.driver
+            usable[operation] = [way for way in possible if way.commands and has.issuperset(way.needs)]
+        return usable | self.driver

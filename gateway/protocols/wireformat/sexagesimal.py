@@ -35,10 +35,10 @@ def parse(raw: bytes, least: int = 2) -> float:
 
     Raises ValueError, also for fewer than ``least`` parts.
     """
-    found = _parts().fullmatch(raw)
-    if found is None:
+    match = _parts().fullmatch(raw)
+    if match is None:
         raise ValueError(f"'{show(raw)}' is not a sexagesimal number")
-    parts = [text for text in found.groups()[1:] if text is not None]
+    parts = [text for text in match.groups()[1:] if text is not None]
     if len(parts) < least:
         raise ValueError(f"'{show(raw)}' is incomplete")
     if any(b"." in text for text in parts[:-1]):
@@ -49,7 +49,7 @@ def parse(raw: bytes, least: int = 2) -> float:
     value = 0.0
     for part in reversed(numbers):  # not sum(), whose last digit depends on the version of Python
         value = value / 60.0 + part
-    return -value if found[1] == b"-" else value
+    return -value if match[1] == b"-" else value
 
 
 def unsigned(raw: bytes) -> bytes:
@@ -221,11 +221,11 @@ def parse_date(raw: bytes) -> datetime.date:
 
     Years of four digits are accepted too. Raises ValueError, also for a year outside that range.
     """
-    found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
-    if found is None:
+    match = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
+    if match is None:
         raise ValueError(f"'{show(raw)}' is not a date MM/DD/YY")
-    month, day, year = (int(group) for group in found.groups())
-    if len(found[3]) == 2:
+    month, day, year = (int(group) for group in match.groups())
+    if len(match[3]) == 2:
         year += 2000 if year <= 50 else 1900
     if not 1951 <= year <= 2050:
         raise ValueError(f"'{show(raw)}' is outside the years 1951 to 2050 that MM/DD/YY can express")

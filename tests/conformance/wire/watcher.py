@@ -58,7 +58,7 @@ class Watcher(Player):
 
     def _kept(self) -> str:
         """Return what is kept for this client and for all clients, as comparable text."""
-        return "" if self._session is None else repr((self._session.kept, self._session.shared))
+        return "" if self._session is None else repr((self._session.client, self._session.shared))
 
     def _knows(self) -> str:
         """Return what the driver and the site clock know, as comparable text."""
@@ -76,7 +76,7 @@ class Watcher(Player):
 
         class Noting(kind):
             def __getattribute__(self, name: str) -> object:
-                watcher._tells |= watcher._calling and name in ("kept", "common")
+                watcher._tells |= watcher._calling and name in ("client", "common")
                 return super().__getattribute__(name)
 
         return Noting

@@ -115,7 +115,7 @@ def test_what_was_changed_is_put_back(model: str) -> None:
         async with meade(model) as bridge:
             for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
                 await turns(bridge, frame[2], frame)
-            kept = bridge.sim.kept
+            kept = bridge.sim.stored
             assert float(kept.get("Rg", 15.0)) == 15.0
             assert bridge.sim.mechanics.fastest == 8.0
             assert [float(kept.get(name) or 8.0) for name in ("RA", "RE")] == [8.0, 8.0]
@@ -176,7 +176,7 @@ def test_a_drive_rate_of_the_hand_control_comes_back(hand_control: bytes, hertz:
                     assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
                     assert await client.ask(key(16, 0)) == b"#"
                     await asyncio.sleep(3.0)
-                    assert bridge.sim.kept["hertz"] == hertz
+                    assert bridge.sim.stored["hertz"] == hertz
                     assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
     run(program())
@@ -305,6 +305,6 @@ def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
                 fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
             assert fastest == pytest.approx(speed, rel=0.02)
             await asyncio.sleep(60)
-            assert bridge.sim.kept.get("Sw", 8) == 8
+            assert bridge.sim.stored.get("Sw", 8) == 8
 
     run(program())

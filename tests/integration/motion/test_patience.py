@@ -139,7 +139,7 @@ def test_a_drive_rate_that_comes_meanwhile_is_in_force_afterwards(gap: float) ->
             client = bridge.client()
             client.tell(b":TL#")
             await asyncio.sleep(20.0)
-            assert bridge.sim.kept["hertz"] == 57.9
+            assert bridge.sim.stored["hertz"] == 57.9
             assert await client.ask(b":GT#") == b"57.9#"
 
     run(program())

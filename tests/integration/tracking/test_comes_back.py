@@ -156,7 +156,7 @@ def as_set(sim: Any) -> dict[str, object]:
         names += ("rate",)
     found = {name: getattr(sim, name) for name in names if hasattr(sim, name)}
     found |= {str(name): value for name, value in getattr(sim, "settings", {}).items()}
-    found |= {name: sim.kept.get(name) for name in ("Rg", "Sw") if hasattr(sim, "kept")}
+    found |= {name: sim.stored.get(name) for name in ("Rg", "Sw") if hasattr(sim, "stored")}
     return {name: value for name, value in found.items() if value}
 
 

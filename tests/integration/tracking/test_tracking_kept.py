@@ -263,7 +263,7 @@ def test_rates_that_were_set_while_the_line_was_down_are_in_force_afterwards() -
             client.tell(b":RE01.5#")
             cable.plug()
             await polled(bridge, 15)
-            assert bridge.sim.kept["Rg"] == pytest.approx(5.0)
+            assert bridge.sim.stored["Rg"] == pytest.approx(5.0)
             client.tell(b":RS#:Mw#")
             await asyncio.sleep(2.0)
             assert abs(truth_of(bridge.sim).rate1) == pytest.approx(3.0, abs=0.1)
@@ -300,6 +300,6 @@ def test_nothing_is_taken_for_granted_of_registers_after_the_line_was_lost(off_a
             await polled(bridge, 6)
             client.tell(b":Rg15.0#")
             await polled(bridge, 3)
-            assert bridge.sim.kept["Rg"] == pytest.approx(15.0, abs=0.1)
+            assert bridge.sim.stored["Rg"] == pytest.approx(15.0, abs=0.1)
 
     run(program())

@@ -91,9 +91,9 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
         mount.by_hand = mount.by_hand and (slews or bool(mount.moving))
         return slews and not mount.by_hand
     if slews:
-        state.seen, state.unconfirmed = True, False
+        state.slew_reported, state.unconfirmed = True, False
         return True
-    if not state.seen and mount.now() - state.since < START_GRACE:
+    if not state.slew_reported and mount.now() - state.since < START_GRACE:
         return True
     mount.goto = None
     if state.then == "park":

@@ -12,7 +12,7 @@ from typing import Any
 from gateway.core.errors import Invalid, Refused, Unsupported
 from gateway.core.operations import GetAbilities, GetActivity, GetStatus, SetTracking, Tracking, Values
 from gateway.protocols.alpaca.tables import NotConnected, Parked, is_refusal, member, refusal
-from gateway.protocols.base.session import Kept, Session
+from gateway.protocols.base.session import ClientState, Session
 from gateway.protocols.base.surface import Handler, Surface
 from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
 
 
-class AlpacaKept(Kept):
+class AlpacaClientState(ClientState):
     """``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in metres. ``connected`` is
     None until the program connects or disconnects. ``no_tracking``: the mount did not track when told to.
     """
@@ -36,8 +36,8 @@ class AlpacaSession(Session):
     """One client: a ClientID on one computer."""
 
     inherits = False  # another ClientID on the same computer is another program
-    state = AlpacaKept
-    kept: AlpacaKept
+    state = AlpacaClientState
+    client: AlpacaClientState
 
 
 class AlpacaSurface(Surface):
@@ -58,7 +58,7 @@ class AlpacaSurface(Surface):
 def _admitted(session: Session, command: Command) -> Handling:
     """Check the conditions of a member. Raises Fault if one is not met."""
     assert isinstance(session, AlpacaSession)
-    needs, kept = member(command.name), session.kept
+    needs, kept = member(command.name), session.client
     if not (needs.always or kept.connected or (kept.connected is None and reads(command))):
         raise NotConnected
     if needs.unparked and (yield GetActivity()).parked:

@@ -38,11 +38,11 @@ def not_here(command: Command) -> None:
 def connect(session: AlpacaSession) -> Handling:
     """Connect. Raises NoAnswer if the mount is known not to answer."""
     yield CheckPossible(op.Position())
-    session.kept.connected = True
+    session.client.connected = True
 
 
 def connected(session: AlpacaSession) -> bool:
-    return session.kept.connected is True
+    return session.client.connected is True
 
 
 def set_connected(session: AlpacaSession, values: Values) -> Handling:
@@ -50,11 +50,11 @@ def set_connected(session: AlpacaSession, values: Values) -> Handling:
     if given(values)["on"]:
         yield from connect(session)
     else:
-        session.kept.connected = False
+        session.client.connected = False
 
 
 def disconnect(session: AlpacaSession) -> None:
-    session.kept.connected = False
+    session.client.connected = False
 
 
 def name() -> Handling:

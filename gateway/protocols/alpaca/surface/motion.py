@@ -43,10 +43,10 @@ def sync(session: AlpacaSession, values: Values) -> Handling:
 def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
     """Return the target, which coordinates in the command replace. Raises NoTarget if none is set."""
     if values:
-        session.kept.ra, session.kept.dec = place(values)
-    if session.kept.ra is None or session.kept.dec is None:
+        session.client.ra, session.client.dec = place(values)
+    if session.client.ra is None or session.client.dec is None:
         raise NoTarget("Set TargetRightAscension and TargetDeclination first.")
-    return session.kept.ra, session.kept.dec
+    return session.client.ra, session.client.dec
 
 
 def slewing() -> Handling:
@@ -149,9 +149,9 @@ def set_tracking(session: AlpacaSession, values: Values) -> Handling:
     on = given(values)["on"]
     if on and (yield op.GetActivity()).parked:
         raise Parked
-    session.kept.no_tracking = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
+    session.client.no_tracking = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
     yield op.SetTracking(on, heard=True)
-    session.kept.no_tracking = False
+    session.client.no_tracking = False
 
 
 def tracking_rate() -> Handling:

@@ -20,7 +20,7 @@ OWN = {
 def kept(session: AlpacaSession, command: Command) -> float:
     """Return a value that the program has set. Raises NoTarget for a target that was not set."""
     field, name, *_ = OWN[command.name]
-    value: float | None = getattr(session.kept, field)
+    value: float | None = getattr(session.client, field)
     if value is None:
         raise NoTarget(f"{name} has not been set.")
     return value
@@ -29,7 +29,7 @@ def kept(session: AlpacaSession, command: Command) -> float:
 def keep(session: AlpacaSession, command: Command, values: Values) -> None:
     field, name, *bounds = OWN[command.name.removeprefix("set_")]
     value = within(values, field, name, *bounds)
-    setattr(session.kept, field, value % 360.0 if field == "ra" else value)
+    setattr(session.client, field, value % 360.0 if field == "ra" else value)
 
 
 def set_latitude(values: Values) -> Handling:

@@ -65,7 +65,7 @@ def status(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 def hertz(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GT - an LX200GPS writes a sign."""
-    rate = sim.kept.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
+    rate = sim.stored.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
@@ -80,16 +80,16 @@ def menu(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 def help_text(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:?? :?+ :?-"""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
-    sim.kept["help"] = max(0, min(len(_HELP) - 1, sim.kept.get("help", 0) + step))
-    return _HELP[sim.kept["help"]].encode() + b"#"
+    sim.stored["help"] = max(0, min(len(_HELP) - 1, sim.stored.get("help", 0) + step))
+    return _HELP[sim.stored["help"]].encode() + b"#"
 
 
 #: Commands that are accepted without a reply or a visible effect.
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Handler] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "D": bars,
-    "Gr": lambda sim, name, _: form(sim, name, ra=sim.kept.get("ra", 0.0)),
-    "Gd": lambda sim, name, _: form(sim, name, dec=sim.kept.get("dec", 0.0)),
+    "Gr": lambda sim, name, _: form(sim, name, ra=sim.stored.get("ra", 0.0)),
+    "Gd": lambda sim, name, _: form(sim, name, dec=sim.stored.get("dec", 0.0)),
     "ACK": lambda sim, name, _: sim.letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
     **dict.fromkeys(_TEXTS, lambda sim, name, _: f"{sim.row[_TEXTS[name]]}#".encode()),
     "h?": lambda sim, name, _: b"2" if sim.seeking else str(sim.home).encode(),

@@ -81,7 +81,7 @@ class Controller(SimulatedLx200):
         self.separate_pulses = True
         self.ends: dict[int, float] = {}
         self.error = 0
-        self.kept.update(lowest=-10.0, highest=90.0)
+        self.stored.update(lowest=-10.0, highest=90.0)
 
     def framer(self) -> TimedFramer:  # type: ignore[override]
         return FrameCutter(79 if self.onstep else 28, self.onstep)
@@ -133,8 +133,8 @@ class Controller(SimulatedLx200):
             b"4": self.parked,
             b"5": self.mechanics.slewing(self.now),
             b"8" if self.onstep else b"7": bool(self.ends),
-            b"1": height < self.kept["lowest"],
-            b"2" if self.onstep else b"8 ": height > self.kept["highest"],
+            b"1": height < self.stored["lowest"],
+            b"2" if self.onstep else b"8 ": height > self.stored["highest"],
         }
         return next((digit.strip() for digit, holds in reasons.items() if holds), None)
 
@@ -184,7 +184,7 @@ class Controller(SimulatedLx200):
             "N": not self.mechanics.slewing(self.now),
             "p": not (self.parked or self.parking), "I": self.parking, "P": self.parked, "H": self.at_home,
             "h": self.homing, "G": any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2)), "g": bool(self.ends),
-            "(": self.kept.get("hertz") == 57.9, "O": self.kept.get("hertz") == 60.0, "E": True,
+            "(": self.stored.get("hertz") == 57.9, "O": self.stored.get("hertz") == 60.0, "E": True,
             "o": self.at_home, "W": not self.at_home and self.west,
             "T": not self.at_home and not self.west,
         }  # fmt: skip
@@ -205,14 +205,14 @@ class Controller(SimulatedLx200):
     def hertz(self) -> bytes:
         """:GT"""
         on = self.mechanics.tracking(self.now)
-        return f"{self.kept.get('hertz', 60.16427):.5f}#".encode() if on else b"0#" if self.onstep else b"0.00000#"
+        return f"{self.stored.get('hertz', 60.16427):.5f}#".encode() if on else b"0#" if self.onstep else b"0.00000#"
 
 
 # --- the commands that a Meade does not have, or answers otherwise ----------------------------------------------------
 
 
 def _slew(sim: Controller, name: str, _: Values) -> bytes:
-    ra, dec = sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0)
+    ra, dec = sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0)
     if name == "MA":
         ra, dec = motion.from_horizon(sim)
     return sim.go(ra, dec, motion.altitude(sim, ra, dec))
@@ -233,9 +233,9 @@ def _arrow(sim: Controller, name: str, _: Values) -> None:
     if sim.mechanics.slewing(sim.now):
         sim.mechanics.cancel(sim.now)
         return
-    if sim.kept.get(f"arrow {axis}") == name and axis in sim.ends:
+    if sim.stored.get(f"arrow {axis}") == name and axis in sim.ends:
         return
-    sim.at_home, sim.kept[f"arrow {axis}"] = False, name
+    sim.at_home, sim.stored[f"arrow {axis}"] = False, name
     sim.ends[axis] = sim.now + ARROW_ENDS if sim.onstep else math.inf
     sim.mechanics.move(sim.now, axis, sense * sim.times(sim.rate) * SIDEREAL_RATE, gentle=True)
 
@@ -260,13 +260,13 @@ def _pulse(sim: Controller, _: str, values: Values) -> None:
 
 def _drive(sim: Controller, name: str, _: Values) -> None:
     tracking.drive(sim, name, _)
-    sim.kept["hertz"] = {"TQ": 60.16427, "TS": 60.0, "TL": 57.9}[name]
+    sim.stored["hertz"] = {"TQ": 60.16427, "TS": 60.0, "TL": 57.9}[name]
 
 
 def _set_drive(sim: Controller, _: str, values: Values) -> bytes:
     if not 30.0 <= values["hertz"] < 90.0:
         return b"0"
-    sim.kept["hertz"] = values["hertz"]
+    sim.stored["hertz"] = values["hertz"]
     sim.mechanics.set_drive_rate(sim.now, values["hertz"] / 60.16427 * SIDEREAL_RATE)
     return sim.switch(True) if sim.onstep else b"1"
 
@@ -352,8 +352,8 @@ WORDS: dict[str, Callable[[Controller], bytes]] = {
     "GX97": lambda sim: f"{sim.mechanics.fastest:.1f}#".encode(),
     "GX90": lambda sim: f"{sim.times(sim.pulse_rate):.2f}#".encode(),
     **{name: partial(_fine, name=name) for name in ("GtH", "GgH", "GRa", "GDe", "GRL", "GDL")},
-    "Gh": lambda sim: f"{sim.kept['lowest']:+03.0f}*#".encode(),
-    "Go": lambda sim: f"{sim.kept['highest']:02.0f}*#".encode(),
+    "Gh": lambda sim: f"{sim.stored['lowest']:+03.0f}*#".encode(),
+    "Go": lambda sim: f"{sim.stored['highest']:02.0f}*#".encode(),
     **{f"R{letter}": partial(Controller.select, letter=letter) for letter in "GCMFS0123456789"},
 }  # fmt: skip
 TARGETS, SEPARATORS = ("Sr", "Sd", "Sa", "Sz"), re.compile(rb"[*:'\xdf]")

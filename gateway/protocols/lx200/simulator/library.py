@@ -40,8 +40,8 @@ _SKY = Sky()
 
 
 def _aim(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
-    sim.kept["ra"], sim.kept["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
-    sim.kept["object"] = name
+    sim.stored["ra"], sim.stored["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
+    sim.stored["object"] = name
 
 
 def choose(sim: MeadeTelescope, name: str, values: Values) -> None:
@@ -65,7 +65,7 @@ def step(sim: MeadeTelescope, name: str, _: Values) -> None:
         return
     up = [thing for thing in _THINGS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
     if up:
-        place = sim.kept["step"] = (sim.kept.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
+        place = sim.stored["step"] = (sim.stored.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
         _aim(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
 
 
@@ -81,7 +81,7 @@ def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:LI :Lf"""
     if not sim.classic:
         return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
-    return f"{sim.kept.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
+    return f"{sim.stored.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
 
 
 def moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
@@ -89,7 +89,7 @@ def moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:
         return b"0"
-    sim.kept["ra"], sim.kept["dec"], sim.kept["object"] = ra, dec, "MOON"
+    sim.stored["ra"], sim.stored["dec"], sim.stored["object"] = ra, dec, "MOON"
     return b"1"
 
 

@@ -21,7 +21,7 @@ _SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sr :Sd :Sa :Sz"""
-    sim.kept.update(values)
+    sim.stored.update(values)
     return b"1"
 
 
@@ -33,26 +33,26 @@ def altitude(sim: MeadeTelescope, ra: float, dec: float) -> float:
 
 def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MS"""
-    ra, dec = sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0)
+    ra, dec = sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0)
     return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
 def from_horizon(sim: MeadeTelescope) -> Pair:
     """Return right ascension and declination of the target of :Sz and :Sa."""
-    hour_angle, dec = horizon_to_hour_angle(sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0), sim.site[0])
+    hour_angle, dec = horizon_to_hour_angle(sim.stored.get("az", 0.0), sim.stored.get("alt", 0.0), sim.site[0])
     return wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle), dec
 
 
 def slew_horizontal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MA - 1 is a refusal."""
-    return b"1" if _slew(sim, *from_horizon(sim), sim.kept.get("alt", 0.0)) else b"0"
+    return b"1" if _slew(sim, *from_horizon(sim), sim.stored.get("alt", 0.0)) else b"0"
 
 
 def _slew(sim: MeadeTelescope, ra: float, dec: float, height: float) -> bytes | None:
     """Begin a slew, or return the refusal."""
-    if height < sim.kept["lowest"] - 1e-3:
+    if height < sim.stored["lowest"] - 1e-3:
         return _BELOW[sim.classic]
-    if height > sim.kept["highest"] + 1e-3:
+    if height > sim.stored["highest"] + 1e-3:
         return _ABOVE[sim.classic]
     unpark(sim)
     sim.goal = (ra, dec), False
@@ -77,25 +77,25 @@ def unpark(sim: MeadeTelescope) -> None:
 
 def sync(sim: MeadeTelescope, name: str, _: Values) -> bytes | None:
     """:CM :CL"""
-    sim.mechanics.sync(sim.now, sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0))
+    sim.mechanics.sync(sim.now, sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0))
     sim.aligned = True
     return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
 
 
 def rate(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:RG :RC :RM :RS"""
-    sim.kept["rate"] = name
+    sim.stored["rate"] = name
 
 
 def key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:R<n>"""
     key = values["key"]
-    sim.kept["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
+    sim.stored["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
 def free_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:RA :RE :Rg - degrees per second for :RS, arcseconds per second for :RG."""
-    sim.kept[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
+    sim.stored[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
 def max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
@@ -108,19 +108,19 @@ def max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def _guide_speed(sim: MeadeTelescope) -> float:
-    return float(sim.kept.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
+    return float(sim.stored.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
 
 
 def _speed(sim: MeadeTelescope, axis: int) -> float:
     """Return the current rate of motion by hand, degrees per second."""
-    name = sim.kept["rate"]
+    name = sim.stored["rate"]
     if name == "RG":
         return _guide_speed(sim)
     if name == "RC":
         return CENTER * SIDEREAL_RATE
     if name == "RM":
         return FIND
-    return float(sim.kept.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
+    return float(sim.stored.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
 
 
 def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
@@ -141,7 +141,7 @@ def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     else:
         unpark(sim)
     sim.mechanics.cancel(sim.now)
-    gentle = sim.kept["rate"] == "RG"
+    gentle = sim.stored["rate"] == "RG"
     if gentle:
         sim.mechanics.pulse(sim.now, axis, sense * _speed(sim, axis), math.inf)
     else:

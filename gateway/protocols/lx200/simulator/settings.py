@@ -54,12 +54,12 @@ def offset(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 def sidereal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GS - as set by :SS, else by clock and site."""
-    return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.kept.get("sidereal ahead", 0.0))
+    return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.stored.get("sidereal ahead", 0.0))
 
 
 def set_sidereal(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SS - changes only the displayed time: the motors use clock and site."""
-    sim.kept["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
+    sim.stored["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
     return b"1"
 
 
@@ -167,28 +167,28 @@ def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 def set_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:So :Sh"""
-    sim.kept["lowest" if name == "So" else "highest"] = float(values["limit"])
+    sim.stored["lowest" if name == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
 def search(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     field, default = _SEARCH[name[1]]
-    return form(sim, name, **{field: sim.kept.get("search " + name[1], default)})
+    return form(sim, name, **{field: sim.stored.get("search " + name[1], default)})
 
 
 def set_search(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy"""
     if name == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
-    sim.kept["search " + name[1]] = next(iter(values.values()))
+    sim.stored["search " + name[1]] = next(iter(values.values()))
     return b"1"
 
 
 def step_quality(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Sq"""
-    present = sim.kept.get("search q", "VP")
-    sim.kept["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
+    present = sim.stored.get("search q", "VP")
+    sim.stored["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
 def toggle_format(sim: MeadeTelescope, name: str, _: Values) -> None:
@@ -198,23 +198,23 @@ def toggle_format(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 def toggle_pointing(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:P"""
-    on = sim.kept["pointing"] = not sim.kept.get("pointing", False)
+    on = sim.stored["pointing"] = not sim.stored.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
 def toggle_hours(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:H"""
-    sim.kept["twelve"] = not sim.kept.get("twelve", False)
+    sim.stored["twelve"] = not sim.stored.get("twelve", False)
 
 
 HANDLERS: dict[str, Handler] = {
     "GL": clock, "Ga": clock, "GC": clock, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date,
     "SG": set_offset, "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_half, "Sg": set_half,
     "W": select, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
-    "Go": lambda sim, name, _: form(sim, name, limit=sim.kept["lowest"]),
-    "Gh": lambda sim, name, _: form(sim, name, limit=sim.kept["highest"]),
+    "Go": lambda sim, name, _: form(sim, name, limit=sim.stored["lowest"]),
+    "Gh": lambda sim, name, _: form(sim, name, limit=sim.stored["highest"]),
     "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,
-    "Gc": lambda sim, name, _: b"12#" if sim.kept.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
+    "Gc": lambda sim, name, _: b"12#" if sim.stored.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
     **dict.fromkeys(("GM", "GN", "GO", "GP"), site_name), **dict.fromkeys(("SM", "SN", "SO", "SP"), set_site_name),
     **dict.fromkeys(("Gb", "Gf", "GF", "Gl", "Gs", "Gy", "Gq"), search),
     **dict.fromkeys(("Sb", "Sf", "SF", "Sl", "Ss", "Sy"), set_search),

@@ -85,7 +85,7 @@ class MeadeTelescope(Simulated):
         self.high: bool = self.model in STARTS_HIGH
         self.degree = b"\xdf"
         self.parts: dict[str, Any] = {}
-        self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
+        self.stored: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
         self.mechanics.fastest = float(self.row["max_rate"])
         self.mechanics.set_drive_rate(self.now, SIDEREAL_RATE)
         self.parked = self.asleep = False

@@ -27,19 +27,19 @@ _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
 
 
 def _drive(sim: MeadeTelescope, hertz: float, rate: float) -> None:
-    sim.kept["hertz"] = hertz
+    sim.stored["hertz"] = hertz
     sim.mechanics.set_drive_rate(sim.now, rate)
 
 
 def _drive_manually(sim: MeadeTelescope) -> None:
-    hertz = sim.kept.get("custom", 60.1)
+    hertz = sim.stored.get("custom", 60.1)
     low, high = _SIDEREAL_HERTZ
     _drive(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
 
 
 def drive(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:TQ :TS :TL :TM"""
-    sim.kept["manual"] = name == "TM"
+    sim.stored["manual"] = name == "TM"
     if name == "TM":
         _drive_manually(sim)
     else:
@@ -50,9 +50,9 @@ def set_drive(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:ST :T - a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
-    if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.kept.get("manual")):
+    if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.stored.get("manual")):
         return b"0" if name == "ST" else b""
-    sim.kept["custom"], sim.kept["manual"] = hertz, True
+    sim.stored["custom"], sim.stored["manual"] = hertz, True
     _drive_manually(sim)
     return b"1"
 
@@ -60,9 +60,9 @@ def set_drive(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 def step_drive(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:T+ :T- - change the manual rate, whether it is in use or not."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
-    hertz = round(sim.kept.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
-    sim.kept["custom"] = max(low, min(high, hertz))
-    if sim.kept.get("manual"):
+    hertz = round(sim.stored.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
+    sim.stored["custom"] = max(low, min(high, hertz))
+    if sim.stored.get("manual"):
         _drive_manually(sim)
 
 

@@ -36,7 +36,7 @@ _USAGE = (
 
 def toggle_precision(session: LxSession) -> None:
     """:U - toggle the format of coordinates for this client."""
-    session.kept.precision = "low" if session.kept.precision == "high" else "high"
+    session.client.precision = "low" if session.client.precision == "high" else "high"
 
 
 def baud(values: op.Values) -> Handling:
@@ -63,7 +63,7 @@ def home_state() -> Handling:
 def focus(session: LxSession, command: Command) -> Handling:
     """:F+ :F- :FQ"""
     direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
-    yield FireAndForget(op.Focus(direction, session.kept.focus_speed))
+    yield FireAndForget(op.Focus(direction, session.client.focus_speed))
 
 
 def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
@@ -71,7 +71,7 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
     speed = {"FF": 4, "FS": 1}.get(command.name) or given(values)["speed"]
     if not 1 <= speed <= 4:
         raise Invalid("The focus speeds are 1 to 4.")
-    session.kept.focus_speed = speed
+    session.client.focus_speed = speed
 
 
 def backlash(command: Command, values: op.Values) -> Handling:
@@ -102,7 +102,7 @@ def help_line(session: LxSession, command: Command) -> Handling:
     """:?? :?+ :?- - an empty line precedes the first and follows the last; models without help do not reply."""
     if not session.model["help"]:
         return b""
-    kept = session.kept
+    kept = session.client
     step = _STEPS[command.name]
     if step is None or not kept.help:
         kept.help = yield from _text()

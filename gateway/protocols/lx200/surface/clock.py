@@ -36,7 +36,7 @@ def _local(session: LxSession) -> Handling:
     """Return the client's local time now as a naive datetime, by the offset that it is told."""
     yield from commit_if_allowed(session)
     moment: op.Moment = yield op.GetClock()
-    offset = printable(moment.offset if session.kept.offset is None else session.kept.offset)
+    offset = printable(moment.offset if session.client.offset is None else session.client.offset)
     # Not rounded: whole seconds are cut off, as clocks do, although the reply is then half a second late on average.
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
@@ -50,7 +50,7 @@ def tell_local(session: LxSession) -> Handling:
 def tell_offset(session: LxSession) -> Handling:
     """:GG"""
     yield from commit_if_allowed(session)
-    offset = session.kept.offset
+    offset = session.client.offset
     if offset is None:
         moment: op.Moment = yield op.GetClock()
         offset = moment.offset
@@ -59,7 +59,7 @@ def tell_offset(session: LxSession) -> Handling:
 
 def contradicts_client(session: LxSession, name: str, values: op.Values) -> bool:
     """Whether this client has set an offset, which the mount's own answer would contradict."""
-    kept = session.kept
+    kept = session.client
     return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))
 
 
@@ -71,9 +71,9 @@ def commit_if_allowed(session: LxSession) -> Handling:
 
 def _draft(session: LxSession) -> Draft:
     """Return the draft, which the next connection of the same program continues."""
-    if session.kept.draft is None:
-        session.kept.draft = Draft()
-    return session.kept.draft
+    if session.client.draft is None:
+        session.client.draft = Draft()
+    return session.client.draft
 
 
 def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
@@ -84,13 +84,13 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
     draft.touched = session.clock()
     if command.name == "SG":
         _keep_local_time(session, draft, -values["offset"])
-        session.kept.offset = draft.offset = -values["offset"]
+        session.client.offset = draft.offset = -values["offset"]
     elif command.name == "SL":
         draft.time = values["time"], session.clock()
         draft.carried -= {"time"}
     else:
         draft.day = values["date"]
-        session.kept.dated = values["date"], session.clock()
+        session.client.dated = values["date"], session.clock()
         draft.carried -= {"day"}
     if draft.complete:
         yield from commit(session)
@@ -111,9 +111,9 @@ def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:
 
     The parts taken over are marked as ``carried``, because the client may still send its own.
     """
-    if session.kept.local is None or draft.time is not None:
+    if session.client.local is None or draft.time is not None:
         return
-    day, seconds, at, with_offset = session.kept.local
+    day, seconds, at, with_offset = session.client.local
     if offset != with_offset and session.clock() - at <= BELONGS:
         draft.carried = frozenset({"time"} if draft.day is not None else {"time", "day"})
         draft.time = (seconds, at)
@@ -140,7 +140,7 @@ def commit(session: LxSession) -> Handling:
     except Fault:
         present = op.Moment(session.clock(), 0.0)
     # The deferred commit of an earlier connection may send this draft, so the draft's own offset comes first.
-    offset = next((told for told in (pieces.offset, session.kept.offset) if told is not None), present.offset)
+    offset = next((told for told in (pieces.offset, session.client.offset) if told is not None), present.offset)
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
     day = pieces.day or now.date()
     if pieces.time is not None:
@@ -149,17 +149,17 @@ def commit(session: LxSession) -> Handling:
         elapsed = session.clock() - at
     else:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
-    if pieces.time is not None or session.kept.local is not None:
-        session.kept.local = day, seconds, session.clock() - elapsed, offset
+    if pieces.time is not None or session.client.local is not None:
+        session.client.local = day, seconds, session.clock() - elapsed, offset
     local = pieces.stamped or not session.model.get("utc_date")
     yield op.SetClock(_instant(session, day, seconds, offset, local) + elapsed, offset)
 
 
 def _dated(session: LxSession) -> date | None:
     """Return the date that this client set within the last minute: an offset set since does not change the day."""
-    if session.kept.dated is None:
+    if session.client.dated is None:
         return None
-    day, at = session.kept.dated
+    day, at = session.client.dated
     return day if session.clock() - at <= BELONGS else None
 
 
@@ -205,12 +205,12 @@ def set_sidereal() -> None:
 
 def toggle_hours(session: LxSession) -> None:
     """:H - toggle the 12-hour clock."""
-    session.kept.twelve = not session.kept.twelve
+    session.client.twelve = not session.client.twelve
 
 
 def tell_hours(session: LxSession) -> dict[str, str]:
     """:Gc"""
-    return {"hours": "12" if session.kept.twelve else "24"}
+    return {"hours": "12" if session.client.twelve else "24"}
 
 
 # --- GPS: the mount's own receiver; without one the reply is that of a receiver without a fix ---

@@ -31,7 +31,7 @@ _MENU = ("ALTAZ", "POLAR", "LAND")
 def move(session: LxSession, command: Command) -> Handling:
     """:Mn :Ms :Me :Mw - motion by hand at this client's rate."""
     direction = op.Direction(command.name[1])
-    kept = session.kept
+    kept = session.client
     own = kept.rate_ra if direction.axis == 1 else kept.rate_dec
     rate = kept.rate or op.Rate(name="center")
     if own:
@@ -52,17 +52,17 @@ def _within(limits: tuple[float, float], value: float, unit: str) -> float:
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
     name = _NAMES.get(command.name)
-    session.kept.rate = op.Rate(name=name) if name else op.Rate(key=max(1, given(values)["key"]))
-    session.kept.rate_ra = session.kept.rate_dec = None
+    session.client.rate = op.Rate(name=name) if name else op.Rate(key=max(1, given(values)["key"]))
+    session.client.rate_ra = session.client.rate_dec = None
 
 
 def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
     rate = _within(AXES, given(values)["rate"], "degrees a second") or None
     if command.name == "RA":
-        session.kept.rate_ra = rate
+        session.client.rate_ra = rate
     else:
-        session.kept.rate_dec = rate
+        session.client.rate_dec = rate
 
 
 def max_rate(session: LxSession, values: op.Values) -> None:
@@ -70,8 +70,8 @@ def max_rate(session: LxSession, values: op.Values) -> None:
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
         raise Invalid(f"The slew rate is {low} to {high} degrees a second.")
-    session.kept.fastest = float(values["rate"])
-    session.kept.rate = op.Rate(name="max")
+    session.client.fastest = float(values["rate"])
+    session.client.rate = op.Rate(name="max")
 
 
 def guide_rate(values: op.Values) -> Handling:
@@ -98,7 +98,7 @@ def alignment(session: LxSession) -> Handling:
 
 def _letter(session: LxSession) -> Handling:
     status: op.Status = yield op.GetStatus()
-    if session.kept.land and status.tracking is op.Tracking.OFF:
+    if session.client.land and status.tracking is op.Tracking.OFF:
         return "L"
     return "P" if status.equatorial else "A"
 
@@ -129,13 +129,13 @@ def align() -> Handling:
 
 def land(session: LxSession) -> Handling:
     """:AL - tracking off. Waits for the outcome, so that the next reply reports the new state."""
-    session.kept.land = True
+    session.client.land = True
     yield op.SetTracking(on=False)
 
 
 def track(session: LxSession) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode, so that its alignment is kept."""
-    session.kept.land = False
+    session.client.land = False
     yield FireAndForget(op.SetTracking(on=True))
 
 

@@ -44,9 +44,9 @@ _TYPES = re.compile("gpdco", re.IGNORECASE)
 def choose_catalog(session: LxSession, values: op.Values) -> None:
     """:Lo - choose a catalogue; on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
-    session.kept.deep_sky = catalog
+    session.client.deep_sky = catalog
     if catalog is None:
-        session.kept.select_nothing(_NOT_FOUND)
+        session.client.select_nothing(_NOT_FOUND)
     if session.model["libraries"]:
         if catalog is None:
             raise Invalid(_NOT_FOUND)
@@ -56,9 +56,9 @@ def choose_catalog(session: LxSession, values: op.Values) -> None:
 def choose_stars(session: LxSession, values: op.Values) -> None:
     """:Ls - choose a catalogue: planets, Hipparcos, and SAO, HR and HD if they are installed."""
     catalog = None if "fault" in values else values["catalog"]
-    session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
-    if session.kept.stars is None:
-        session.kept.select_nothing(_NOT_FOUND)
+    session.client.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
+    if session.client.stars is None:
+        session.client.select_nothing(_NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
@@ -71,24 +71,24 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
     try:
         look_up()
     except Unsupported as missing:
-        session.kept.select_nothing(str(missing))
+        session.client.select_nothing(str(missing))
         raise Invalid(_NOT_FOUND) from None
 
 
 def select_object(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:LM - select a Messier object; :LC - one of the catalogue that :Lo chose."""
-    catalog = "M" if command.name == "LM" else session.kept.deep_sky
+    catalog = "M" if command.name == "LM" else session.client.deep_sky
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
 def select_star(session: LxSession, values: op.Values) -> Handling:
     """:LS - select from the catalogue that :Ls chose; by default STAR on models that have it, else Hipparcos."""
-    catalog = session.kept.stars
+    catalog = session.client.stars
     if catalog == "model":
         catalog = _STAR if session.model["libraries"] else _HIPPARCOS
     number, year = values.get("number"), 1970.0 + session.clock() / _YEAR
     if catalog is None or number is None:
-        session.kept.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
+        session.client.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
     elif catalog == _HIPPARCOS:
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
     elif catalog in _CROSS:
@@ -98,20 +98,20 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
     elif number in _PLANETS:
         yield from _follow(session, op.PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
     else:
-        session.kept.select_nothing(f"STAR {number} not found")
+        session.client.select_nothing(f"STAR {number} not found")
 
 
 def _aim_at(session: LxSession, entry: CatalogObject) -> Handling:
     """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
-    kept = session.kept
+    kept = session.client
     kept.deselect()
     kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)
 
 
 def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: str) -> Handling:
     """Make a moving object the target. If its position is unknown, nothing is selected and Fault is raised."""
-    kept = session.kept
+    kept = session.client
     try:
         place: op.Equatorial = yield moving
     except Fault as fault:
@@ -124,9 +124,9 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: st
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:
     """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59); a half not set is 0."""
     if "fault" in values:
-        session.kept.select_nothing("No object selected")
+        session.client.select_nothing("No object selected")
         raise values["fault"]
-    place = session.kept.moon = replace(session.kept.moon, **values)
+    place = session.client.moon = replace(session.client.moon, **values)
     yield from _follow(session, place, f"MOON LAT {place.latitude:+.1f} LONG {place.longitude:+.1f}")
 
 
@@ -136,13 +136,13 @@ def _select(
     """Make the object of that number the target; if there is none, nothing is selected."""
     number = values.get("number")
     if catalog is None or number is None:
-        return session.kept.select_nothing(_NOT_FOUND if catalog is None else "No object selected")
+        return session.client.select_nothing(_NOT_FOUND if catalog is None else "No object selected")
     try:
         entry = look_up(catalog, number)
     except Unsupported as missing:
-        return session.kept.select_nothing(str(missing))
+        return session.client.select_nothing(str(missing))
     if entry is None:
-        session.kept.select_nothing(f"{catalog} {number} not found")
+        session.client.select_nothing(f"{catalog} {number} not found")
     else:
         yield from _aim_at(session, entry)
 
@@ -152,7 +152,7 @@ def _select(
 
 def tell_search(session: LxSession, command: Command) -> object:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
-    return getattr(session.kept.search, _LIMITS[command.name[1]])
+    return getattr(session.client.search, _LIMITS[command.name[1]])
 
 
 def set_search(session: LxSession, command: Command, values: op.Values) -> None:
@@ -161,13 +161,13 @@ def set_search(session: LxSession, command: Command, values: op.Values) -> None:
     (value,) = given(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
         raise Invalid("The types are GPDCO, capitals for those wanted.")
-    session.kept.search = replace(session.kept.search, **{name: value})
+    session.client.search = replace(session.client.search, **{name: value})
 
 
 def step_quality(session: LxSession) -> None:
     """:Sq - the next lower quality, from the worst back to the best."""
-    present = QUALITIES.index(session.kept.search.quality)
-    session.kept.search = replace(session.kept.search, quality=QUALITIES[(present + 1) % len(QUALITIES)])
+    present = QUALITIES.index(session.client.search.quality)
+    session.client.search = replace(session.client.search, quality=QUALITIES[(present + 1) % len(QUALITIES)])
 
 
 def browse(session: LxSession, command: Command) -> Handling:
@@ -177,17 +177,17 @@ def browse(session: LxSession, command: Command) -> Handling:
     try:
         candidates = deepsky.matching(_wanted(session))
         visible, meridian = yield from _sky(session)
-        entry = session.kept.entry
+        entry = session.client.entry
         if entry is None or command.name == "LF":
             found = deepsky.first(candidates, visible, meridian)
         else:
             found = deepsky.neighbour(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
         if found is None:
-            session.kept.select_nothing("No object found")
+            session.client.select_nothing("No object found")
         else:
             yield from _aim_at(session, deepsky.by_row(found[0]))
     except Unsupported as missing:
-        session.kept.select_nothing(str(missing))
+        session.client.select_nothing(str(missing))
 
 
 def identify(session: LxSession) -> Handling:
@@ -199,7 +199,7 @@ def identify(session: LxSession) -> Handling:
         visible, _ = yield from _sky(session)
         seen: op.Equatorial = yield op.Position()
         centre: op.Equatorial = yield op.ToJ2000(seen.ra, seen.dec)
-        radius = session.kept.search.field / 120.0
+        radius = session.client.search.field / 120.0
         found = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
         return {"text": f"{len(found)} - Objects found{nearest}"}
@@ -211,12 +211,12 @@ def object_text(session: LxSession) -> dict[str, str]:
     """:LI - the description of the selected object."""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}
-    return {"text": session.kept.object or "No object selected"}
+    return {"text": session.client.object or "No object selected"}
 
 
 def _wanted(session: LxSession) -> SearchLimits:
     """Return this client's search limits as a query of the catalogue."""
-    limits = session.kept.search
+    limits = session.client.search
     kinds = "".join(letter for letter in limits.types if letter.isupper())
     return SearchLimits(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
 
@@ -237,7 +237,7 @@ def _sky(session: LxSession) -> Handling:
 
 def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command to the telescope itself."""
-    kept = session.kept
+    kept = session.client
     if command.name == "LI":
         return (yield op.Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
     if command.name in _CHOOSING:

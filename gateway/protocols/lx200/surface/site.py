@@ -36,7 +36,7 @@ def tell_half(session: LxSession, command: Command) -> Handling:
 
 def _selected(session: LxSession) -> int:
     """Return the site number of this client, from 0: the one it selected, else the one that was selected last."""
-    return (session.shared.site or 0) if session.kept.site is None else session.kept.site
+    return (session.shared.site or 0) if session.client.site is None else session.client.site
 
 
 def set_half(session: LxSession, values: Values) -> Handling:
@@ -70,7 +70,7 @@ def select(session: LxSession, values: Values) -> Handling:
     index = max(0, min(len(_NAMED) - 1, number - session.model["first_site"]))
     before = session.shared.site or 0
     yield from _enter(session, index)
-    session.kept.site = index
+    session.client.site = index
     stored = _place(session, index)
     if index == 0:
         if before != 0:
@@ -108,11 +108,11 @@ def set_limit(session: LxSession, command: Command, values: Values) -> None:
     Raises Invalid for limits that leave no altitude, because nothing could be moved any more.
     """
     name = "lowest" if command.name == "So" else "highest"
-    wanted = {"lowest": session.kept.lowest, "highest": session.kept.highest, name: float(given(values)["limit"])}
+    wanted = {"lowest": session.client.lowest, "highest": session.client.highest, name: float(given(values)["limit"])}
     limits = session.settings.limits.narrowed(**wanted)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
-    setattr(session.kept, name, wanted[name])
+    setattr(session.client, name, wanted[name])
 
 
 def tell_limit(session: LxSession, command: Command) -> dict[str, float]:

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command import Command
 
 def set_target(session: LxSession, values: op.Values) -> None:
     """:Sr :Sd - programs send :MS# even after a refusal (0), so a refused half must not leave a stale target."""
-    session.kept.deselect()
+    session.client.deselect()
     _set(session, values, "ra", "dec")
 
 
@@ -37,14 +37,14 @@ def _set(session: LxSession, values: op.Values, *pair: str) -> None:
     if "fault" in values:
         values, fault = dict.fromkeys(pair), values["fault"]
     for name, value in values.items():
-        setattr(session.kept, name, value)
+        setattr(session.client, name, value)
     if fault is not None:
         raise fault
 
 
 def _target(session: LxSession) -> Handling:
     """Return where the target is now, as Equatorial. Raises NoTarget, with the reason if a selection has failed."""
-    kept = session.kept
+    kept = session.client
     if kept.moving is not None:
         place: op.Equatorial = yield kept.moving
         kept.ra, kept.dec = place.ra, place.dec
@@ -55,9 +55,9 @@ def _target(session: LxSession) -> Handling:
 
 def tell_target(session: LxSession) -> Handling:
     """:Gr :Gd - zero if none was set, as on a Meade after power-on; for a moving object its present position."""
-    if session.kept.moving is not None:
+    if session.client.moving is not None:
         yield from _target(session)
-    return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
+    return {"ra": session.client.ra or 0.0, "dec": session.client.dec or 0.0}
 
 
 def second_half(session: LxSession, command: Command) -> Handling:
@@ -68,7 +68,7 @@ def second_half(session: LxSession, command: Command) -> Handling:
 
 def goto(session: LxSession) -> Handling:
     """:MS - slew to the target, by the time that this client has set before."""
-    kept = session.kept
+    kept = session.client
     if kept.draft is not None:
         yield from commit_if_allowed(session)
     place: op.Equatorial = yield from _target(session)
@@ -78,7 +78,7 @@ def goto(session: LxSession) -> Handling:
 
 def goto_horizontal(session: LxSession) -> Handling:
     """:MA - slew to the azimuth and altitude of :Sz and :Sa."""
-    kept = session.kept
+    kept = session.client
     if kept.az is None or kept.alt is None:
         raise NoTarget
     if kept.draft is not None:
@@ -95,7 +95,7 @@ def sync(session: LxSession) -> Handling:
 
 def sync_on_moon(session: LxSession) -> Handling:
     """:CL - sync on the selected place on the Moon; the command has no reply."""
-    if not isinstance(session.kept.moving, op.MoonPlace):
+    if not isinstance(session.client.moving, op.MoonPlace):
         raise NoTarget
     place: op.Equatorial = yield from _target(session)
     yield FireAndForget(op.Sync(place.ra, place.dec))

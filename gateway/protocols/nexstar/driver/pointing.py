@@ -191,9 +191,9 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     if state is None:
         return moving
     if moving:
-        state.seen, state.unconfirmed = True, False
+        state.slew_reported, state.unconfirmed = True, False
         return True
-    if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
+    if not state.slew_reported and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
         return True
     if mount.goto is not state:
         return mount.goto is not None

@@ -31,14 +31,14 @@ def axes(session: NexStarSession) -> Handling:
 def goto(session: NexStarSession, values: op.Values) -> Handling:
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
-        session.kept.axis_goto = {}
+        session.client.axis_goto = {}
         yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: NexStarSession, values: op.Values) -> Handling:
     """B b - goto to axis readings; a malformed one does nothing."""
     if "fault" not in values:
-        session.kept.axis_goto = {}
+        session.client.axis_goto = {}
         yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
 
 
@@ -80,10 +80,10 @@ def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - goto of one axis. The other axis continues its own goto if one is under way, else stays."""
     number = motor(values)
     seen = yield from _readings(session)
-    sent = session.kept.axis_goto if (yield op.Slewing()) else {}
+    sent = session.client.axis_goto if (yield op.Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
     yield from begin((yield from _to_mount(session, wanted[1], wrap180(wanted[2]))))
-    session.kept.axis_goto = {**sent, number: values["position"]}
+    session.client.axis_goto = {**sent, number: values["position"]}
 
 
 def axis_done(values: op.Values) -> Handling:

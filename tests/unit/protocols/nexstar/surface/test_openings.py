@@ -179,7 +179,7 @@ def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
 def test_every_command_on_every_version(model: str, version: str, way: str) -> None:
     for letter, request in REQUESTS.items():
         talk = Talk(protocol="nexstar", model=model, version=version)
-        kept, shared = copy(talk.session.kept), talk.session.shared
+        kept, shared = copy(talk.session.client), talk.session.shared
         answer = (
             say(talk, request, "byte by byte" if way == "byte by byte" else "whole")
             if way in WAYS
@@ -190,7 +190,7 @@ def test_every_command_on_every_version(model: str, version: str, way: str) -> N
         else:
             assert answer == b"", letter
             assert talk.mount.asked == [], letter
-            assert (talk.session.kept, talk.session.shared) == (kept, shared), letter
+            assert (talk.session.client, talk.session.shared) == (kept, shared), letter
         assert say(talk, b"Kz", "whole") == b"z#", letter
 
 
