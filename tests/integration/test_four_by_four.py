@@ -7,8 +7,6 @@ hemispheres, take turns. Site and time are read at both gateways.
 from __future__ import annotations
 
 import asyncio
-import calendar
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -16,10 +14,10 @@ import pytest
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.diagnostics.virtual_time import run
-from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.faces import Face
+from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
-from tests.support.two_gateways import TwoGateways, equatorial
+from tests.support.two_gateways import TwoGateways
 
 #: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
 SURFACES = [("lx200", "lx200gps"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", None)]
@@ -54,110 +52,6 @@ SECOND = 1.0 / 3600.0
 EXACT = 8.0 * SECOND
 
 
-class Program:
-    """Talks LX200 or NexStar; the bytes are typed by hand."""
-
-    def __init__(self, client: Visitor, nexstar: bool) -> None:
-        self.client, self.nexstar = client, nexstar
-
-    async def place(self) -> tuple[float, float]:
-        if self.nexstar:
-            seen = equatorial(await self.client.ask(b"e", until=b"#"))
-            return seen.ra, seen.dec
-        return parse_ra(await self.client.ask(b":GR#")), parse_dec(await self.client.ask(b":GD#"))
-
-    def _order(self, letter: str, command: str, ra: float, dec: float) -> bytes:
-        if self.nexstar:
-            ticks = (round(part / 360 * 2**24) % 2**24 for part in (ra, dec))
-            return (letter + "{:06X}00,{:06X}00".format(*ticks)).encode()
-        return f":Sr{hms(ra)}#:Sd{dms(dec)}#:{command}#".encode()
-
-    async def goto(self, ra: float, dec: float) -> None:
-        """Sent there, and there when the program is told so."""
-        await self.leave(ra, dec)
-        for _ in range(150):
-            if await self.client.ask(b"L" if self.nexstar else b":D#") in (b"0#", b"#"):
-                return
-            await asyncio.sleep(2.0)
-        raise AssertionError("the goto never ends")
-
-    async def leave(self, ra: float, dec: float) -> None:
-        yes = b"#" if self.nexstar else b"110"
-        assert await self.client.ask(self._order("r", "MS", ra, dec), 15.0, until=yes) == yes
-
-    async def sync(self, ra: float, dec: float) -> None:
-        assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, until=b"#")).startswith(
-            b"#" if self.nexstar else b"11"
-        )
-
-    async def stop(self) -> None:
-        if self.nexstar:
-            for said in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x24\0\0\0\0"):
-                assert await self.client.ask(said) == b"#"
-        else:
-            self.client.tell(b":Q#")
-
-    async def arrows(self) -> None:
-        if self.nexstar:
-            for said in (b"P\x02\x10\x24\x09\0\0\0", b"P\x02\x11\x24\x08\0\0\0"):
-                assert await self.client.ask(said) == b"#"
-        else:
-            self.client.tell(b":RS#:Mw#:Mn#")
-
-    async def set_site(self, latitude: float, longitude: float) -> None:
-        if self.nexstar:
-            assert await self.client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
-        else:
-            west = round(-longitude * 60) % 21600
-            said = f":St{dms(latitude)[:6]}#:Sg{west // 60:03d}*{west % 60:02d}#"
-            assert await self.client.ask(said.encode(), until=b"11") == b"11"
-
-    async def site(self) -> tuple[float, float]:
-        if self.nexstar:
-            told = await self.client.ask(b"w")
-            return _degrees(told[:4]), _degrees(told[4:8])
-        north, west = await self.client.ask(b":Gt#"), await self.client.ask(b":Gg#")
-        sign = b"" if west[:1] in b"+-" else b"+"
-        return parse_dec(north.rstrip(b"#") + b":00#"), -parse_dec(sign + west.rstrip(b"#") + b":00#")
-
-    async def set_clock(self, unix: float, offset: float, dst: int) -> None:
-        local = datetime.fromtimestamp(unix, UTC) + timedelta(hours=offset)
-        if self.nexstar:
-            fields = (
-                local.hour,
-                local.minute,
-                local.second,
-                local.month,
-                local.day,
-                local.year - 2000,
-                int(offset - dst) % 256,
-                dst,
-            )
-            assert await self.client.ask(b"H" + bytes(fields)) == b"#"
-        else:
-            said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
-            assert (await self.client.ask(said.encode(), 30.0, until=b" #")).startswith(b"111")
-
-    async def clock(self) -> float:
-        """Unix seconds."""
-        if self.nexstar:
-            hour, minute, second, month, day, year, zone, dst = (await self.client.ask(b"h"))[:8]
-            offset = (zone - 256 if zone > 127 else zone) + dst
-            return calendar.timegm((2000 + year, month, day, hour, minute, second)) - offset * 3600.0
-        answers = [(await self.client.ask(said)).rstrip(b"#").decode() for said in (b":GC#", b":GL#", b":GG#")]
-        local = datetime.strptime(" ".join(answers[:2]), "%m/%d/%y %H:%M:%S")
-        return calendar.timegm(local.timetuple()) + float(answers[2]) * 3600.0
-
-
-def _dms(degrees: float) -> bytes:
-    seconds = round(abs(degrees) * 3600)
-    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
-
-
-def _degrees(raw: bytes) -> float:
-    return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
-
-
 def _parts(named: str | None) -> tuple[str | None, str | None]:
     model, _, version = (named or "").partition("/")
     return model or None, version or None
@@ -182,13 +76,29 @@ def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: b
     return TwoGateways(bridge, surface[0], "nexstar" if nexstar else "lx200", fits if nexstar else "autostar")
 
 
+def faces(chain: TwoGateways, surface: tuple[str, str | None], nexstar: bool) -> tuple[Face, Face]:
+    """A program at the outer gateway, and one at the inner."""
+    inner = chain.inner
+    return Face(inner, chain.client(), nexstar), Face(inner, inner.client(), surface[0] == "nexstar")
+
+
 def apart(one: tuple[float, float], other: tuple[float, float]) -> float:
     return separation(*one, *other)
 
 
-async def pointed_and_stopped(one: Program, inner: Bridge, site: tuple[float, float]) -> tuple[float, float]:
-    """A goto is exact, and a stop ends the next one; return where the tube stands then, and tracks."""
-    sim, sidereal, south = inner.sim, sidereal_time(inner.clock(), site[1]), site[0] < 0.0
+async def does_what_is_ordered(chain: TwoGateways, one: Face, site: tuple[float, float]) -> None:
+    """Gotos are exact, stops stop, arrows move, and a sync moves the sky for the program and not the tube."""
+    sim, sidereal, south = chain.inner.sim, sidereal_time(chain.inner.clock(), site[1]), site[0] < 0.0
+
+    async def stops() -> tuple[float, float]:
+        await one.stop()
+        await asyncio.sleep(3.5)
+        stood: tuple[float, float] = sim.truth()
+        await asyncio.sleep(2.0)
+        assert apart(sim.truth(), stood) < EXACT and sim.tracking
+        return stood
+
+    assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
     target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
     await one.goto(*target)
     assert apart(sim.truth(), target) < EXACT
@@ -196,45 +106,33 @@ async def pointed_and_stopped(one: Program, inner: Bridge, site: tuple[float, fl
     await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
     await asyncio.sleep(3.0)
     assert sim.slewing
-    await one.stop()
-    await asyncio.sleep(2.5)
-    stood: tuple[float, float] = sim.truth()
+    stood = await stops()
+    await one.arrows()
     await asyncio.sleep(2.0)
-    assert apart(sim.truth(), stood) < EXACT and sim.tracking
-    return stood
+    assert apart(sim.truth(), stood) > 0.5
+    stood = await stops()
+    ra, dec = await one.place()
+    centred = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
+    await one.sync(*centred)
+    await asyncio.sleep(2.0)
+    assert apart(await one.place(), centred) < 2.0 * EXACT
+    assert apart(sim.truth(), stood) < 2.0 * EXACT
 
 
 @pytest.mark.sampled(every=3)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
-def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
-    """Gotos are exact, stops stop, arrows and syncs arrive, and parked it stands where it can stand."""
-    site = SOUTH if south else NORTH
+def test_two_gateways_in_a_row_move_the_mount(
+    surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool
+) -> None:
+    """A sync moves the sky at both ends."""
 
     async def program() -> None:
+        site = SOUTH if south else NORTH
         chain = row(surface, mount, nexstar, site=site)
-        sim = chain.inner.sim
         async with chain:
-            one = Program(chain.client(), nexstar)
-            assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
-            stood = await pointed_and_stopped(one, chain.inner, site)
-            # arrows on both axes
-            await one.arrows()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) > 1.0
-            await one.stop()
-            await asyncio.sleep(2.5)
-            stood = sim.truth()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) < EXACT and sim.tracking
-            # a sync moves the sky at both ends, and not the tube
-            ra, dec = await one.place()
-            centred = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
-            await one.sync(*centred)
-            await asyncio.sleep(2.0)
-            inner = Program(chain.inner.client(), surface[0] == "nexstar")
-            assert apart(await one.place(), centred) < 2.0 * EXACT
-            assert apart(await inner.place(), centred) < 2.0 * EXACT
-            assert apart(sim.truth(), stood) < 2.0 * EXACT
+            one, inner = faces(chain, surface, nexstar)
+            await does_what_is_ordered(chain, one, site)
+            assert apart(await one.place(), await inner.place()) < 2.0 * EXACT
 
     run(program())
 
@@ -249,7 +147,9 @@ PARKS = [
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), PARKS)
-def test_parked(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
+def test_park_order_passes_two_gateways(
+    surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool
+) -> None:
     """``:hP#`` at one end: at the pole, or low in the north, and standing; a 16 inch only by its own ``:hP#``."""
 
     async def program() -> None:
@@ -278,7 +178,7 @@ CLOCKS = [(-5, 1), (9, 0), (12, 1), (5.5, 0), (-3.5, 0)]
 
 @pytest.mark.sampled(every=3)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
-def test_site_and_time(
+def test_site_and_time_pass_two_gateways(
     surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool
 ) -> None:
     """East and west, half-hour zones, daylight saving: the same at both gateways and on the mount.
@@ -291,7 +191,7 @@ def test_site_and_time(
         chain = row(surface, mount, nexstar, aligned=False)
         sim, began = chain.inner.sim, chain.inner.clock
         async with chain:
-            one, inner = Program(chain.client(), nexstar), Program(chain.inner.client(), surface[0] == "nexstar")
+            one, inner = faces(chain, surface, nexstar)
             for site in ((33.5, -118.25), (-33.75, 151.25), (0.25, -0.5)):
                 await one.set_site(*site)
                 await asyncio.sleep(4.0)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import calendar
 import json
 import struct
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from gateway.astro.axes import Build
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap360
-from tests.integration.test_four_by_four import Program
 from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.two_gateways import equatorial
 
 FACES = ("lx200", "nexstar", "stellarium", "alpaca")
 
@@ -21,12 +22,42 @@ class Refusal(Exception):
     """The gateway has refused an order, in words if the protocol has any."""
 
 
-class Face(Program):
-    """An LX200 or a NexStar program, which can do more than ``Program``. Directions are n, s, e, w."""
+def hms(degrees: float) -> str:
+    seconds = round(degrees * 240) % 86400
+    return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def dms(degrees: float) -> str:
+    seconds = round(abs(degrees) * 3600)
+    return f"{'-' if degrees < 0 else '+'}{seconds // 3600:02d}*{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def parse_ra(text: bytes) -> float:
+    h, m, s = text.rstrip(b"#").split(b":")
+    return (int(h) + int(m) / 60 + int(s) / 3600) * 15
+
+
+def parse_dec(text: bytes) -> float:
+    sign = -1 if text[:1] == b"-" else 1
+    d, rest = text[1:].rstrip(b"#").split(b"*")
+    m, s = rest.split(b":")
+    return sign * (int(d) + int(m) / 60 + int(s) / 3600)
+
+
+def _dms(degrees: float) -> bytes:
+    seconds = round(abs(degrees) * 3600)
+    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
+
+
+def _degrees(raw: bytes) -> float:
+    return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
+
+
+class Face:
+    """An LX200 or a NexStar program. Directions are n, s, e, w."""
 
     def __init__(self, bridge: Bridge, client: Visitor, nexstar: bool = False) -> None:
-        super().__init__(client, nexstar)
-        self.bridge = bridge
+        self.bridge, self.client, self.nexstar = bridge, client, nexstar
 
     @property
     def of_motors(self) -> bool:
@@ -35,6 +66,90 @@ class Face(Program):
 
     async def begin(self) -> None:
         """Do what every program does first."""
+
+    async def place(self) -> tuple[float, float]:
+        if self.nexstar:
+            seen = equatorial(await self.client.ask(b"e", until=b"#"))
+            return seen.ra, seen.dec
+        return parse_ra(await self.client.ask(b":GR#")), parse_dec(await self.client.ask(b":GD#"))
+
+    def _order(self, letter: str, command: str, ra: float, dec: float) -> bytes:
+        if self.nexstar:
+            ticks = (round(part / 360 * 2**24) % 2**24 for part in (ra, dec))
+            return (letter + "{:06X}00,{:06X}00".format(*ticks)).encode()
+        return f":Sr{hms(ra)}#:Sd{dms(dec)}#:{command}#".encode()
+
+    async def goto(self, ra: float, dec: float) -> None:
+        """Sent there, and there when the program is told so."""
+        await self.leave(ra, dec)
+        for _ in range(150):
+            if await self.client.ask(b"L" if self.nexstar else b":D#") in (b"0#", b"#"):
+                return
+            await asyncio.sleep(2.0)
+        raise AssertionError("the goto never ends")
+
+    async def sync(self, ra: float, dec: float) -> None:
+        assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, until=b"#")).startswith(
+            b"#" if self.nexstar else b"11"
+        )
+
+    async def stop(self) -> None:
+        if self.nexstar:
+            for said in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x24\0\0\0\0"):
+                assert await self.client.ask(said) == b"#"
+        else:
+            self.client.tell(b":Q#")
+
+    async def arrows(self) -> None:
+        if self.nexstar:
+            for said in (b"P\x02\x10\x24\x09\0\0\0", b"P\x02\x11\x24\x08\0\0\0"):
+                assert await self.client.ask(said) == b"#"
+        else:
+            self.client.tell(b":RS#:Mw#:Mn#")
+
+    async def set_site(self, latitude: float, longitude: float) -> None:
+        if self.nexstar:
+            assert await self.client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
+        else:
+            west = round(-longitude * 60) % 21600
+            said = f":St{dms(latitude)[:6]}#:Sg{west // 60:03d}*{west % 60:02d}#"
+            assert await self.client.ask(said.encode(), until=b"11") == b"11"
+
+    async def site(self) -> tuple[float, float]:
+        if self.nexstar:
+            told = await self.client.ask(b"w")
+            return _degrees(told[:4]), _degrees(told[4:8])
+        north, west = await self.client.ask(b":Gt#"), await self.client.ask(b":Gg#")
+        sign = b"" if west[:1] in b"+-" else b"+"
+        return parse_dec(north.rstrip(b"#") + b":00#"), -parse_dec(sign + west.rstrip(b"#") + b":00#")
+
+    async def set_clock(self, unix: float, offset: float, dst: int) -> None:
+        local = datetime.fromtimestamp(unix, UTC) + timedelta(hours=offset)
+        if self.nexstar:
+            fields = (
+                local.hour,
+                local.minute,
+                local.second,
+                local.month,
+                local.day,
+                local.year - 2000,
+                int(offset - dst) % 256,
+                dst,
+            )
+            assert await self.client.ask(b"H" + bytes(fields)) == b"#"
+        else:
+            said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
+            assert (await self.client.ask(said.encode(), 30.0, until=b" #")).startswith(b"111")
+
+    async def clock(self) -> float:
+        """Unix seconds."""
+        if self.nexstar:
+            hour, minute, second, month, day, year, zone, dst = (await self.client.ask(b"h"))[:8]
+            offset = (zone - 256 if zone > 127 else zone) + dst
+            return calendar.timegm((2000 + year, month, day, hour, minute, second)) - offset * 3600.0
+        answers = [(await self.client.ask(said)).rstrip(b"#").decode() for said in (b":GC#", b":GL#", b":GG#")]
+        local = datetime.strptime(" ".join(answers[:2]), "%m/%d/%y %H:%M:%S")
+        return calendar.timegm(local.timetuple()) + float(answers[2]) * 3600.0
 
     async def leave(self, ra: float, dec: float) -> None:
         said = await self.client.ask(self._order("r", "MS", ra, dec), 15.0, until=b"#" if self.nexstar else b"110")

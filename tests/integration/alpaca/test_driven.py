@@ -11,7 +11,6 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.astro.spherical import wrap360
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
@@ -19,7 +18,8 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.session import Shared
 from gateway.transport.handler import Connected
-from tests.integration.test_four_by_four import EXACT, NORTH, SOUTH, Program, apart, pointed_and_stopped
+from tests.integration.test_four_by_four import NORTH, SOUTH, does_what_is_ordered
+from tests.support.faces import Face
 from tests.support.in_process_gateway import Bridge
 from tests.support.two_gateways import TwoGateways
 
@@ -46,28 +46,13 @@ def chain(driven: str, model: str, nexstar: bool = False, south: bool = False) -
 
 @pytest.mark.parametrize(("driven", "model", "nexstar"), MOUNTS)
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
-def test_what_a_program_orders_the_tube_does(driven: str, model: str, nexstar: bool, south: bool) -> None:
+def test_alpaca_telescope_does_what_a_program_orders(driven: str, model: str, nexstar: bool, south: bool) -> None:
     async def program() -> None:
         whole = chain(driven, model, nexstar, south)
-        sim, site = whole.inner.sim, SOUTH if south else NORTH
+        site = SOUTH if south else NORTH
         async with whole:
-            one = Program(whole.client(), nexstar)
-            assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
-            stood = await pointed_and_stopped(one, whole.inner, site)
-            await one.arrows()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) > 0.5
-            await one.stop()
-            await asyncio.sleep(3.5)
-            stood = sim.truth()
-            await asyncio.sleep(2.0)
-            assert apart(sim.truth(), stood) < EXACT and sim.tracking
-            ra, dec = await one.place()
-            centred = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
-            await one.sync(*centred)
-            await asyncio.sleep(2.0)
-            assert apart(await one.place(), centred) < 2.0 * EXACT
-            assert apart(sim.truth(), stood) < 2.0 * EXACT
+            one = Face(whole.inner, whole.client(), nexstar)
+            await does_what_is_ordered(whole, one, site)
             assert max(abs(a - b) for a, b in zip(await one.site(), site, strict=True)) < 0.02
             assert abs(await one.clock() - whole.inner.clock()) < 3.0
 

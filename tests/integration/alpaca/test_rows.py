@@ -12,7 +12,7 @@ import pytest
 
 from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, separation, wrap360
-from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
+from tests.support.faces import dms, hms, parse_dec, parse_ra
 from tests.support.process import Running, ask, run_to_end
 from tests.support.sampling import WHOLE
 
