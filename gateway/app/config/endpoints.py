@@ -267,13 +267,13 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 def _angle(text: str, sides: str) -> float | None:
     """Return the degrees of an angle as on maps, with one of two ``sides``, the positive first; None if it is none."""
     found = _ON_MAPS.fullmatch(text)
-    if found is None or found[5] not in ("", *sides):
+    if found is None or found[5] not in ("", *sides) or (found[1] == "-" and found[5]):
         return None
     degrees, minutes, seconds = (float(found[number] or 0.0) for number in (2, 3, 4))
     if max(minutes, seconds) >= 60.0:
         return None
     value = degrees + minutes / 60.0 + seconds / 3600.0
-    return -value if (found[1] == "-") is not (found[5] == sides[1]) else value
+    return -value if found[1] == "-" or found[5] == sides[1] else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:
