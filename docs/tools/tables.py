@@ -14,7 +14,8 @@ from collections import Counter
 from collections.abc import Container, Iterator
 from pathlib import Path
 
-from gateway.app.config.showing import table as keys
+from gateway.app.config.describing import keys, title
+from gateway.app.config.showing import toml
 from gateway.core.errors import MappingError
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, MountKind, outcome, remarks, taken, versions
@@ -234,10 +235,21 @@ def problems() -> Iterator[str]:
             yield f"{page.relative_to(ROOT)} is old: run python docs/tools/tables.py"
 
 
+def keys_table() -> str:
+    """Return every key as a Markdown table."""
+    lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
+    for name in ("", "mount", "surface", "console", "mqtt"):
+        head = f"`{title(name)}`" if name else ""
+        for key in keys(name):
+            default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
+            lines.append(f"| {head} | `{key.name}` | {key.words} | {key.right} | {default} |")
+    return "\n".join(lines) + "\n"
+
+
 def configuration() -> str:
     """Return the page of the configuration with the table of the keys as they are."""
     before, _, rest = KEYS.read_text("utf-8").partition(BEGIN)
-    return before + BEGIN + keys() + END + rest.partition(END)[2]
+    return before + BEGIN + keys_table() + END + rest.partition(END)[2]
 
 
 def main(words: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""Writes configurations from the keys: the one in effect, a commented example, and the table of the docs."""
+"""Writes configurations from the keys: the one in effect, and a commented example."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.app.config.describing import Key, keys, title
+from gateway.app.config.describing import Key, keys
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import open_needs, with_needs
 from gateway.app.config.source import Place, Source
@@ -74,17 +74,6 @@ def _sample(table: str) -> Iterator[str]:
         yield f"# {key.words}{choice}"
         off = "" if key.required or key.example == key.default else "#"
         yield f"{off}{key.name} = {toml(key.example)}"
-
-
-def table() -> str:
-    """Return every key as a Markdown table."""
-    lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
-    for name in ("", "mount", "surface", "console", "mqtt"):
-        head = f"`{title(name)}`" if name else ""
-        for key in keys(name):
-            default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
-            lines.append(f"| {head} | `{key.name}` | {key.words} | {key.right} | {default} |")
-    return "\n".join(lines) + "\n"
 
 
 def toml(value: Any) -> str:

@@ -56,9 +56,7 @@ def add_config(commands: Commands) -> None:
         epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"
                "  mount-gateway config gateway.toml\n  mount-gateway config gateway.toml --lowest 15",
     )  # fmt: skip
-    group = config.add_mutually_exclusive_group()
-    group.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
-    group.add_argument("--table", action="store_true", help="every key as a Markdown table")
+    config.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     own = len(config._actions)
     add_settings(config)
     config.elsewhere = config._actions[own:]
@@ -68,11 +66,6 @@ def add_config(commands: Commands) -> None:
 def _config(arguments: argparse.Namespace) -> int:
     from gateway.app.config import showing
 
-    if arguments.example:
-        text = showing.example()
-    elif arguments.table:
-        text = showing.table()
-    else:
-        text = showing.effective(*settings(arguments))
+    text = showing.example() if arguments.example else showing.effective(*settings(arguments))
     print(text, end="")
     return 0

@@ -82,7 +82,7 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
 @FULL
 @pytest.mark.parametrize("redirected", [">/dev/full", ">&-"])
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("words", [["config", "--example"], ["config", "--table"]])
+@pytest.mark.parametrize("words", [["config", "--example"], ["explain", "lx200", "nexstar", ":Q#"]])
 def test_who_was_only_to_tell_something_says_why_it_did_not(
     words: list[str], unbuffered: str, redirected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
