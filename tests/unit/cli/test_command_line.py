@@ -98,7 +98,7 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
         (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
         (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
         (["run", "--mount", "nexstar", "--surface", "lx200@tcp://:0"], "PROTOCOL"),
-        (["run", "--mount", "nexstar@sim"], "at least one surface"),
+        (["run", "--mount", "nexstar@sim"], "command line: at least one surface"),
         (["run", "--surface", "lx200@tcp://:0"], "which mount"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
