@@ -52,9 +52,9 @@ def test_a_parked_mount_is_at_home_as_far_as_that_question_goes(driven: str, mod
             await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 40.0))
             await asyncio.sleep(30.0)
             await bridge.controller.perform(op.Park())
-            assert await bridge.controller.perform(op.HomeState()) == 2
+            assert await bridge.controller.answer(op.HomeState()) == 2
             await asyncio.sleep(60.0)
-            assert await bridge.controller.perform(op.HomeState()) == 1
+            assert await bridge.controller.answer(op.HomeState()) == 1
 
     run(night())
 

@@ -159,7 +159,7 @@ def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -
         )
         async with bridge:
             assert bridge.site_clock.mount_clock is None
-            moment = await bridge.controller.perform(op.GetClock())
+            moment = await bridge.controller.answer(op.GetClock())
             assert moment.offset == 0.0
 
     run(program())

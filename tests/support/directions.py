@@ -137,7 +137,7 @@ async def _stand(bridge: Bridge, case: Scenario) -> None:
     if case.program == "lx200" and case.build == "fork":
         bridge.sim.feed(b"T\x02" if case.site[0] > 0 else b"T\x03")
     await asyncio.sleep(10.0)
-    sidereal = await bridge.controller.perform(op.SiderealTime())
+    sidereal = await bridge.controller.answer(op.SiderealTime())
     dec = 25.0 if case.site[0] > 0 else -15.0
     await bridge.controller.perform(op.Goto((sidereal - PLACES[case.build]) % 360.0, dec))
     await asyncio.sleep(100.0)

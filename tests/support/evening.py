@@ -277,7 +277,7 @@ class Evening(Play):
         return self.bridge.sim.model in SYNSCANS
 
     async def _tracks(self) -> bool:
-        return (await self.bridge.controller.perform(op.GetStatus())).tracking is not op.Tracking.OFF
+        return (await self.bridge.controller.answer(op.GetStatus())).tracking is not op.Tracking.OFF
 
     async def keypad(self) -> str:
         """The owner switches tracking off, presses an arrow, and begins a goto; no program hears of it."""

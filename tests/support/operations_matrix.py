@@ -56,7 +56,7 @@ def _high(b: Bridge, east: float = 20.0) -> tuple[float, float]:
 async def _settle(b: Bridge, seconds: float = 240.0) -> None:
     for _ in range(int(seconds)):
         await asyncio.sleep(1.0)
-        if not b.sim.slewing and not await b.controller.perform(op.Slewing()):
+        if not b.sim.slewing and not await b.controller.answer(op.Slewing()):
             return
 
 
@@ -69,33 +69,33 @@ async def _rate(b: Bridge, seconds: float) -> tuple[float, float]:
 
 
 async def position(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.Position())
+    seen = await b.controller.answer(op.Position())
     return separation(seen.ra, seen.dec, *_place(b)) < 0.2
 
 
 async def horizon(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.HorizontalPosition())
-    here = b.controller.astrometry.horizon(await b.controller.perform(op.Position()))
+    seen = await b.controller.answer(op.HorizontalPosition())
+    here = b.controller.astrometry.horizon(await b.controller.answer(op.Position()))
     return _near((seen.az, seen.alt), (here.az, here.alt), 0.3)
 
 
 async def axis_position(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.AxisPosition())
+    seen = await b.controller.answer(op.AxisPosition())
     return seen.alt <= 180 or seen.alt >= 270
 
 
 async def slewing(b: Bridge) -> bool:
-    return (await b.controller.perform(op.Slewing())) is False
+    return (await b.controller.answer(op.Slewing())) is False
 
 
 async def status(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.GetStatus())
+    seen = await b.controller.answer(op.GetStatus())
     return bool(seen.aligned) and (seen.tracking is not op.Tracking.OFF) is b.sim.tracking
 
 
 async def identity(b: Bridge) -> bool:
     """As in the manuals: a classic LX200 reports neither product nor firmware, a hand control before 2.2 no model."""
-    seen = await b.controller.perform(op.GetIdentity())
+    seen = await b.controller.answer(op.GetIdentity())
     if _alpaca(b):
         return bool(seen.product == "Simulated mount")
     if hasattr(b.sim, "shown_version"):
@@ -116,16 +116,16 @@ async def identity(b: Bridge) -> bool:
 
 
 async def site(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.GetSite())
+    seen = await b.controller.answer(op.GetSite())
     return _near((seen.latitude, seen.longitude), _site(b))
 
 
 async def clock(b: Bridge) -> bool:
-    return abs((await b.controller.perform(op.GetClock())).unix - b.clock()) < 3.0
+    return abs((await b.controller.answer(op.GetClock())).unix - b.clock()) < 3.0
 
 
 async def gps(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.GetGps())
+    seen = await b.controller.answer(op.GetGps())
     return (
         seen.linked
         and _near((seen.place.latitude, seen.place.longitude), _site(b))
@@ -134,24 +134,24 @@ async def gps(b: Bridge) -> bool:
 
 
 async def sidereal(b: Bridge) -> bool:
-    return abs(wrap180(await b.controller.perform(op.SiderealTime()) - b.sim.mechanics.sky.sidereal(b.clock()))) < 0.05
+    return abs(wrap180(await b.controller.answer(op.SiderealTime()) - b.sim.mechanics.sky.sidereal(b.clock()))) < 0.05
 
 
 async def pier_side(b: Bridge) -> bool:
     """West of a northern pier the declination axis of a German mount reads beyond the pole; a fork is always E."""
-    await b.controller.perform(op.PierSide())
+    await b.controller.answer(op.PierSide())
     sides = []
     for east in (-30.0, 30.0):
         await b.controller.perform(op.Goto(*_high(b, east)))
         await _settle(b)
         beyond = b.sim.mechanics.build is Build.GERMAN and wrap180(_axes(b)[1] - 90.0) > 0.0
-        sides.append(await b.controller.perform(op.PierSide()) == ("W" if beyond else "E"))
+        sides.append(await b.controller.answer(op.PierSide()) == ("W" if beyond else "E"))
     return all(sides)
 
 
 async def guide_rate(b: Bridge) -> bool:
     """In 1/256 of sidereal, the motor's unit; set behind the gateway's back."""
-    now = await b.controller.perform(op.GuideRate(1))
+    now = await b.controller.answer(op.GuideRate(1))
     if _alpaca(b):
         return abs(now - b.sim.guides[0] / SIDEREAL_RATE) < 0.01
     told = []
@@ -171,11 +171,11 @@ async def goto(b: Bridge) -> bool:
 async def goto_horizontal(b: Bridge) -> bool:
     await b.controller.perform(op.GotoHorizontal(150.0 if _site(b)[0] > 0 else 30.0, 50.0))
     await _settle(b)
-    return abs((await b.controller.perform(op.HorizontalPosition())).alt - 50.0) < 0.5
+    return abs((await b.controller.answer(op.HorizontalPosition())).alt - 50.0) < 0.5
 
 
 async def goto_axes(b: Bridge) -> bool:
-    seen = await b.controller.perform(op.AxisPosition())
+    seen = await b.controller.answer(op.AxisPosition())
     before = _axes(b)
     wanted = op.GotoAxes((seen.az + 5.0) % 360.0, wrap180(seen.alt) + (3.0 if wrap180(seen.alt) < 80 else -3.0))
     await b.controller.perform(wanted)
@@ -187,7 +187,7 @@ async def goto_axes(b: Bridge) -> bool:
 async def sync(b: Bridge) -> bool:
     ra, dec = _place(b)
     await b.controller.perform(op.Sync(ra + 1.0, dec - 1.0))
-    seen = await b.controller.perform(op.Position())
+    seen = await b.controller.answer(op.Position())
     return _near((seen.ra, seen.dec), (ra + 1.0, dec - 1.0))
 
 
@@ -250,7 +250,7 @@ async def pulse_axis(b: Bridge) -> bool:
 
 
 async def drive_rate(b: Bridge) -> bool:
-    return abs(await b.controller.perform(op.DriveRate()) - 1.0) < 0.002
+    return abs(await b.controller.answer(op.DriveRate()) - 1.0) < 0.002
 
 
 async def set_tracking(b: Bridge) -> bool:
@@ -288,7 +288,7 @@ async def unpark(b: Bridge) -> bool:
 async def set_home(b: Bridge) -> bool:
     await b.controller.perform(op.SetHome())
     await _settle(b)
-    return (await b.controller.perform(op.HomeState())) == 1
+    return (await b.controller.answer(op.HomeState())) == 1
 
 
 async def home(b: Bridge) -> bool:
@@ -302,7 +302,7 @@ async def home(b: Bridge) -> bool:
 
 
 async def home_state(b: Bridge) -> bool:
-    return await b.controller.perform(op.HomeState()) in (0, 1, 2)
+    return await b.controller.answer(op.HomeState()) in (0, 1, 2)
 
 
 async def sleep(b: Bridge) -> bool:

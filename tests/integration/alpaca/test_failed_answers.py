@@ -56,7 +56,7 @@ def test_tracking_is_read_again(number: int, when: str) -> None:
                 fails(one, "tracking", number)
             one.sim.track(False)
             await asyncio.sleep(20.0)
-            assert (await one.controller.perform(op.GetStatus())).tracking is op.Tracking.OFF
+            assert (await one.controller.answer(op.GetStatus())).tracking is op.Tracking.OFF
 
     run(program())
 
@@ -88,7 +88,7 @@ def test_a_park_by_another_program_is_noticed() -> None:
             one.sim.park()
             await asyncio.sleep(60.0)
             assert one.sim.at == "park"
-            assert (await one.controller.perform(op.GetActivity())).parked
+            assert (await one.controller.answer(op.GetActivity())).parked
 
     run(program())
 

@@ -192,7 +192,7 @@ def test_a_refusal_has_a_reason_that_fits_the_order(
             one.sim.track(tracks)
             await asyncio.sleep(10.0)
             refuses(one, member)
-            here = await one.controller.perform(op.Position())
+            here = await one.controller.answer(op.Position())
             given = op.Sync(here.ra, here.dec) if isinstance(order, op.Sync) else order
             with pytest.raises(Fault, match=rf"{words}.*says: .Not in this season"):
                 await one.controller.perform(given)

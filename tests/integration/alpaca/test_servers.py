@@ -40,7 +40,7 @@ def goal(bridge: Bridge, east: float = 30.0, dec: float = 40.0) -> op.Goto:
 async def arrive(bridge: Bridge) -> None:
     await asyncio.sleep(1.0)
     for _ in range(120):
-        if not await bridge.controller.perform(op.Slewing()):
+        if not await bridge.controller.answer(op.Slewing()):
             return
         await asyncio.sleep(1.0)
     raise AssertionError("the goto never ends")
@@ -96,7 +96,7 @@ def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operat
     async def program() -> None:
         async with server(lacks=frozenset({lacks})) as one:
             if isinstance(operation, op.Sync):
-                here = await one.controller.perform(op.Position())
+                here = await one.controller.answer(op.Position())
                 with pytest.raises(Fault, match=words):
                     await one.controller.perform(op.Sync(here.ra, here.dec - 1.0))
                 return
@@ -188,7 +188,7 @@ def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -> None
     async def program() -> None:
         async with server(blocks=True) as one:
             await one.controller.perform(goal(one, 80.0, 20.0))
-            assert one.sim.slewing and await one.controller.perform(op.Slewing())
+            assert one.sim.slewing and await one.controller.answer(op.Slewing())
             await one.controller.stop()
             await asyncio.sleep(1.0)
             assert not one.sim.slewing and one.sim.tracking
@@ -203,7 +203,7 @@ def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_doe
             await arrive(one)
             await one.controller.perform(op.Move(op.Direction.WEST, op.Rate(degrees=1.0)))
             await asyncio.sleep(1.0)
-            assert (await one.controller.perform(op.GetActivity())).by_hand and not one.sim.moves
+            assert (await one.controller.answer(op.GetActivity())).by_hand and not one.sim.moves
             await one.controller.stop()
             await asyncio.sleep(1.5)
             stood = one.sim.truth()
@@ -251,7 +251,7 @@ def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
         async with server(lacks=frozenset({"moveaxis"})) as one:
             with pytest.raises(Unsupported):
                 await one.controller.perform(op.MoveAxis(1, 1, op.Rate(degrees=0.5)))
-            assert "MoveAxis" not in (await one.controller.perform(op.GetAbilities())).can
+            assert "MoveAxis" not in (await one.controller.answer(op.GetAbilities())).can
 
     run(program())
 

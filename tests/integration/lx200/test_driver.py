@@ -150,15 +150,15 @@ def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
         async with meade("lx200gps") as bridge:
             await asyncio.sleep(6)
             bridge.sim.busy_until = bridge.clock() + 1.0
-            assert (await bridge.controller.perform(Position())).dec == pytest.approx(0.0, abs=0.1)
+            assert (await bridge.controller.answer(Position())).dec == pytest.approx(0.0, abs=0.1)
             await asyncio.sleep(6)
             bridge.sim.busy_until = bridge.clock() + 60.0
-            assert (await bridge.controller.perform(Position())).dec == pytest.approx(
+            assert (await bridge.controller.answer(Position())).dec == pytest.approx(
                 0.0, abs=0.1
             )  # as it was told last
             await asyncio.sleep(6)
             with pytest.raises(Busy):
-                await bridge.controller.perform(Position())
+                await bridge.controller.answer(Position())
 
     run(program())
 

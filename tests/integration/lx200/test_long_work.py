@@ -246,7 +246,7 @@ def test_north_is_north_and_motors_keep_their_sense_on_a_polar_fork(driven: str,
                 bridge.sim.aligned = True
                 bridge.sim.track(2 if latitude > 0 else 3)
                 bridge.controller.cache.forget(op.GetStatus)
-                await bridge.controller.perform(op.GetStatus())
+                await bridge.controller.answer(op.GetStatus())
 
             async def moved(operation: op.Operation, axis: int) -> tuple[float, float]:
                 ra, dec = bridge.sim.truth()

@@ -62,7 +62,7 @@ def test_an_evening_through_every_face(model: str, face: str, south: bool) -> No
 def test_it_is_found_without_being_named_and_asked_less_than_a_meade(model: str) -> None:
     async def program(named: str) -> tuple[int, int]:
         async with bridge(named) as own:
-            identity = await own.controller.perform(op.GetIdentity())
+            identity = await own.controller.answer(op.GetIdentity())
             assert identity.model == named
             assert identity.product == own.sim.row["product"]
             client = own.client()
@@ -92,7 +92,7 @@ def test_how_it_is_written(model: str) -> None:
 def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
     async def program() -> None:
         async with bridge(model) as own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             await asyncio.sleep(1.0)
             client = own.client()
             assert await client.ask(b":GVP#") == b"Autostar#"
@@ -113,7 +113,7 @@ def test_one_that_was_left_in_low_precision_is_read_in_high_and_not_switched(mod
         own.sim.row = {**own.sim.row, "firmware": firmware}
         assert own.sim.feed(b":U#") == b"" and len(own.sim.feed(b":GR#")) == len("12:34.5#")
         async with own:
-            assert (await own.controller.perform(op.GetIdentity())).model == model
+            assert (await own.controller.answer(op.GetIdentity())).model == model
             for goal in (40.0, 60.0, 50.0):
                 ra = round((own.sim.mechanics.sky.sidereal(own.clock()) + goal) * 240.0) / 240.0 % 360.0
                 await own.controller.perform(op.Goto(ra, 20.5025))
@@ -220,7 +220,7 @@ def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(m
 def test_a_clock_that_is_not_taken_is_told() -> None:
     async def program() -> None:
         async with bridge("onstep") as own:
-            await own.controller.perform(op.GetClock())
+            await own.controller.answer(op.GetClock())
             answering(own, {b":SC01/25/26#": b"1"})
             await own.controller.perform(op.SetClock(own.clock() + 10 * 86400.0, 0.0))
             await asyncio.sleep(10.0)
@@ -330,7 +330,7 @@ def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
         own = bridge("onstep")
         own.sim.row = {**own.sim.row, "firmware": firmware}
         async with own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             assert own.driver.speed(op.Rate(name="max")) == pytest.approx(4.0, rel=0.01)
             assert own.driver.speed(op.Rate(key=8)) == pytest.approx(2.0, rel=0.01)
 
@@ -451,7 +451,7 @@ def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str
             b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
         )
         async with own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             status = await own.controller.read_now(op.GetStatus())
             assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
@@ -467,7 +467,7 @@ def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
         usual, lost = own.sim.answer, [b":GVP#"] * 2
         own.sim.answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
         async with own:
-            assert (await own.controller.perform(op.GetIdentity())).model == "lx200-16"
+            assert (await own.controller.answer(op.GetIdentity())).model == "lx200-16"
             with pytest.raises(Refused, match="told its name only now"):
                 await own.controller.perform(op.Home())
             assert b":hF#" not in own.sent()
@@ -531,7 +531,7 @@ def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell
         own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
         answering(own, {b":GW#": b""})
         async with own:
-            identity = await own.controller.perform(op.GetIdentity())
+            identity = await own.controller.answer(op.GetIdentity())
             assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
             [said] = [one.note for one in own.entries if "is not known here" in (one.note or "")]
             assert "'OpenAstroTracker'" in said and "it did not tell whether it tracks" in said
@@ -585,7 +585,7 @@ def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
         own._hands_on = True  # a sign is no form of a Meade's
         answering(own, {b":Sg-010*30#": b"1", b":Gg#": b"-010*30#", b":SC02/14/26#": told, b":GC#": b"02/14/26#"})
         async with own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             await own.controller.perform(op.SetSite(45.0, 10.5))
             await own.controller.perform(op.SetClock(own.clock() + 30 * 86400.0, 0.0))
             while not any(frame.startswith(b":SC") for frame in own.sent()):
@@ -606,7 +606,7 @@ def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
         own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
         answering(own, {b"\x06": b"", b":GW#": b"0", b":Gm#": b"E#"})
         async with own:
-            identity = await own.controller.perform(op.GetIdentity())
+            identity = await own.controller.answer(op.GetIdentity())
             assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
             assert any("does not tell its state" in (one.note or "") for one in own.entries)
             ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -627,7 +627,7 @@ def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> None:
         own.sim.feed(b":U#")
         answering(own, {b"\x06": b"", b":GW#": b"0", b":GRL#": b"#", b":GDL#": b"#"})
         async with own:
-            assert (await own.controller.perform(op.GetIdentity())).model == "other"
+            assert (await own.controller.answer(op.GetIdentity())).model == "other"
             seen = await own.controller.read_now(op.Position())
             assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
 
@@ -639,7 +639,7 @@ def test_a_meade_of_any_name_stays_a_meade() -> None:
         own = bridge("autostar")
         own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
         async with own:
-            assert (await own.controller.perform(op.GetIdentity())).model == "autostar"
+            assert (await own.controller.answer(op.GetIdentity())).model == "autostar"
 
     run(program())
 
@@ -660,7 +660,7 @@ def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_push
             else usual(frame, later)
         )
         async with own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             assert own.driver.pushed is not slews
             replies.clear()
             await asyncio.sleep(60.0)
@@ -680,14 +680,14 @@ def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
         own.sim.row = {**own.sim.row, "product": product}
         answering(own, {b":D#": b"|#", b":MS#": b"0", b":GW#": b"AT1", b":Q#": b""})
         async with own:
-            await own.controller.perform(op.GetIdentity())
+            await own.controller.answer(op.GetIdentity())
             target = overhead(own.sim)
             client = own.client()
             assert any("pushed by hand" in (one.note or "") for one in own.entries)
-            assert not await own.controller.perform(op.Slewing())
+            assert not await own.controller.answer(op.Slewing())
             assert b"pushed by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
             assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
-            able = (await own.controller.perform(op.GetAbilities())).can
+            able = (await own.controller.answer(op.GetAbilities())).can
             assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able
 
     run(program())

@@ -102,7 +102,7 @@ async def ended(bridge: Any, driven: str, how: str) -> None:
     elif how == "by a client":
         await bridge.controller.stop()
     for _ in range(60):
-        await bridge.controller.perform(op.Slewing())
+        await bridge.controller.answer(op.Slewing())
         await asyncio.sleep(1.0)
 
 

@@ -46,7 +46,7 @@ def test_guide_pulses_are_directions_on_the_sky(
     async def night() -> None:
         async with Bridge(model, driven=driven, site=site, config=OPEN, latency=0.01, ramps=False) as bridge:
             await pointed(bridge, azimuth, altitude)
-            await bridge.controller.perform(op.HorizontalPosition())
+            await bridge.controller.answer(op.HorizontalPosition())
             rate = bridge.driver.can_do(False).guides[0] * SIDEREAL
             for direction, west, north in (("n", 0, 1), ("s", 0, -1), ("w", 1, 0), ("e", -1, 0)):
                 order = bridge.controller.perform(op.Pulse(op.Direction(direction), 2000, sky=True))
@@ -178,7 +178,7 @@ def test_a_pulse_on_the_sky_is_refused_where_it_would_be_one_of_a_motor() -> Non
         bridge.sim.feed(b":AA#")
         bridge.sim.aligned = True
         async with bridge:
-            await bridge.controller.perform(op.GetStatus())
+            await bridge.controller.answer(op.GetStatus())
             with pytest.raises(Unsupported, match="latitude"):
                 await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
             assert not [data for data in bridge.sent() if data[:2] == b":M"]

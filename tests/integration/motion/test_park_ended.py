@@ -18,7 +18,7 @@ CONFIG = {"lowest": -90.0, "sun": 0.0}
 
 async def polled(bridge: Bridge, seconds: int) -> None:
     for _ in range(seconds):
-        await bridge.controller.perform(op.Slewing())
+        await bridge.controller.answer(op.Slewing())
         await asyncio.sleep(1.0)
 
 
@@ -36,7 +36,7 @@ def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, cancelle
                 Owner(bridge, "nexstar").keys("cancel")
             await polled(bridge, 5 if cancelled else 120)
             answer = await handler.take(requests.ProgressRequest(number="n1"))
-            parked = (await bridge.controller.perform(op.GetActivity())).parked
+            parked = (await bridge.controller.answer(op.GetActivity())).parked
             assert bridge.driver.parked is parked is not cancelled
             assert bool(bridge.sim.tracking) is cancelled
             assert ("degrees from its goal" in str(answer)) is cancelled
@@ -76,7 +76,7 @@ def test_a_home_that_was_cancelled_is_not_found() -> None:
             await polled(bridge, 3)
             Owner(bridge, "nexstar").keys("cancel")
             await polled(bridge, 5)
-            assert await bridge.controller.perform(op.HomeState()) != 1
+            assert await bridge.controller.answer(op.HomeState()) != 1
             assert truth_of(bridge.sim).altitude < 80.0
 
     run(program())

@@ -46,7 +46,7 @@ def test_its_models(number: str, called: str, model: str) -> None:
 def test_it_is_found_without_being_named(model: str) -> None:
     async def session() -> None:
         async with Bridge(model) as bridge:
-            identity = await bridge.controller.perform(op.GetIdentity())
+            identity = await bridge.controller.answer(op.GetIdentity())
             assert (identity.product, identity.version, identity.model) == ("Sky-Watcher SynScan", "4.39.05", model)
             assert bridge.controller.driver.german is (model == "synscan")
 
@@ -70,8 +70,8 @@ def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_not_be(m
         bridge.sim.row = {**bridge.sim.row, "id": 5}
         bridge.sim.feed(b"T\0")
         async with bridge:
-            await bridge.controller.perform(op.GetIdentity())
-            driver, here = bridge.controller.driver, await bridge.controller.perform(op.Position())
+            await bridge.controller.answer(op.GetIdentity())
+            driver, here = bridge.controller.driver, await bridge.controller.answer(op.Position())
             assert driver.german is (mode != "alt-az")
             orders = (op.Goto(here.ra, 20.0), op.Park(), op.SetTracking(on=True), op.GotoAxes(10.0, 40.0))
             for order in orders if mode is None else ():
@@ -95,13 +95,13 @@ def test_its_coordinates_are_those_of_2000(model: str) -> None:
 
     async def session() -> None:
         async with Bridge(model) as bridge:
-            date = await bridge.controller.perform(op.ToEquinoxOfDate(*RIGEL_2000))
+            date = await bridge.controller.answer(op.ToEquinoxOfDate(*RIGEL_2000))
             assert separation(date.ra, date.dec, *RIGEL_2000) > 0.3
             await bridge.controller.perform(op.Goto(date.ra, date.dec))
             await asyncio.sleep(90.0)
             bridge.sim.truth()
             assert separation(*bridge.sim.mechanics.believed(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
-            seen = await bridge.controller.perform(op.Position())
+            seen = await bridge.controller.answer(op.Position())
             assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
 
     run(session())
@@ -129,9 +129,9 @@ def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_that_fi
             client = bridge.client()
             assert await client.ask(b"V") == b"042705#"
             assert await client.ask(b"m") == (b"\0#" if presented == "synscan" else b"\x80#")
-            ra, dec = await client.ask(b"e"), await bridge.controller.perform(op.Position())
+            ra, dec = await client.ask(b"e"), await bridge.controller.answer(op.Position())
             told = [int(part, 16) * 360.0 / 2**32 for part in ra[:-1].split(b",")]
-            wanted = await bridge.controller.perform(op.ToJ2000(dec.ra, dec.dec))
+            wanted = await bridge.controller.answer(op.ToJ2000(dec.ra, dec.dec))
             assert separation(told[0], told[1], wanted.ra, wanted.dec) * 3600.0 < 20.0
 
     run(session())
@@ -147,7 +147,7 @@ def test_the_needs_of_a_program_do_not_touch_what_the_model_decides() -> None:
 def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
     async def session() -> None:
         async with Bridge("synscan", "3.36") as bridge:
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             await bridge.controller.perform(op.Goto(here.ra, 20.0))
             await asyncio.sleep(3.0)
             await bridge.controller.perform(order)
@@ -163,7 +163,7 @@ def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
 def test_it_parks_at_the_pole_with_its_counterweight_down() -> None:
     async def session() -> None:
         async with Bridge("synscan") as bridge:
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             await bridge.controller.perform(op.Goto(here.ra, 40.0))
             await asyncio.sleep(90.0)
             await bridge.controller.perform(op.Park())

@@ -21,7 +21,7 @@ MOUNTS = [("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", "cpc")]
 
 
 async def arrived(bridge: Bridge, client: Visitor, hour_angle: float, dec: float) -> None:
-    sidereal = await bridge.controller.perform(op.SiderealTime())
+    sidereal = await bridge.controller.answer(op.SiderealTime())
     await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
     await asyncio.sleep(1.0)
     await settled(client, 300.0)

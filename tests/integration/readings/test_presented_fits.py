@@ -48,7 +48,7 @@ def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site: tuple
             assert await client.ask(b"m") == b"\x09#"
             assert await client.ask(b"t") == (b"\x02#" if site is NORTH else b"\x03#")
             with pytest.raises(Unsupported):
-                await bridge.controller.perform(op.PierSide())
+                await bridge.controller.answer(op.PierSide())
 
     run(program())
 
@@ -61,7 +61,7 @@ def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float
     async def program() -> None:
         async with german(site) as bridge:
             client = bridge.client()
-            sidereal = await bridge.controller.perform(op.SiderealTime())
+            sidereal = await bridge.controller.answer(op.SiderealTime())
             await bridge.controller.perform(op.Goto((sidereal - 15.0 * hours) % 360.0, 0.0))
             for _ in range(120):
                 await asyncio.sleep(1.0)
@@ -85,8 +85,8 @@ def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float
 def test_before_its_first_goto_a_german_meade_is_where_it_points() -> None:
     async def program() -> None:
         async with german(NORTH) as bridge:
-            ra = (await bridge.controller.perform(op.Position())).ra
-            hour_angle = ((await bridge.controller.perform(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
-            assert await bridge.controller.perform(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")
+            ra = (await bridge.controller.answer(op.Position())).ra
+            hour_angle = ((await bridge.controller.answer(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
+            assert await bridge.controller.answer(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")
 
     run(program())

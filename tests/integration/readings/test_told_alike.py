@@ -137,7 +137,7 @@ async def finds_its_satellites(bridge: Bridge) -> None:
     await bridge.controller.perform(op.SetSite(-30.0, 100.0))
     await asyncio.sleep(1.0)
     with suppress(Unsupported):  # before there was a pass-through
-        await bridge.controller.perform(op.GetGps())
+        await bridge.controller.answer(op.GetGps())
     await asyncio.sleep(1.0)
 
 

@@ -83,7 +83,7 @@ def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
     async def program() -> None:
         async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
             guard = bridge.controller.watch
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
             guard.check_position(here)
             await asyncio.sleep(0.3)

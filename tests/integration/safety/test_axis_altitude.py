@@ -20,7 +20,7 @@ from tests.support.truth import sampled
 async def synced(bridge: Any, times: int, degrees: float) -> None:
     """Syncs that each take what the mount believes so many degrees north; it looks south."""
     for _ in range(times):
-        here = await bridge.controller.perform(op.Position())
+        here = await bridge.controller.answer(op.Position())
         await bridge.controller.perform(op.Sync(here.ra, here.dec + degrees))
         await asyncio.sleep(2.0)
 

@@ -235,7 +235,7 @@ def test_another_clocks_sun_ends_an_arrow_and_neither_tracking_nor_the_keypad(mo
                 await asyncio.sleep(0.25)
             assert not bridge.controller.movement.anything
             assert "stopped at" in "\n".join(notes(bridge)), "an arrow of a program"
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             assert LIMIT - 1.0 < wrap180(here.ra - (await away(bridge, 0.0, -2.5)).ra) < 30.0
 
     run(program())
@@ -275,7 +275,7 @@ def test_what_is_under_way_goes_on_when_a_clock_jumps() -> None:
             bridge.site_clock.host = lambda: bridge.clock() - 2.5 * 3600.0
             for _ in range(60):
                 await asyncio.sleep(1.0)
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             assert abs(wrap180(here.ra - place.ra)) < 0.1
             assert "stopped" not in "\n".join(notes(bridge))
             assert truth_of(bridge.sim).sun_distance > LIMIT

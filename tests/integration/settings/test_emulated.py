@@ -40,7 +40,7 @@ class Value(NamedTuple):
 
 
 async def drive_rate(bridge: Bridge) -> float:
-    return round(await bridge.controller.perform(op.DriveRate()), 3)
+    return round(await bridge.controller.answer(op.DriveRate()), 3)
 
 
 async def drifts(bridge: Bridge) -> float:
@@ -51,15 +51,15 @@ async def drifts(bridge: Bridge) -> float:
 
 
 async def home(bridge: Bridge) -> int:
-    return int(await bridge.controller.perform(op.HomeState()))
+    return int(await bridge.controller.answer(op.HomeState()))
 
 
 async def parked(bridge: Bridge) -> bool:
-    return bool((await bridge.controller.perform(op.GetActivity())).parked)
+    return bool((await bridge.controller.answer(op.GetActivity())).parked)
 
 
 async def guided(bridge: Bridge) -> float:
-    return round((await bridge.controller.perform(op.GetAbilities())).guides[0], 2)
+    return round((await bridge.controller.answer(op.GetAbilities())).guides[0], 2)
 
 
 async def pulse(bridge: Bridge) -> float:

@@ -119,10 +119,10 @@ def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> Non
             await arrived(bridge)
             await bridge.controller.perform(op.Home())
             await asyncio.sleep(1.0)
-            assert await bridge.controller.perform(op.HomeState()) == 2
+            assert await bridge.controller.answer(op.HomeState()) == 2
             await bridge.controller.perform(instead)
             await arrived(bridge)
-            assert await bridge.controller.perform(op.HomeState()) == 0
+            assert await bridge.controller.answer(op.HomeState()) == 0
 
     run(program())
 
@@ -202,10 +202,10 @@ def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
         async with Bridge("cge") as bridge:
             await bridge.controller.perform(op.Park())
             await polled(bridge, 10)
-            assert await bridge.controller.perform(op.HomeState()) == 1
+            assert await bridge.controller.answer(op.HomeState()) == 1
             await bridge.controller.perform(op.GotoAxes(100.0, 60.0))
             await arrived(bridge)
-            assert await bridge.controller.perform(op.HomeState()) == 0
+            assert await bridge.controller.answer(op.HomeState()) == 0
 
     run(program())
 

@@ -70,7 +70,7 @@ async def arrow(bridge: Bridge, rate: str, direction: op.Direction) -> None:
 
 
 async def goto(bridge: Bridge) -> None:
-    here = await bridge.controller.perform(op.Position())
+    here = await bridge.controller.answer(op.Position())
     await bridge.controller.perform(op.Goto(here.ra - 3.0, max(-60.0, min(60.0, here.dec + 2.0))))
     await asyncio.sleep(60.0)
 
@@ -89,7 +89,7 @@ async def pulses(bridge: Bridge) -> None:
 
 
 async def sync(bridge: Bridge) -> None:
-    here = await bridge.controller.perform(op.Position())
+    here = await bridge.controller.answer(op.Position())
     await bridge.controller.perform(op.Sync(here.ra + 0.5, here.dec - 0.5 if here.dec > 0 else here.dec + 0.5))
 
 
@@ -116,7 +116,7 @@ async def off_and_on(bridge: Bridge) -> None:
 
 
 async def stopped(bridge: Bridge) -> None:
-    here = await bridge.controller.perform(op.Position())
+    here = await bridge.controller.answer(op.Position())
     await bridge.controller.perform(op.Goto(here.ra - 20.0, here.dec * 0.8))
     await asyncio.sleep(2.0)
     await bridge.controller.perform(op.AbortMotion())

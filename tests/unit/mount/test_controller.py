@@ -55,7 +55,7 @@ def test_reads_asked_at_the_same_time_share_one_exchange() -> None:
         async with Bridge(latency=0.3) as bridge:
             await asyncio.sleep(10)
             before = bridge.sent().count(b"e")
-            answers = await asyncio.gather(*(bridge.controller.perform(Position()) for _ in range(50)))
+            answers = await asyncio.gather(*(bridge.controller.answer(Position()) for _ in range(50)))
             assert len(set(map(id, answers))) == 1
             assert bridge.sent().count(b"e") <= before + 1
 
@@ -269,7 +269,7 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
             await asyncio.sleep(12)
             assert await client.ask(b":GR#", 3) == b""
             with pytest.raises(NoAnswer):
-                await bridge.controller.perform(Position())
+                await bridge.controller.answer(Position())
 
     run(program())
 
@@ -285,7 +285,7 @@ def test_slewing_holds_from_the_moment_it_was_asked_for() -> None:
             await bridge.controller.perform(AbortMotion())
             await asyncio.sleep(2.5)
             assert bridge.controller.peek(Slewing()) is False
-            assert (await bridge.controller.perform(GetStatus())).aligned
+            assert (await bridge.controller.answer(GetStatus())).aligned
 
     run(program())
 

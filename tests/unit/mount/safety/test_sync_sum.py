@@ -23,7 +23,7 @@ DAY = 1782061200.0
 
 async def sync_north(bridge: Any, degrees: float) -> Exception | None:
     """Sync that much farther north than the mount believes to point -> why not."""
-    here = await bridge.controller.perform(op.Position())
+    here = await bridge.controller.answer(op.Position())
     try:
         await bridge.controller.perform(op.Sync(here.ra, here.dec + degrees))
     except SyncTooFar as fault:
@@ -188,7 +188,7 @@ def test_near_the_pole_right_ascension_counts_in_full_on_an_equatorial_mount(mou
             for _ in range(60):
                 client.tell(b":D#")
                 await asyncio.sleep(1.0)
-            here = await bridge.controller.perform(op.Position())
+            here = await bridge.controller.answer(op.Position())
             try:
                 await bridge.controller.perform(op.Sync(here.ra + 28.0, here.dec))
                 assert taken
