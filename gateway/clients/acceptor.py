@@ -119,11 +119,15 @@ class ConnectionAcceptor:
     def present_hosts(self) -> list[str]:
         """Return the hosts of the clients that seem present.
 
-        A client on a serial line, or between two connections, counts as present for some seconds after it was heard.
+        A client on a serial line, or between two connections, counts as present for some seconds after its last byte.
         """
         now, connected = self.controller.now(), self.connected_hosts()
-        here = [one.host for one in self._connections if not one.lasting or now - one.heard <= PRESENT_FOR]
-        return here + [host for host in self.reconnecting_hosts() if host not in connected]
+        present = [
+            connection.host
+            for connection in self._connections
+            if not connection.lasting or now - connection.heard <= PRESENT_FOR
+        ]
+        return present + [host for host in self.reconnecting_hosts() if host not in connected]
 
     def connected_hosts(self) -> list[str]:
         return [connection.host for connection in self._connections]
@@ -133,7 +137,7 @@ class ConnectionAcceptor:
         return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENT_FOR]
 
     def connections(self) -> list[ClientConnection]:
-        return [one for one in self._connections if not one.stranger]
+        return [connection for connection in self._connections if not connection.stranger]
 
     def set_address(self, where: str) -> None:
         """Take the address of the port, which is open now and has its real number."""
@@ -151,8 +155,8 @@ class ConnectionAcceptor:
 
     def _saved_state(self, host: str) -> ClientState | None:
         """Return what the last connection from this host has left, unless that is too long ago."""
-        at, kept = self._saved_states.get(host, (-1e9, None))
-        return kept if self.controller.now() - at <= INHERIT_FOR else None
+        at, state = self._saved_states.get(host, (-1e9, None))
+        return state if self.controller.now() - at <= INHERIT_FOR else None
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""

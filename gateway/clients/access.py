@@ -1,8 +1,8 @@
 """Access rules: which hosts may connect to a surface, and which of them may only read.
 
-The protocols have no users or passwords, so clients are told apart by host alone. What a read-only client may do is
-decided here by kind of operation, for every protocol alike: it may read, and it may stop the mount, because a stop is
-never refused. It sees the state that all clients share and cannot change it.
+The protocols have no users or passwords, so only the host identifies a client. This module decides by kind of
+operation, for every protocol alike, what a read-only client may do: it may read, and it may stop the mount, because a
+stop is never refused. It sees the state that all clients share and cannot change it.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ Networks = tuple[IPv4Network | IPv6Network, ...]
 
 def networks(texts: Sequence[str]) -> Networks:
     """Parse networks such as ``192.168.1.0/24`` or single addresses. Raises UserError with the correct form."""
-    found = []
+    parsed = []
     for text in texts:
         try:
-            found.append(ip_network(text))
+            parsed.append(ip_network(text))
         except ValueError:
             try:
                 right = str(ip_network(text, strict=False))
             except ValueError:
                 right = "a network such as 192.168.1.0/24, or an address"
             raise UserError(f"{text!r}: write {right}") from None
-    return tuple(found)
+    return tuple(parsed)
 
 
 #: Why a client on the network may not hibernate the mount, and the setting that allows it.
@@ -73,7 +73,7 @@ class Refusal(NamedTuple):
 
 
 class Rights(Struct, frozen=True):
-    """What one client may request: ``read_only``, and whether it may hibernate the mount."""
+    """The rights of one client: ``read_only``, and whether it may hibernate the mount."""
 
     read_only: bool = False
     hibernate: bool = True
@@ -100,10 +100,10 @@ class ClientAdmission:
             why = "it is not in allow"
         elif len(hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif hosts.count(host) >= (own := share(host, most)):
-            why = f"it has {own} clients already, three quarters of max-clients"
-        elif not new.on_a_line and (words := no_room()):
-            why = words
+        elif hosts.count(host) >= (part := share(host, most)):
+            why = f"it has {part} clients already, three quarters of max-clients"
+        elif not new.on_a_line and (full := no_room()):
+            why = full
         else:
             return
         self._log.turned_away(new.name, f"connection from {host} refused on surface {self._number}: {why}", host)
@@ -111,7 +111,7 @@ class ClientAdmission:
 
 
 def _within(host: str, among: Networks) -> bool:
-    """Whether a host is in one of these networks; a serial line, which has no address, never is."""
+    """Whether a host is in one of these networks; a serial line has no address, so never."""
     try:
         address = ip_address(host)
     except ValueError:

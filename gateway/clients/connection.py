@@ -3,7 +3,7 @@
 On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
 before anything it sent is processed.
 
-A connection with more bytes to read than one read takes is behind. When they were sent is unknown, so they begin no
+A connection whose unread bytes exceed one read is behind. When they were sent is unknown, so they begin no
 motion if a stop came after the connection fell behind. After a second behind, the client may be gone, so nothing in the
 backlog begins a motion. The connection has caught up when a read leaves nothing; after having been late, when that has
 been so for a second.
@@ -43,7 +43,9 @@ class Backlog:
         self._since = self._last = -1e9
 
     def stops_before(self, now: float) -> int | None:
-        """Return how many stops there were when the next bytes may have been sent; None if they were sent just now."""
+        """Return the number of stops at the time when the next bytes may have been sent; None if they were sent just
+        now.
+        """
         if self._stops is not None and now - self._last > (LATE if self.late else CAUGHT_UP):
             self._stops, self.late = None, False
         self.late = self.late or (self._stops is not None and now - self._since > LATE)

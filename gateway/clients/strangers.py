@@ -73,36 +73,38 @@ def _of_strangers() -> tuple[Greeting, ...]:
 
 def _greetings() -> Iterator[Greeting]:
     table = read_table("strangers.toml")
-    for words, methods in table["methods"].items():
+    for description, methods in table["methods"].items():
         for method in methods:
-            yield Greeting(words, _from_bytes(f"{method} ".encode()), http=True)
-    for words, texts in table["texts"].items():
+            yield Greeting(description, _from_bytes(f"{method} ".encode()), http=True)
+    for description, texts in table["texts"].items():
         for text in texts:
-            yield Greeting(words, _from_bytes(text.encode("latin-1")), http=text.startswith("PRI"))
-    for words, rows in table["bytes"].items():
+            yield Greeting(description, _from_bytes(text.encode("latin-1")), http=text.startswith("PRI"))
+    for description, rows in table["bytes"].items():
         for row in rows:
-            yield Greeting(words, _from_hexadecimal(row))
+            yield Greeting(description, _from_hexadecimal(row))
 
 
-def _of_protocols(own: str) -> Iterator[Greeting]:
-    """Yield the greetings of clients of other protocols than the surface's ``own``."""
+def _of_protocols(served: str) -> Iterator[Greeting]:
+    """Yield the greetings of clients of other protocols than the surface's ``served``."""
     for spec in PROTOCOLS.values():
-        if spec.greeting and spec.name != own:
-            words = f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
-            choice = f", or choose {PROTOCOLS[own].title} in the program)" if own in PROTOCOLS else ")"
-            yield Greeting(words + choice, _from_bytes(spec.greeting))
+        if spec.greeting and spec.name != served:
+            description = (
+                f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
+            )
+            choice = f", or choose {PROTOCOLS[served].title} in the program)" if served in PROTOCOLS else ")"
+            yield Greeting(description + choice, _from_bytes(spec.greeting))
 
 
 @cache
-def greetings(own: str = "") -> tuple[Greeting, ...]:
+def greetings(served: str = "") -> tuple[Greeting, ...]:
     """Return the greetings of strangers on a surface."""
-    return (*_of_strangers(), *_of_protocols(own))
+    return (*_of_strangers(), *_of_protocols(served))
 
 
 @cache
-def _beginning_with(byte: int, own: str) -> list[Greeting]:
+def _beginning_with(byte: int, served: str) -> list[Greeting]:
     """Return the greetings that may begin with a byte."""
-    return [greeting for greeting in greetings(own) if byte in greeting.first[0]]
+    return [greeting for greeting in greetings(served) if byte in greeting.first[0]]
 
 
 class OwnMethod:
@@ -145,11 +147,12 @@ class OwnMethod:
 class Recogniser:
     """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
 
-    ``own`` is the protocol of the surface. Only the progress of each greeting is stored, which limits the memory used.
+    ``served`` is the protocol of the surface. Only the progress of each greeting is stored, which limits the memory
+    used.
     """
 
-    def __init__(self, own: str = "") -> None:
-        self._own = own
+    def __init__(self, served: str = "") -> None:
+        self._served = served
         #: Whether a greeting of the table may still be recognised.
         self._known = True
         self._own_method = OwnMethod()
@@ -175,7 +178,7 @@ class Recogniser:
         for byte in data:
             partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
             if self._leading:
-                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
+                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._served)]
                 self._leading = byte in IDLE
             for greeting, count in partial:
                 if count == len(greeting.first):
@@ -208,12 +211,12 @@ class Piece(NamedTuple):
 class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
-    ``commands`` matches the well-formed commands and idle bytes of the protocol ``own`` with which the bytes begin.
+    ``commands`` matches the well-formed commands and idle bytes of the protocol ``served`` with which the bytes begin.
     """
 
-    def __init__(self, commands: bytes, own: str = "") -> None:
+    def __init__(self, commands: bytes, served: str = "") -> None:
         self._commands = commands
-        self._recogniser = Recogniser(own)
+        self._recogniser = Recogniser(served)
         self._waiting: list[Piece] = []
         #: The stranger that was recognised.
         self.stranger: Greeting | None = None
@@ -235,8 +238,8 @@ class StrangerFilter:
             return []
         self._waiting.append(piece)
         if self._recogniser.open:
-            found = re.match(self._commands, self.waiting)
-            return self._release(found.end() if found else 0)
+            match = re.match(self._commands, self.waiting)
+            return self._release(match.end() if match else 0)
         return self._release(sum(len(piece.data) for piece in self._waiting))
 
     def _release(self, count: int) -> list[Piece]:

@@ -21,10 +21,10 @@ WITHIN = 3.0
 MAX_BYTES, MAX_HOSTS = 64, 1000
 
 
-def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
+def foreign(served: str, sent: bytes) -> tuple[str, bytes] | None:
     """Return another protocol whose commands these bytes are, and the first command; None if there is none."""
     for protocol in streams():
-        if protocol != own and (first := _first(load(protocol), sent.lstrip(IDLE))):
+        if protocol != served and (first := _first(load(protocol), sent.lstrip(IDLE))):
             return protocol, first
     return None
 
@@ -38,22 +38,22 @@ def _first(protocol: CommandSet, sent: bytes) -> bytes:
     return first if protocol.may_begin(rest) else b""
 
 
-def other(own: str, sent: bytes) -> str:
+def other(served: str, sent: bytes) -> str:
     """Return the telescope type for another protocol whose commands these bytes are; empty if there is none."""
-    found = foreign(own, sent)
-    return PROTOCOLS[found[0]].preset if found else ""
+    match = foreign(served, sent)
+    return PROTOCOLS[match[0]].preset if match else ""
 
 
-def advice(own: str, sent: bytes, where: str) -> str:
+def advice(served: str, sent: bytes, where: str) -> str:
     """Return what to say of a connection that has sent only these bytes; empty if they are of no other protocol.
 
     ``where`` is the address of the surface; the advice offers a neighbouring one.
     """
-    found = foreign(own, sent)
-    if found is None:
+    match = foreign(served, sent)
+    if match is None:
         return ""
-    protocol, first = found
-    theirs, ours = PROTOCOLS[protocol], PROTOCOLS[own]
+    protocol, first = match
+    theirs, ours = PROTOCOLS[protocol], PROTOCOLS[served]
     return (
         f"sends `{show(first)}`: this looks like {theirs.a_program} program on {ours.a_program} surface. "
         f'Choose a type like "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
@@ -72,19 +72,19 @@ class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
     Whoever asks for recent events is told of every one. ``framing`` splits bytes into commands of the surface's
-    protocol ``own``. ``one_type``: the surface is for one protocol only; on one for every protocol any type fits.
+    protocol ``served``. ``one_type``: the surface is for one protocol only; on one for every protocol any type fits.
     """
 
     def __init__(
         self,
         controller: MountController,
-        own: str,
+        served: str,
         framing: Callable[[], Framer],
         where: str,
         warn: Callable[[str], None],
         one_type: bool = True,
     ) -> None:
-        self.controller, self.own, self.where, self.warn = controller, own, where, warn
+        self.controller, self.served, self.where, self.warn = controller, served, where, warn
         self._framing, self._one_type = framing, one_type
         self._spoke: dict[str, float] = {}
         self._warned: set[str] = set()
@@ -104,12 +104,12 @@ class PresetWatch:
 
     def warn_of(self, name: str, host: str, sent: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        if not (words := advice(self.own, sent, self.where) if self._one_type else ""):
+        if not (text := advice(self.served, sent, self.where) if self._one_type else ""):
             return
-        self.controller.wire_log.remember(host, words)
+        self.controller.wire_log.remember(host, text)
         if host not in self._warned and len(self._warned) < MAX_HOSTS:
             self._warned.add(host)
-            self.warn(f"{name} {words}")
+            self.warn(f"{name} {text}")
 
 
 class FirstCommands:
@@ -128,7 +128,7 @@ class FirstCommands:
             presets.controller.loop.call_later(WITHIN, self._decide, began)
         self._sent = (self._sent + data)[:MAX_BYTES]
         if any(
-            load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.controller.now())
+            load(presets.served).find(frame) is not None for frame in self._framer.feed(data, presets.controller.now())
         ):
             presets.spoke(self._host)
             self.done = True

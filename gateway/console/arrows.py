@@ -1,4 +1,4 @@
-"""The arrows that pages hold down: which page holds which, on one mount.
+"""The arrows that pages hold down on one mount.
 
 A page names with every beat what it holds, and what it does not name is released. Every press has a number, so that
 what concerns an old press changes nothing of a newer one. The newest press of an axis moves it; the release of another
@@ -121,7 +121,7 @@ class Arrows:
             refused()
 
     def _ends(self) -> tuple[int, int]:
-        """Return how many stops and gotos there were so far."""
+        """Return the number of stops and gotos so far."""
         wanted = self._controller.wanted.value
         return wanted.stops, wanted.gotos
 

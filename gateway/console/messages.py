@@ -45,7 +45,7 @@ class EnterPin(Struct, frozen=True, tag="pin"):
 
 
 class LookUp(Struct, frozen=True, tag="look_up"):
-    """Return what is known of an object or a position on the sky, and whether the mount may go there."""
+    """Return the data of an object or a position on the sky, and whether the mount may go to it."""
 
     where: requests.Target
 
@@ -123,7 +123,7 @@ class Message(NamedTuple):
 
 
 def number(text: str | bytes) -> int:
-    """Return the number of the answer that a message wants which cannot be read otherwise; 0 if there is none."""
+    """Return the request number of a message that is otherwise unreadable; 0 if it has none."""
     try:
         return msgspec.json.decode(text, type=_Numbered).id
     except ValueError:

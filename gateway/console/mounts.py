@@ -27,7 +27,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import directory
 from gateway.system.own_commands import gateway_argv
 
-#: Timeout of an explanation, seconds; it runs a whole gateway of its own, in another process.
+#: Timeout of an explanation, seconds; it runs a complete gateway in another process.
 EXPLAIN = 20.0
 FOLDER = "recordings"
 _NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
@@ -38,7 +38,7 @@ class Mounts:
 
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways = list(gateways)
-        self.pin = Pin(pin, time.monotonic, lambda words: self.gateways[0].wire_log.note("console", words))
+        self.pin = Pin(pin, time.monotonic, lambda text: self.gateways[0].wire_log.note("console", text))
         self.recordings = [MountRecorder(gateway) for gateway in self.gateways]
         self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
         #: By mount, the arrows that each page holds.
@@ -58,8 +58,8 @@ class Mounts:
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
         named = _surface_argument(surface or gateway.names()[0].partition("@")[0], command)
-        words = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
-        return await self._run(words, "explanation")
+        argv = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
+        return await self._run(argv, "explanation")
 
     async def report(self, recording: Path) -> Path:
         """Make the report of a recording beside it, in a subprocess, and return its path. Raises UserError."""
@@ -71,11 +71,11 @@ class Mounts:
             raise UserError(text.removeprefix("mount-gateway: "))
         return target
 
-    async def _run(self, words: Sequence[str], what: str) -> tuple[bool, str]:
-        """Run a command of the gateway, one at a time. Return success, and what it has printed."""
+    async def _run(self, argv: Sequence[str], what: str) -> tuple[bool, str]:
+        """Run a command of the gateway, one at a time. Return success and its output."""
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
-                *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
+                *argv, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
             )
             try:
                 async with asyncio.timeout(EXPLAIN):

@@ -1,4 +1,4 @@
-"""The session of one open page: what it is sent, what it requests, and what ends when it disconnects.
+"""The session of one open page: it sends the state, carries out requests, and ends motions when the page disconnects.
 
 It is sent the publisher's messages, which all pages share, but only after it has read the earlier ones. So a slow,
 stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a beat twice a
@@ -77,7 +77,7 @@ def _short(place: Sequence[float]) -> tuple[float, float]:
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
 SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
-#: At most how many requests of one page are carried out at a time.
+#: The maximum number of simultaneous requests of one page.
 AT_ONCE = 32
 LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
 
@@ -211,8 +211,8 @@ class PageSession:
         if isinstance(wish, StopRequest):
             chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
             answers = await asyncio.gather(*(gateway.request_handler.take(wish) for gateway in chosen))
-            words = "; ".join(dict.fromkeys(answer.words for answer in answers))
-            await self._answer(message.id, all(answer.done for answer in answers), words)
+            reason = "; ".join(dict.fromkeys(answer.words for answer in answers))
+            await self._answer(message.id, all(answer.done for answer in answers), reason)
             return
         gateway = mounts.gateway(message.mount)
         if not self._acts and not isinstance(wish, messages.Looks):
@@ -223,8 +223,8 @@ class PageSession:
                 self._listen(wish.on)
             case messages.EnterPin():
                 self._acts = self._acts or mounts.pin.admits(wish.pin, self._host)
-                words = "this page may act now" if self._acts else "this is not the pin"
-                await self._answer(message.id, self._acts, words)
+                reason = "this page may act now" if self._acts else "this is not the pin"
+                await self._answer(message.id, self._acts, reason)
             case messages.ReleaseArrow() | messages.Jog():  # the outcome of a press is answered elsewhere
                 await self._answer(message.id, True, "let go")
             case messages.LookUp():
@@ -262,10 +262,10 @@ class PageSession:
     async def _tell(self, message: Message, answer: Answer) -> None:
         await self._answer(message.id, answer.done, on_page(answer.words))
 
-    async def _answer(self, number: int, done: bool, words: str, more: dict[str, Any] | None = None) -> None:
+    async def _answer(self, number: int, done: bool, text: str, more: dict[str, Any] | None = None) -> None:
         if number:
             with contextlib.suppress(ConnectionError):
-                await self._send({"id": number, "ok": done, "words": words, **(more or {})})
+                await self._send({"id": number, "ok": done, "words": text, **(more or {})})
 
 
 def _direction(word: messages.Arrow) -> Direction:

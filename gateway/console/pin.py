@@ -57,7 +57,7 @@ class Pin:
     def _free_at(self, host: str) -> float:
         """Return the time from which this address may try."""
         count, last = self._wrong.get(host, (0, 0.0))
-        own = last + PAUSE if count >= FREE else 0.0
+        allowed_at = last + PAUSE if count >= FREE else 0.0
         if host in self._known or len(self._times) < TOGETHER:
-            return own
-        return max(own, self._times[0] + PAUSE)
+            return allowed_at
+        return max(allowed_at, self._times[0] + PAUSE)

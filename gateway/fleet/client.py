@@ -37,7 +37,7 @@ ORDERS = "/command"
 OLD = (1, 132)
 #: The maximum size of a message in bytes, and of the queue of received messages.
 LARGEST, WAITING = 65536, 2000
-#: Bytes that are kept of a longer packet: so many that it is still seen to be too long behind the longest topic.
+#: Bytes stored of a longer packet: enough to show that the payload behind the longest topic is too long.
 KEPT = 3 * LARGEST
 
 
@@ -59,14 +59,14 @@ def access(at: str, user: str | None = None, password_file: str | None = None, c
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
     broker = parse_broker(at)
-    found = BrokerAccess(broker, user or broker.user or None, _password(password_file), ca)
-    if found.password is not None and found.user is None:
+    broker_access = BrokerAccess(broker, user or broker.user or None, _password(password_file), ca)
+    if broker_access.password is not None and broker_access.user is None:
         raise UserError("there is a password for the broker and no user: write user under [mqtt]")
     try:
-        found.tls()
+        broker_access.tls()
     except OSError as error:  # SSLError is an OSError, too
         raise UserError(f"{ca}: {'no certificates' if isinstance(error, ssl.SSLError) else error.strerror}") from None
-    return found
+    return broker_access
 
 
 def _password(file: str | None) -> str | None:

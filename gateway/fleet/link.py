@@ -1,4 +1,4 @@
-"""The connection to a broker, on a thread of its own: it is always restored, and a mount never waits for it.
+"""The connection to a broker, on a separate thread: it is always restored, and a mount never waits for it.
 
 Messages are taken from the outbox, a few at a time; the next ones are sent when the broker has acknowledged the last of
 these. Only that one needs an acknowledgement, because a broker takes messages in order; after a reconnect all states
@@ -204,12 +204,12 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """Return in a few words why the connection failed."""
+    """Return a short reason why the connection failed."""
     if isinstance(error, TimeoutError):
         return "it does not answer"
-    words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
-    if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
+    reason = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
+    if "[code:134]" in reason or "[code:135]" in reason or "uthori" in reason:
         return "it refuses the user or the password: look at user and password-file, or MOUNT_GATEWAY_MQTT_PASSWORD"
-    if words.startswith("Disconnected"):
+    if reason.startswith("Disconnected"):
         return "the connection to it broke"
-    return words
+    return reason

@@ -87,7 +87,7 @@ class Events:
             kind = "note"
         self.publish(kind, entry.side, entry.note)
 
-    def publish(self, kind: str, who: str, words: str) -> None:
+    def publish(self, kind: str, who: str, text: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
         self._left = min(BURST, self._left + max(0.0, now - self._since) * RATE)
@@ -99,11 +99,11 @@ class Events:
         if self._dropped:
             self._send(now, "left out", MOUNT, f"{self._dropped} events, because there were too many")
             self._dropped = 0
-        self._send(now, kind, who, words)
+        self._send(now, kind, who, text)
 
-    def _send(self, now: float, kind: str, who: str, words: str) -> None:
+    def _send(self, now: float, kind: str, who: str, text: str) -> None:
         time = datetime.fromtimestamp(now, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
-        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": words[:LONGEST]}
+        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": text[:LONGEST]}
         self._publish(json.dumps(event).encode())
 
 

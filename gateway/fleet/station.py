@@ -30,7 +30,7 @@ from gateway.fleet.topics import OFFLINE, ONLINE, UNNAMED, MqttMessage, Received
 WHO = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 LONGEST, BETWEEN = 100, 0.25
-#: The orders of one word, besides stop.
+#: The orders without arguments, except stop.
 PLAIN: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
     "park": ParkRequest,
     "wake": UnparkRequest,
@@ -38,7 +38,7 @@ PLAIN: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
 }
 GOTO = "goto"
 
-#: Called with the result of an order: ``done`` or ``failed``, and words.
+#: Called with the result of an order: ``done`` or ``failed``, and a message.
 Report = Callable[[str, str], None]
 
 
@@ -76,8 +76,8 @@ class Orders:
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
         elif word not in self._allowed:
             self._refuse(text, f'the broker may not ask for this; orders = ["{word}"] under [mqtt] allows it')
-        elif words := self._doubt():
-            self._refuse(text, words)
+        elif doubt := self._doubt():
+            self._refuse(text, doubt)
         elif self._busy:
             self._refuse(text, "another order is being taken; send it again in a moment")
         else:
@@ -158,14 +158,14 @@ class BrokerPresence:
             return True
         if received.topic != self._topics.gateway:
             return False
-        other, words = _about(received.payload)
+        other, description = _about(received.payload)
         if other and other != self._instance and not received.retained:  # a retained message may be of an earlier run
-            self._report_conflict(other, words)
+            self._report_conflict(other, description)
         return True
 
-    def _report_conflict(self, other: str, words: str) -> None:
+    def _report_conflict(self, other: str, description: str) -> None:
         self.conflict = (
-            f"another gateway ({words}) has the ID {self._topics.id!r} on the broker, too: only stop is obeyed until "
+            f"another gateway ({description}) has ID {self._topics.id!r} on the broker, too: only stop is obeyed until "
             "one of them has another one (--mqtt-id)"
         )
         if other not in self._answered and len(self._answered) < MOST:
@@ -175,10 +175,10 @@ class BrokerPresence:
 
 
 def _about(payload: bytes) -> tuple[str, str]:
-    """Return the instance of a gateway, and host and process in words; both empty for an invalid message."""
+    """Return a gateway's instance, and a description of its host and process; both empty for an invalid message."""
     try:
-        told = json.loads(payload)
-        return str(told["instance"])[:64], show(f"{told['host']}, process {told['process']}".encode())[:100]
+        owner = json.loads(payload)
+        return str(owner["instance"])[:64], show(f"{owner['host']}, process {owner['process']}".encode())[:100]
     except (ValueError, TypeError, KeyError, RecursionError):
         return "", ""
 
@@ -197,12 +197,12 @@ class _PublishedMount:
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
-        self.events = Events(lambda told: station.link.publish(MqttMessage(topic, told)), gateway.clock)
+        self.events = Events(lambda message: station.link.publish(MqttMessage(topic, message)), gateway.clock)
         self.orders = Orders(gateway, station.config.orders, lambda: station.presence.conflict, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
-    def _report_result(self, kind: str, words: str) -> None:
-        self.events.publish(kind, WHO, words)
+    def _report_result(self, kind: str, text: str) -> None:
+        self.events.publish(kind, WHO, text)
 
     def update(self) -> None:
         """Queue the state for publishing if it has changed."""
@@ -210,8 +210,8 @@ class _PublishedMount:
         if now == self._state:
             return
         self._state = now
-        told = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
-        station.link.put(MqttMessage(station.topics.of(self.name, "state"), told, retain=True, newest=True))
+        message = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
+        station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, newest=True))
         identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
         if prefix != OFF and identity != self._identity:
@@ -239,10 +239,10 @@ class Station:
         self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
         self.topics = Topics(config.prefix, config.id or own_id())
         self.presence = BrokerPresence(self.topics, lambda message: self.link.publish(message), warn)
-        own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
+        topics = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
         self.link = BrokerLink(
             access,
-            own,
+            topics,
             self._on_message,
             self._on_connection,
             self.presence.first_messages,
@@ -284,18 +284,18 @@ class Station:
         if to[0] == ALL:
             for mount in self._mounts.values():
                 mount.orders.take(received.payload, received.retained, ALL)
-        elif (one := self._mounts.get(to[1])) is not None:
-            one.orders.take(received.payload, received.retained, one.name)
+        elif (addressed := self._mounts.get(to[1])) is not None:
+            addressed.orders.take(received.payload, received.retained, addressed.name)
 
-    def _on_connection(self, there: bool, why: str) -> None:
+    def _on_connection(self, connected: bool, why: str) -> None:
         """Tell the user when the broker is connected or lost."""
-        if there and self._connected is None:
+        if connected and self._connected is None:
             self._say(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
-        elif there and not self._connected:
+        elif connected and not self._connected:
             self._warn(f"the broker {self._broker} is connected again")
-        elif not there and self._connected is not False:
+        elif not connected and self._connected is not False:
             self._warn(
                 f"the broker {self._broker} cannot be reached: {why}. The mounts and their programs are not "
                 "affected; the gateway keeps trying"
             )
-        self._connected = there
+        self._connected = connected

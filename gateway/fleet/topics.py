@@ -19,7 +19,7 @@ from gateway.app.config.keys import WORD
 #: The name of a mount without a name.
 UNNAMED = "mount"
 ONLINE, OFFLINE = b"online", b"offline"
-#: So many events are kept while the broker is not connected; then the oldest are dropped.
+#: The maximum number of events stored while the broker is not connected; then the oldest are dropped.
 EVENTS = 200
 
 
@@ -108,10 +108,10 @@ class Outbox:
             topics = list(self._waiting)[:most]
             for topic in topics:
                 del self._waiting[topic]
-            found = [self._newest[topic] for topic in topics]
-            while self._events and len(found) < most:
-                found.append(self._events.popleft())
-            return found
+            messages = [self._newest[topic] for topic in topics]
+            while self._events and len(messages) < most:
+                messages.append(self._events.popleft())
+            return messages
 
     def requeue_states(self) -> None:
         """Queue all states again: after a reconnect the broker may have forgotten them."""

@@ -21,7 +21,7 @@ from gateway.transport.web_server import NONE, WebServer, answer_of
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
-#: Idle bytes that are kept before the first command.
+#: The maximum number of idle bytes stored before the first command.
 MAX_IDLE = 64
 
 
@@ -127,8 +127,8 @@ class AnyConnection:
 
     def _pass_to_web(self, sent: bytes) -> None:
         self._close_handler()
-        words = "speaks HTTP: passed to the console, nothing of it reaches the mount"
-        self._controller.wire_log.note_once(self._connected.name, words, of=self.host)
+        text = "speaks HTTP: passed to the console, nothing of it reaches the mount"
+        self._controller.wire_log.note_once(self._connected.name, text, of=self.host)
         if self._connected.hand_over is not None:
             self._connected.hand_over(lambda transport: self._web.take(transport, sent))
         elif self._connected.hang_up is not None:
@@ -150,7 +150,7 @@ class AnyAcceptor:
 
     def accept(self, connected: Connected) -> ConnectionHandler:
         """Admit, log and create a new connection. Raises ConnectionRefused."""
-        hosts = [one.host for one in self._connections if not one.decided]
+        hosts = [other.host for other in self._connections if not other.decided]
         for acceptor in self.acceptors.values():
             hosts += acceptor.clients()
         self._admission.check(connected, hosts)
@@ -166,13 +166,13 @@ class AnyAcceptor:
         return connection
 
     def present_hosts(self) -> list[str]:
-        connected = [host for one in self.acceptors.values() for host in one.connected_hosts()]
-        between = {host for one in self.acceptors.values() for host in one.reconnecting_hosts()}
+        connected = [host for acceptor in self.acceptors.values() for host in acceptor.connected_hosts()]
+        between = {host for acceptor in self.acceptors.values() for host in acceptor.reconnecting_hosts()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:
-        return [connection for one in self.acceptors.values() for connection in one.connections()]
+        return [connection for acceptor in self.acceptors.values() for connection in acceptor.connections()]
 
     def set_address(self, where: str) -> None:
-        for one in self.acceptors.values():
-            one.set_address(where)
+        for acceptor in self.acceptors.values():
+            acceptor.set_address(where)

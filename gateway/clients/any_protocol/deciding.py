@@ -31,7 +31,7 @@ def decide(sent: bytes) -> Decision | None:
     if any(sent.startswith(method) for method in _methods()):
         return Decision(HTTP)
     spoken = streams()
-    whole = [name for name in spoken if (found := re.match(PROTOCOLS[name].opening, sent)) and found.end()]
+    whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, sent)) and match.end()]
     if whole:
         return Decision(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
     if any(method.startswith(sent) for method in _methods()):
@@ -48,12 +48,12 @@ def decide(sent: bytes) -> Decision | None:
 def shared_prefix(protocol: str, sent: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
-    found = re.match(pattern, sent) if pattern is not None else None
-    return found.end() if found is not None else 0
+    match = re.match(pattern, sent) if pattern is not None else None
+    return match.end() if match is not None else 0
 
 
 def may_change(protocol: str, sent: bytes) -> bool:
-    """Whether a client that was taken for this protocol by these bytes may still turn out to speak another one."""
+    """Whether these bytes, so far taken for this protocol, may still turn out to be another protocol."""
     rest = sent.lstrip(IDLE)
     return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 

@@ -34,7 +34,7 @@ ALL_AT_ONCE = 0.3
 
 
 class Releases:
-    """What the releases of arrows of one connection end: the motion of an axis, a tap that waits, or all motion.
+    """Decides what the release of an arrow ends on one connection: the motion of an axis, a waiting tap, or all motion.
 
     The release of an arrow whose press still waits in ``inbox`` makes it a tap, which is carried out in its turn.
     ``by_stop``: the program releases its arrows by a full stop.
@@ -50,7 +50,7 @@ class Releases:
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
-        self._recent = {one: at for one, at in self._recent.items() if now - at <= ALL_AT_ONCE} | {frame: now}
+        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= ALL_AT_ONCE} | {frame: now}
         if len(self._recent) == len(Direction):
             self._recent.clear()
             return UrgentEnd(AbortMotion(), ending.takes_back)
@@ -224,10 +224,10 @@ class CommandProcessor:
         """Send a cached reply to the same command again if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
-        found = self._cache.reply(data, controller.version, now)
-        if found is None:
+        cached = self._cache.reply(data, controller.version, now)
+        if cached is None:
             return False
-        reply, kinds = found
+        reply, kinds = cached
         controller.touch(kinds, now)  # a cached reply counts as interest in its readings
         self.session.last = data
         if self.log.sinks:
@@ -337,8 +337,8 @@ class CommandProcessor:
             self._rate.begin(turn.baud)
 
     def _log_no_reply(self, frame: bytes) -> None:
-        found = self.surface.protocol.find(frame)
-        if found is not None and not found[0].replies:
+        match = self.surface.protocol.find(frame)
+        if match is not None and not match[0].replies:
             return
         self.log.note_once(
             f"no reply to {show(frame)}: the mount has not answered within "

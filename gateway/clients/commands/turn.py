@@ -2,8 +2,9 @@
 
 A command is answered within a limited time or never. A reply that was made only of cached readings is valid as long as
 they are: until one of them is renewed, which increments ``version``, or expires. ``advance`` runs until the command
-must wait, ``finish`` runs the rest. Operations that the client may not request, or requests too late, are refused here
-for every protocol. The number of operations that run without a reply is limited, except for those that end a motion.
+must wait, ``finish`` runs the rest. This module refuses operations that the client may not request, or requests too
+late, for every protocol. The number of operations that run without a reply is limited, except for those that end a
+motion.
 """
 
 from __future__ import annotations
@@ -220,7 +221,7 @@ class TurnRunner:
         """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
         while True:
             if fault is not None:
-                fault.logged = True  # whoever found it has noted it
+                fault.logged = True  # it is in the log already
             wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
             answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
             if isinstance(wanted, FireAndForget):
@@ -267,8 +268,8 @@ class TurnRunner:
                 )
                 answer = self._to_client(wanted, value)
             except Fault as error:
-                words = error.of(wanted.title())
-                (self._log.note if isinstance(wanted, Read) else self._log.refused)(words)
+                text = error.of(wanted.title())
+                (self._log.note if isinstance(wanted, Read) else self._log.refused)(text)
                 fault = error
             try:
                 wanted = self.advance(turn, answer, fault)

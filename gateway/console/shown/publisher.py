@@ -1,4 +1,4 @@
-"""The publisher: one task makes the message of the page's state for all pages, while a page is open.
+"""The publisher: while a page is open, one task makes the state message for all pages.
 
 It is encoded once, however many pages there are: ten times a second while a mount moves or something has changed, else
 once a second. The state of a mount takes 0.1 ms. Its abilities, the reply times of its line, the connected clients with
@@ -86,8 +86,8 @@ class ConnectedPrograms:
     def connections(self, now: float) -> Iterator[dict[str, Any]]:
         """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
         acceptors = zip(self._gateway.names(), self._gateway.acceptors, strict=False)
-        here = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
-        for surface, visit in here:
+        visits = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
+        for surface, visit in visits:
             client, side = visit.client, visit.client.log.name
             rate = self._rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
             yield {
@@ -171,11 +171,11 @@ class Publisher:
         self._next: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MOST)
-        #: How many rows of the conversation there have been.
+        #: The number of rows of the conversation so far.
         self.count = 0
 
     def subscribe(self) -> None:
-        """Count a page that will wait for messages; the first one starts the work."""
+        """Count a page that waits for messages; the first page starts the work."""
         self._pages += 1
         if self._task is None:
             for mount in self.mounts:
@@ -184,7 +184,7 @@ class Publisher:
             self._task.add_done_callback(self._ended)
 
     def leave(self) -> None:
-        """Count a page less; after the last one, end the work."""
+        """Count one page less; after the last page, end the work."""
         self._pages -= 1
         if not self._pages and self._task is not None:
             self._task.cancel()
@@ -251,7 +251,7 @@ class Publisher:
             self.mounts[0].gateway.wire_log.note("console", f"internal error, please report it: {error!r}")
             shown, self._next = self._next, self._loop.create_future()
             shown.set_exception(ConnectionError("the console has a defect"))
-            shown.exception()  # there may be nobody who waits
+            shown.exception()  # perhaps nobody waits for it
 
 
 def encoded(message: object) -> str:

@@ -31,7 +31,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
     """Return the state except what ``ShownMount`` caches, in about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
     shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
-    here = None if look.position is None else coordinates(controller, look.position, state.over)
+    position = None if look.position is None else coordinates(controller, look.position, state.over)
     return {
         "index": index, "name": look.name, "at": state.mount, "found": shown.found, "product": shown.product,
         "model": shown.model, "version": shown.version, "state": look.state, "reason": look.reason,
@@ -41,20 +41,20 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
         "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held,
         "goto_unparks": controller.driver.goto_unparks, "wanted": list(shown.wanted),
-        "allowed": [on_page(words) for words in shown.allowed],
-        "lately": [on_page(words) for words in shown.lately],
+        "allowed": [on_page(text) for text in shown.allowed],
+        "lately": [on_page(text) for text in shown.lately],
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
-        "own_limits": str(controller.owners_limits), "position": here and {**here, "age": round(look.age, 1)},
+        "own_limits": str(controller.owners_limits), "position": position and {**position, "age": round(look.age, 1)},
         "site_holds": controller.settings.holds_for(),
         **_sky(controller, state), **_site_and_clock(state), **_goal(controller, state),
     }  # fmt: skip
 
 
-def on_page(words: str) -> str:
+def on_page(text: str) -> str:
     """Return a sentence as a page says it."""
-    return words.replace(RELEASE, "")
+    return text.replace(RELEASE, "")
 
 
 def abilities(controller: MountController) -> dict[str, Any]:

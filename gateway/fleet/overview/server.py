@@ -99,10 +99,10 @@ class Roster:
 
     def mounts(self) -> list[dict[str, Any]]:
         """Return the mounts as the page shows them, sorted by name. ``age`` is that of the state, in seconds."""
-        now, found = self._clock(), []
+        now, mounts = self._clock(), []
         for (gateway, mount), (state, then) in sorted(self._states.items()):
             event, at = self._results.get((gateway, mount), (None, 0.0))
-            found.append({
+            mounts.append({
                 "gateway": gateway[:LONGEST], "mount": mount[:LONGEST],
                 "available": self._available.get(gateway, False), "online": state.online,
                 "does": state.does[:LONGEST], "moving": state.moving, "held": state.held,
@@ -111,11 +111,11 @@ class Roster:
                 "age": round(max(0.0, now - then)),
                 "said": event.words[:LONGEST] if event else "", "said_age": round(max(0.0, now - at)) if event else 0,
             })  # fmt: skip
-        return found
+        return mounts
 
 
 OWN = Path(__file__).parent / "page"
-#: Files of the console's page that are served here as well.
+#: Files of the console's page that this server serves as well.
 SHARED = ("css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js", "js/core/format.js",
           "icon.svg")  # fmt: skip
 #: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
@@ -132,9 +132,10 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Overview:
-    """Serves the page until it is closed. ``told`` is called when the broker is connected, and when it is lost.
+    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected, and when it is
+    lost.
 
-    ``look`` is the folder of the console's page, after which this one looks.
+    ``look`` is the folder of the console's page, whose style this page shares.
     """
 
     def __init__(
@@ -143,18 +144,18 @@ class Overview:
         prefix: str,
         look: Path,
         clock: Callable[[], float],
-        told: Callable[[bool, str], None],
+        on_connection: Callable[[bool, str], None],
         connect: Connect | None = None,
     ) -> None:
-        self._roster, self._prefix, self._on_change = Roster(prefix, clock), prefix, told
+        self._roster, self._prefix, self._on_change = Roster(prefix, clock), prefix, on_connection
         self._commands = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").everyone]
         subscriptions = [*self._roster.subscriptions, *self._commands]
         self._link = BrokerLink(
             access, subscriptions, self._on_message, self._on_connection, connect=connect, flood=FLOOD
         )
         self._token = secrets.token_urlsafe(24)
-        own = {path.name: path for path in OWN.iterdir()}
-        self._files = Pages(own | {name: look / name for name in SHARED})
+        files = {path.name: path for path in OWN.iterdir()}
+        self._files = Pages(files | {name: look / name for name in SHARED})
         self._connected, self._why = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
         self._server = WebServer(self._load)
@@ -181,9 +182,9 @@ class Overview:
 
     # --- the broker -------------------------------------------------------------------------------------------------
 
-    def _on_connection(self, there: bool, why: str) -> None:
-        self._connected, self._why = there, why
-        self._on_change(there, why)
+    def _on_connection(self, connected: bool, why: str) -> None:
+        self._connected, self._why = connected, why
+        self._on_change(connected, why)
 
     def _on_message(self, heard: Received) -> None:
         if heard.topic in self._waiting_for_echo and not heard.retained:
@@ -220,8 +221,8 @@ class Overview:
         return await self._files.index(request, token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
-        told = {"there": self._connected, "why": self._why, "mounts": self._roster.mounts()}
-        return web.Response(body=msgspec.json.encode(told), content_type="application/json")
+        state = {"there": self._connected, "why": self._why, "mounts": self._roster.mounts()}
+        return web.Response(body=msgspec.json.encode(state), content_type="application/json")
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
         try:
@@ -231,5 +232,5 @@ class Overview:
         if bool(stop.gateway) != bool(stop.mount) or set(stop.gateway + stop.mount) & set("/+#\0"):
             raise web.HTTPBadRequest(reason="This names no mount.")
         why = await self.send_stop(stop)
-        told = {"sent": not why, "words": NOT_SENT.format(why=why) if why else "stop sent"}
-        return web.Response(body=msgspec.json.encode(told), content_type="application/json")
+        answer = {"sent": not why, "words": NOT_SENT.format(why=why) if why else "stop sent"}
+        return web.Response(body=msgspec.json.encode(answer), content_type="application/json")

@@ -39,12 +39,12 @@ class Untold(Unsupported):
 @cache
 def numbers() -> dict[str, int]:
     """Name of a class of fault -> number. Raises MappingError."""
-    found = {}
+    by_name = {}
     for name, row in load("alpaca").extra("errors.toml").items():
         if set(row) != {"number"} or row["number"] not in NUMBERS:
             raise MappingError("mappings/alpaca/errors.toml", name, "write number = 0x400 to 0xFFF")
-        found[name] = int(row["number"])
-    return found
+        by_name[name] = int(row["number"])
+    return by_name
 
 
 def number(fault: Fault) -> int:
@@ -59,7 +59,7 @@ def refused(fault: Fault) -> dict[str, Any]:
 
 
 def refusal(frame: bytes, fault: Fault | None) -> bytes:
-    """Return the reply line for a refused request, or for one that does not exist."""
+    """Return the reply line for a refused or unknown request."""
     return msgspec.json.encode(refused(fault or Fault("There is no such member."))) + b"\n"
 
 
@@ -113,8 +113,8 @@ _FORM = re.compile(r"\{\w+:(\w+)\}")
 
 
 def empty_value(command: Command) -> dict[str, Any]:
-    """Return the ``Value`` that goes with an error of this member; nothing for one that has no value."""
-    found = _FORM.search(str(command.replies[0][1].source)) if command.replies else None
-    if found is None:
+    """Return the ``Value`` that goes with an error of this member; nothing for a member without a value."""
+    match = _FORM.search(str(command.replies[0][1].source)) if command.replies else None
+    if match is None:
         return {}
-    return {"Value": [] if member(command.name).list else _EMPTY[found[1]]}
+    return {"Value": [] if member(command.name).list else _EMPTY[match[1]]}

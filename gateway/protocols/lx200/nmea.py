@@ -12,13 +12,13 @@ def fix(sentence: str) -> Gps | None:
     import pynmea2
 
     try:
-        seen = pynmea2.parse(sentence.strip(), check=True)
-        if seen.sentence_type != "RMC":
+        parsed = pynmea2.parse(sentence.strip(), check=True)
+        if parsed.sentence_type != "RMC":
             return None
-        if not seen.is_valid:
+        if not parsed.is_valid:
             return Gps(linked=False)
-        unix = datetime.combine(seen.datestamp, seen.timestamp.replace(tzinfo=UTC)).timestamp()
-        return Gps(True, Place(seen.latitude, seen.longitude), unix)
+        unix = datetime.combine(parsed.datestamp, parsed.timestamp.replace(tzinfo=UTC)).timestamp()
+        return Gps(True, Place(parsed.latitude, parsed.longitude), unix)
     except (pynmea2.ParseError, AttributeError, TypeError, ValueError):
         return None
 

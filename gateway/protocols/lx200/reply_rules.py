@@ -58,8 +58,8 @@ def _exact(source: str) -> re.Pattern[bytes]:
     for field in _FIELD.finditer(source):
         pattern += _literal(source[at : field.start()])
         form, at = field[1], field.end()
-        words = [len(word) for word in form.split("|")]
-        free = rb"[^#]*" if len(words) == 1 else rb"[^#]{%d,%d}" % (min(words), max(words))
+        lengths = [len(word) for word in form.split("|")]
+        free = rb"[^#]*" if len(lengths) == 1 else rb"[^#]{%d,%d}" % (min(lengths), max(lengths))
         pattern += _FORMS.get(form, free)
     end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal(source[at:])
     return re.compile(pattern + end, re.DOTALL)
@@ -114,16 +114,16 @@ class Notation:
         example = self._examples.get(LIKE.get(command, command), b"")
         if command == "GT":
             return b"+" + reply if example.startswith(b"+") and reply[:1].isdigit() else reply
-        found = _MARKED.fullmatch(reply)
-        if found is None:
+        match = _MARKED.fullmatch(reply)
+        if match is None:
             return reply
         if command == "Gg" and example[:1].isdigit():  # west from 0 to 360, without a sign
-            minutes = int(found[2]) * 60 + int(found[3] or b"0")
-            reply = b"%03d*%02d#" % divmod((-minutes if found[1] == b"-" else minutes) % _TURN, 60)
+            minutes = int(match[2]) * 60 + int(match[3] or b"0")
+            reply = b"%03d*%02d#" % divmod((-minutes if match[1] == b"-" else minutes) % _TURN, 60)
         if command in SITE and len(example) == len(reply) + 3:  # the telescope sends seconds
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
-            return bytes(own if digit in _MARKS else digit for own, digit in zip(example, reply, strict=True))
+            return bytes(mark if digit in _MARKS else digit for mark, digit in zip(example, reply, strict=True))
         return reply.replace(b"*", self._degree)
 
 
@@ -151,9 +151,9 @@ class Lx200ReplyRules:
     def as_written(self, command: str, reply: bytes) -> bytes:
         return self._notation.write(command, reply)
 
-    def ambiguous_with(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, sent: Send, other: Send) -> bool:
         """Whether the forms of the two replies are so similar that one could be mistaken for the other."""
-        first, second = (_shapes(_sources(self.protocol, ask.command)) for ask in (one, other))
+        first, second = (_shapes(_sources(self.protocol, ask.command)) for ask in (sent, other))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
 
@@ -187,10 +187,10 @@ class Lx200ReplyRules:
             return None
         replies = self.protocol.commands[ask.command].replies
         for reply, template in replies:
-            found = _exact(str(template.source)).match(buffer)
-            if found is None:
+            match = _exact(str(template.source)).match(buffer)
+            if match is None:
                 continue
-            length = found.end()
+            length = match.end()
             rest = buffer[length:].strip(PADDING)
             if rest and _begins_longer(self.protocol, ask.command, str(template.source)):
                 continue
@@ -198,14 +198,14 @@ class Lx200ReplyRules:
                 length = len(buffer)  # some telescopes append one to every reply
             elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
                 return refusal
-            told = found[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED.sub(b"#", found[0]))
-            values = template.decode(told)
+            text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED.sub(b"#", match[0]))
+            values = template.decode(text)
             if reply.fault is not None:
                 return _fault(reply.fault, values, reply.says), length
-            self._notation.learn(ask.command, told)
+            self._notation.learn(ask.command, text)
             if ask.command == "GVP" and not self._named:
                 self._protocol = load("lx200").of(load("lx200").by_product(values["product"]))
-            return {**values, "length": len(told)}, length
+            return {**values, "length": len(text)}, length
         if (refusal := _refusal(self.protocol, ask.command, buffer)) is not None:
             return refusal
         hashes = max(source.count("#") for source in _sources(self.protocol, ask.command))
@@ -245,13 +245,13 @@ def _refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values 
     It is a digit with a text, or that digit alone. A digit where every reply is a text is returned as the text.
     """
     replies = [(reply, str(template.source)) for reply, template in protocol.commands[command].replies]
-    lone, words = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()
+    lone, text = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()
     if lone in _lone_digits(protocol, command):
-        if words:
+        if text:
             return {"text": lone.decode()}, len(buffer)
         named = (reply.fault for reply, source in replies if source.encode("latin-1").startswith(lone))
         return _fault(next(named, None) or "Refused", {}, None), len(buffer)
-    if words or (said := _SAID.match(buffer)) is None:
+    if text or (said := _SAID.match(buffer)) is None:
         return None
     forms = [reply for reply, source in replies if source.encode("latin-1").startswith(said[1])]
     if any(reply.fault is None for reply in forms) or (forms and _WORDS.fullmatch(said[2]) is None):
@@ -285,5 +285,5 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
 def _fault(name: str, values: Values, says: str | None) -> Fault:
     """Return the fault of a reply form, with the mount's own text if it sent one, or what its form ``says``."""
     fault: type[Fault] = getattr(errors, name)
-    words = str(values.get("text", "")).strip()
-    return fault(" ".join(words.split()) or says)
+    text = str(values.get("text", "")).strip()
+    return fault(" ".join(text.split()) or says)

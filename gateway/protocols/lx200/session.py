@@ -1,4 +1,4 @@
-"""The settings that one client of the LX200 surface has made for itself."""
+"""The settings of one client of the LX200 surface."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class LibraryLimits(Struct, frozen=True):
 
 
 class LxClientState(ClientState):
-    """The client's own settings. Angles are degrees; None means never set."""
+    """The settings of one client. Angles are degrees; None means never set."""
 
     ra: float | None = None
     dec: float | None = None
@@ -98,11 +98,11 @@ class LxClientState(ClientState):
         """Forget the selected object; the coordinates stay."""
         self.entry = self.moving = self.object = None
 
-    def select_nothing(self, words: str) -> None:
-        """Clear the target after a failed selection; ``words`` are the reason, for :LI and the next :MS."""
+    def select_nothing(self, reason: str) -> None:
+        """Clear the target after a failed selection; ``reason`` are the reason, for :LI and the next :MS."""
         self.deselect()
         self.ra = self.dec = None
-        self.object = words
+        self.object = reason
 
 
 class LxSession(Session):

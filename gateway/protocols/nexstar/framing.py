@@ -48,9 +48,9 @@ class Continuation(Enum):
 
 @cache
 def _sample(letter: int) -> bytes:
-    """Return a valid command that begins with this byte; empty if more than one has another form, or none is known."""
-    found = [row.request for row in load("nexstar").commands.values() if row.request.prefix[:1] == bytes((letter,))]
-    return found[0].encode(dict.fromkeys(found[0].fields, 0)) if len(found) == 1 else b""
+    """Return a valid command that begins with this byte; empty if no command, or more than one, begins with it."""
+    requests = [row.request for row in load("nexstar").commands.values() if row.request.prefix[:1] == bytes((letter,))]
+    return requests[0].encode(dict.fromkeys(requests[0].fields, 0)) if len(requests) == 1 else b""
 
 
 @cache
@@ -65,8 +65,8 @@ def ends_motion(frame: bytes) -> bool:
 
 def is_question(frame: bytes) -> bool:
     """Whether this command asks for a value and does nothing else."""
-    found = load("nexstar").find(frame)
-    return found is not None and found[0].question
+    match = load("nexstar").find(frame)
+    return match is not None and match[0].question
 
 
 class Interrupted:
@@ -88,8 +88,8 @@ class Interrupted:
         """Add bytes to the burst, and return the ends of motions that they complete."""
         self._first = self._first or data
         self.burst += data
-        found = dict(self._cut(0)[0]) | dict(self._cut(self.missing)[0])
-        ends = [(place, frame) for place, frame in sorted(found.items()) if ends_motion(frame)]
+        frames = dict(self._cut(0)[0]) | dict(self._cut(self.missing)[0])
+        ends = [(place, frame) for place, frame in sorted(frames.items()) if ends_motion(frame)]
         new = [frame for place, frame in ends if place not in self._passed]
         self._passed.update(place for place, _ in ends)
         return new
@@ -135,33 +135,35 @@ class Interrupted:
         return len(self.burst) == self._lengths.get(self.burst[0])
 
     def _cut(self, at: int) -> tuple[list[tuple[int, bytes]], bool]:
-        """Return the whole commands of the burst from here on with their places, and whether that is all there is."""
-        found: list[tuple[int, bytes]] = []
+        """Return the whole commands of the burst from a place on, each with its place, and whether nothing else
+        remains.
+        """
+        frames: list[tuple[int, bytes]] = []
         while at < len(self.burst):
             length = self._lengths.get(self.burst[at])
             if length is None and self.burst[at] not in STRAY:
-                return found, False
+                return frames, False
             if length is not None:
                 if at + length > len(self.burst):
-                    return found, False
-                found.append((at, bytes(self.burst[at : at + length])))
+                    return frames, False
+                frames.append((at, bytes(self.burst[at : at + length])))
             at += length or 1
-        return found, True
+        return frames, True
 
 
 @lru_cache(maxsize=1)
 def all_lengths() -> dict[int, int]:
     """Return the length of every request by its first byte. Raises MappingError if one first byte has two lengths."""
-    found = dict(UNANSWERED)
+    widths = dict(UNANSWERED)
     for command in load("nexstar").commands.values():
         width = command.request.width
         if width is None:
             raise MappingError("mappings/nexstar/commands.toml", command.name, "the request must have a fixed length")
         first = command.request.prefix[0]
-        if found.setdefault(first, width) != width:
-            reason = f"requests that begin with {chr(first)!r} are {found[first]} bytes long, not {width}"
+        if widths.setdefault(first, width) != width:
+            reason = f"requests that begin with {chr(first)!r} are {widths[first]} bytes long, not {width}"
             raise MappingError("mappings/nexstar/commands.toml", command.name, reason)
-    return found
+    return widths
 
 
 class NexStarFramer(LengthFramer):

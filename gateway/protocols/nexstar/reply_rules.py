@@ -64,9 +64,9 @@ class NexStarReplyRules:
         """Return what reply to expect: every command has one; it may be ``#`` alone."""
         return _expected(ask.command, ask.once, ask.raw)
 
-    def ambiguous_with(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, sent: Send, other: Send) -> bool:
         """Whether the replies to two commands could be confused. Only their lengths distinguish them."""
-        first, second = _reply(one.command), _reply(other.command)
+        first, second = _reply(sent.command), _reply(other.command)
         return first.width <= second.longest and second.width <= first.longest
 
     def as_written(self, command: str, reply: bytes) -> bytes:

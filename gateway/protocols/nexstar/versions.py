@@ -1,4 +1,4 @@
-"""Version numbers of hand controls: which command set each one has, and how it numbers its tracking modes.
+"""Version numbers of hand controls: the command set and the numbers of the tracking modes of each version.
 
 Versions are written as in the manual (``4.21``) or as ``starsense-1.20``: the numbers of a StarSense begin at 1.18,
 those of a GT at 100. Each counts as the version whose commands it has: a GT before 104.0 as 1.2 and from then on as
@@ -102,7 +102,9 @@ def modes(row: Model, version: Version | None) -> Mapping[int, Tracking | None]:
 def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
     """Return the code of a tracking mode; 1, which tracks, for a mode that this version lacks."""
     known = modes(row, version).items()
-    return next((code for code, one in known if one is mode or (one is None and mode.equatorial)), 1)
+    return next(
+        (code for code, version_mode in known if version_mode is mode or (version_mode is None and mode.equatorial)), 1
+    )
 
 
 def letters_swapped(row: Model, version: Version | None) -> bool:

@@ -1,4 +1,4 @@
-"""What a server tells of itself, compared with what it does: servers declare one thing and send another.
+"""Compares a server's declarations with its behaviour, because they can differ.
 
 The equinox of its coordinates is compared with its own altitude and azimuth, and the sense of an arrow with the way on
 which the position moves. What is declared stays in use until the user settles it; an arrow is turned round at once.
@@ -63,27 +63,27 @@ def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
 
 
 def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...] | None) -> str:
-    """Compare a new position with what is expected of it; return what contradicts, in words."""
-    here = (-place.ra, place.dec)
+    """Compare a new position with the expected one; return a description of the contradiction, or an empty text."""
+    position = (-place.ra, place.dec)
     if not mount.equatorial:
         if horizon is None:
             return ""
-        here = (horizon[0], horizon[1])
-    words = ""
+        position = (horizon[0], horizon[1])
+    text = ""
     for axis, (sense, side, since) in list(mount.expected.items()):
-        if abs(here[1]) > NEAR_POLE or axis not in mount.moving:
+        if abs(position[1]) > NEAR_POLE or axis not in mount.moving:
             del mount.expected[axis]
         elif since is None:
-            mount.expected[axis] = (sense, side, here)
-        elif abs(way := wrap180(here[axis - 1] - since[axis - 1]) * sense) > MOVED:
+            mount.expected[axis] = (sense, side, position)
+        elif abs(way := wrap180(position[axis - 1] - since[axis - 1]) * sense) > MOVED:
             del mount.expected[axis]
             if side or axis == 1 or not mount.german:  # on an unknown side of the pier the next arrow may differ
                 mount.proven.add((axis, side))
             if way < 0.0:
                 mount.senses[axis, side] = -mount.senses.get((axis, side), 1)
-                words = (
+                text = (
                     f"an arrow to the {WAYS[axis, sense]} has moved the tube to the {WAYS[axis, -sense]}: "
                     "MoveAxis counts the other way there, so arrows are turned round from now on; reversed-axes "
                     "(--reversed-axes) says so before the first arrow"
                 )
-    return words
+    return text

@@ -85,20 +85,20 @@ def _kind(mount: AlpacaDriver) -> Steps:
     return "german"
 
 
-def _ranges(told: Any) -> tuple[tuple[float, float], ...]:
-    """Return the ranges of an axis up to FASTEST; a list of single speeds is one of ranges without width."""
-    found = []
-    for one in told if isinstance(told, list) else ():
+def _ranges(listed: Any) -> tuple[tuple[float, float], ...]:
+    """Return the ranges of an axis up to FASTEST; single speeds are ranges without width."""
+    ranges = []
+    for entry in listed if isinstance(listed, list) else ():
         with suppress(KeyError, TypeError, ValueError):
-            low, high = sorted((abs(float(one["Minimum"])), abs(float(one["Maximum"]))))
+            low, high = sorted((abs(float(entry["Minimum"])), abs(float(entry["Maximum"]))))
             if high > 0.0 and low <= FASTEST:
-                found.append((low, min(high, FASTEST)))
-    return tuple(sorted(found))
+                ranges.append((low, min(high, FASTEST)))
+    return tuple(sorted(ranges))
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether it tracks and is parked. What it tells during a motion is the motion's, and not kept; what it does
-    not tell stays as it was.
+    """Read whether it tracks and is parked. Reports during a motion describe the motion, and are discarded; what it
+    does not tell stays as it was.
     """
     state = (yield from device_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")
@@ -115,6 +115,6 @@ def read_status(mount: AlpacaDriver) -> Steps:
 def status(mount: AlpacaDriver, _: op.GetStatus) -> Steps:
     """Return the Status: no server tells whether its mount is aligned, so it counts as aligned."""
     yield from read_status(mount)
-    own = mount.equatorial_mode if mount.equatorial else op.Tracking.ALTAZ
-    mode = op.Tracking.OFF if mount.tracks is False else own
+    native = mount.equatorial_mode if mount.equatorial else op.Tracking.ALTAZ
+    mode = op.Tracking.OFF if mount.tracks is False else native
     return op.Status(tracking=mode, aligned=True, equatorial=mount.equatorial, wedge=mount.model == "polar")

@@ -97,8 +97,8 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
     mount.slow.pop(axis, None)
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_FROM * asked:
-        words = f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed"
-        yield Remark(words, "speed")
+        text = f"a motion at {asked:.4g} degrees a second is done at {speed:.4g}: this mount has no nearer speed"
+        yield Remark(text, "speed")
     known = "" if mount.side_untold else side  # every arrow is compared on a side that is not told
     expected = turned(mount, axis, sense, side)
     yield from _send_rate(mount, axis, sense * mount.sign(axis, known) * speed)
@@ -110,25 +110,28 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
     axis follows the sky. Raises Refused if it has no such speed.
     """
     rates = (yield from _following(mount, side)) if on_sky else {axis: 0.0}
-    sent = {one: follows + (speed if one == axis else mount.slow.get(one, 0.0)) for one, follows in rates.items()}
-    able = {one: mount.nearest(one, rate) for one, rate in sent.items()}
+    sent = {
+        number: follows + (speed if number == axis else mount.slow.get(number, 0.0))
+        for number, follows in rates.items()
+    }
+    able = {number: mount.nearest(number, rate) for number, rate in sent.items()}
     off = abs(able[axis] - sent[axis])
     if on_sky and off > abs(speed) / 2.0:
         raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
     if off > REMARK_FROM * abs(speed):
-        words = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"
-        yield Remark(words, "speed")
+        text = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"
+        yield Remark(text, "speed")
     if not mount.suspended:
         yield from order(mount, "set_tracking", on=False)
         mount.suspended = True
         yield from _go_on(mount)
     mount.slow[axis] = speed
-    for one, rate in able.items():
-        if one != axis and one not in mount.slow:
-            if one in mount.moving and one not in mount.following:
+    for number, rate in able.items():
+        if number != axis and number not in mount.slow:
+            if number in mount.moving and number not in mount.following:
                 continue  # it is moved faster
-            mount.following[one] = rate
-        yield from _send_rate(mount, one, mount.sign(one, "" if mount.side_untold else side) * rate)
+            mount.following[number] = rate
+        yield from _send_rate(mount, number, mount.sign(number, "" if mount.side_untold else side) * rate)
     return None
 
 
@@ -183,10 +186,10 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
         yield from _send_rate(mount, axis, mount.sign(axis, "") * mount.following[axis])
         return
     moved = axis in mount.moving
-    for one in sorted({axis, *(() if mount.slow else mount.following)}):
-        yield Send("moveaxis", {"axis": one - 1, "rate": 0.0})
-        mount.following.pop(one, None)
-        mount.moving.pop(one, None)
+    for number in sorted({axis, *(() if mount.slow else mount.following)}):
+        yield Send("moveaxis", {"axis": number - 1, "rate": 0.0})
+        mount.following.pop(number, None)
+        mount.moving.pop(number, None)
     if mount.suspended and not mount.slow:
         yield from resume_tracking(mount)
         yield from _go_on(mount)
@@ -242,8 +245,8 @@ def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
     """Guide by a motor's sense. At another rate than the mount's, the pulse is shorter or longer."""
     sense = turned(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
-    own = mount.rates[operation.axis - 1]
-    ms = operation.ms * (own if operation.rate is None else operation.rate) / own
+    default = mount.rates[operation.axis - 1]
+    ms = operation.ms * (default if operation.rate is None else operation.rate) / default
     return (yield from _pulse(mount, op.Direction(directions[operation.axis, sense]), round(ms)))
 
 
@@ -305,8 +308,8 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
             return
         yield Wait(LOOK_AGAIN)
     if operation.heard:
-        words = "on" if operation.on else "off"
-        raise Refused(f"The mount did not turn tracking {words}: it reports the same as before.")
+        state = "on" if operation.on else "off"
+        raise Refused(f"The mount did not turn tracking {state}: it reports the same as before.")
 
 
 def unpark(mount: AlpacaDriver, _: op.Unpark) -> Steps:

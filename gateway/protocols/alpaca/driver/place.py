@@ -46,8 +46,8 @@ def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
     began, mount.zone = mount.now(), operation.offset
     yield from order(mount, "set_utcdate", unix=operation.unix)
     for _look in range(LOOKS):
-        told = (yield Send("utcdate"))["unix"]
-        if abs(told - operation.unix - (mount.now() - began)) < SAME_TIME:
+        reported = (yield Send("utcdate"))["unix"]
+        if abs(reported - operation.unix - (mount.now() - began)) < SAME_TIME:
             return
         yield Wait(LOOK_AGAIN)
     raise Refused("The server has accepted the time and keeps its own.")

@@ -1,7 +1,7 @@
 """Positions, gotos, syncs, park and home.
 
-A server tells by number that a mount is parked. Why it refused anything else is found by asking what else could be the
-reason; its own text is passed on word for word. An order that is not answered soon may have been taken all the same:
+A server reports a parked mount by an error number. For any other refusal the driver reads the possible reasons, and
+passes on the text of the server unchanged. An order that is not answered soon may have been taken all the same:
 old servers answer when the motion has ended, so whether the mount slews decides.
 """
 
@@ -36,7 +36,7 @@ EITHER_SIDE = 10.0
 #: Orders that ASCOM allows only while the mount tracks; those whose refusal is not explained by a parked mount.
 WHILE_TRACKING = ("slewtocoordinates", "slewtocoordinatesasync", "synctocoordinates")
 OF_PARKED = ("unpark", "set_tracking")
-#: What a program is told of a parked mount, and of a refusal for which no reason is found.
+#: The messages for a parked mount, and for a refusal without a known reason.
 PARKED = "The mount is parked: unpark it first (mount-gateway unpark)."
 REFUSED = "The mount refused this."
 
@@ -54,10 +54,10 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
         ra, since = (yield Send("rightascension"))["ra"], mount.now()
         place = ra / 15.0, (yield Send("declination"))["dec"]
         mount.read_at = since, mount.now()
-    here = op.Equatorial(*fold_declination(place[0] * 15.0, place[1]))
-    if mount.expected and (words := observe(mount, here, _numbers(state, "Azimuth", "Altitude"))):
-        yield Remark(words)
-    return here
+    present = op.Equatorial(*fold_declination(place[0] * 15.0, place[1]))
+    if mount.expected and (contradiction := observe(mount, present, _numbers(state, "Azimuth", "Altitude"))):
+        yield Remark(contradiction)
+    return present
 
 
 def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
@@ -158,8 +158,8 @@ def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial
     return type(fault)(_with_text(REFUSED, fault))
 
 
-def _with_text(words: str, fault: Fault) -> str:
-    return f'{words} Its server says: "{fault}"'
+def _with_text(text: str, fault: Fault) -> str:
+    return f'{text} Its server says: "{fault}"'
 
 
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
@@ -274,20 +274,20 @@ def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
 
 
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
-    """Send the mount to its own park position; there it does not track."""
+    """Send the mount to its park position, where it does not track."""
     yield from stop_current_motion(mount)
     yield from _begin(mount, order(mount, "park"), then="park")
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
-    """Send the mount to its own home position."""
+    """Send the mount to its home position."""
     yield from stop_current_motion(mount)
     mount.home_state = 0
     yield from _begin(mount, order(mount, "findhome"), then="home")
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
-    """Raise Unsupported: only the mount's own software stores its home position."""
+    """Raise Unsupported: only the software of the mount stores its home position."""
     yield from ()
     raise Unsupported("The home position of this mount is set by its own software.")
 

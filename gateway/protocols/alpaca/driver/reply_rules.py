@@ -41,7 +41,7 @@ class AlpacaReplyRules:
         question = self.protocol.commands[ask.command].question
         return Expected(None, TIMEOUT, unterminated=False, gives_way=0.0 if question else ORDER_GIVES_WAY)
 
-    def ambiguous_with(self, one: Send, other: Send) -> bool:
+    def ambiguous_with(self, sent: Send, other: Send) -> bool:
         return False
 
     def as_written(self, command: str, reply: bytes) -> bytes:

@@ -1,6 +1,6 @@
 """What the driver knows of a telescope behind an Alpaca server: its abilities, as it tells them, and what it has begun.
 
-Nothing is assumed: what the server does not have, or reports that the mount cannot do, is refused in words.
+Nothing is assumed: the driver refuses, with a message, what the server lacks or reports as impossible.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.in
 KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
 #: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
 SLOW = 0.1
-#: The greatest speed that is used, degrees a second: no limit could be kept beyond it.
+#: The greatest speed that is used, degrees a second: beyond it the gateway could not enforce limits.
 FASTEST = 8.0
 #: Words of ``reversed-axes`` -> axes.
 REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
@@ -68,8 +68,8 @@ class AlpacaDriver(Driver):
         self.home_state = 0
         #: Local time minus UTC, hours, as it was set last: no server has a zone.
         self.zone = 0.0
-        #: Whether it tracks when nothing moves it, as told or ordered last; None until it is told. Until the end of a
-        #: motion has been looked at, or at the latest until this time, what is told may be the motion's.
+        #: Whether it tracks when nothing moves it, by the last report or order; None before. A report may be that of a
+        #: motion until its end was observed, or at the latest until this time.
         self.tracks: bool | None = None
         self.doubted_until = -math.inf
         #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
@@ -81,14 +81,14 @@ class AlpacaDriver(Driver):
         self.following: dict[int, float] = {}
         #: The axes that are moved by guide pulses, and their directions.
         self.pulsed: dict[int, op.Direction] = {}
-        #: Whether a motion by hand was the last one: the server may tell of it until the motors stand still.
+        #: Whether the last motion was by hand: the server may report it until the motors stand still.
         self.by_hand = False
         #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
         self.reversed = REVERSED.get(settings.reversed_axes or "")
         self.line_was_lost()
 
     def line_was_lost(self) -> None:
-        """Forget what the server has told of itself: another one may listen there now."""
+        """Forget the reports of the server: another server may listen at this address now."""
         #: Members that the server does not have, and requests that the mount cannot carry out; members that it has.
         self.absent: set[str] = set()
         self.present: set[str] = set()
@@ -114,7 +114,7 @@ class AlpacaDriver(Driver):
 
     @property
     def facts(self) -> Model:
-        """The row of its kind of mount; one that does not tell its kind counts as a German mount."""
+        """The row of its kind of mount; a mount of unknown kind counts as a German mount."""
         return self.protocol.models[self.model or "german"]
 
     @property
@@ -142,7 +142,7 @@ class AlpacaDriver(Driver):
         return axis in self.moving or self.movable.get(axis, True)
 
     def supports(self, name: str) -> bool:
-        """Whether the mount can carry out a request, as far as the server has told."""
+        """Whether the mount can carry out a request, as far as the server has reported."""
         if name == "moveaxis" and self.ranges:
             return any(self.ranges.values())
         return name not in self.absent and super().supports(name)
@@ -180,11 +180,11 @@ class AlpacaDriver(Driver):
     def tells_side(self) -> bool:  # type: ignore[override]
         return not self.side_untold
 
-    def tube_side(self, told: str) -> str | None:
-        return (told or None) if self.german else None
+    def tube_side(self, reported: str) -> str | None:
+        return (reported or None) if self.german else None
 
     def fastest(self, axis: int | None = None) -> float:
-        several = [high for one, ranges in self.ranges.items() if axis in (None, one) for _, high in ranges]
+        several = [high for of_axis, ranges in self.ranges.items() if axis in (None, of_axis) for _, high in ranges]
         return min(FASTEST, max(several, default=FASTEST))
 
     def speed(self, rate: op.Rate) -> float:
@@ -196,7 +196,7 @@ class AlpacaDriver(Driver):
         if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
             return False
         sums = (SIDEREAL + wanted, SIDEREAL - wanted)
-        return any(abs(self.nearest(1, one) - one) > wanted / 2.0 for one in sums)
+        return any(abs(self.nearest(1, total) - total) > wanted / 2.0 for total in sums)
 
     def wanted(self, rate: op.Rate) -> float:
         """Return the speed that a hand rate means, degrees a second."""
@@ -212,7 +212,7 @@ class AlpacaDriver(Driver):
         return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
 
     def nearest(self, axis: int, rate: float) -> float:
-        """Return the signed rate nearest to this one that the axis has, or 0; degrees a second."""
+        """Return the signed rate of the axis that is nearest to a rate, or 0; degrees a second."""
         low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
         return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
 
@@ -224,7 +224,7 @@ class AlpacaDriver(Driver):
 def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
     """Return the value of a member, or something else if the server does not have it, or fails to read it.
 
-    It is not asked for again if the server says that it does not have it, and has not told it before.
+    It is not requested again if the server reports that it lacks it, and has never sent it.
     """
     if member in mount.absent:
         return otherwise
@@ -253,8 +253,8 @@ def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: ob
 
 
 def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = told) -> Steps:
-    """Return what the server tells of the mount in one answer, by name; empty if it has no such answer, or fails."""
+    """Return all values that the server reports in one answer, by name; empty if it has no such answer, or fails."""
     listed = yield from ask(mount, "devicestate", [])
     if not isinstance(listed, list):
         return {}
-    return {str(one.get("Name")): one.get("Value") for one in listed if isinstance(one, dict)}
+    return {str(entry.get("Name")): entry.get("Value") for entry in listed if isinstance(entry, dict)}

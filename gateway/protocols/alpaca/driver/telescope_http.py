@@ -42,21 +42,21 @@ class TelescopeHttp:
 
     def opened(self, request: HttpRequest, status: int, body: bytes) -> None:
         """Look whether there is a telescope, and which gateways are on the way to it. Raises OSError."""
-        told: Any = None
+        answer: Any = None
         if status == OK:
             with suppress(ValueError):
-                told = json.loads(body)
+                answer = json.loads(body)
         if request.path == DESCRIPTION:  # some servers have none
-            value = told.get("Value") if isinstance(told, dict) else None
+            value = answer.get("Value") if isinstance(answer, dict) else None
             check(self._url, value if isinstance(value, dict) else {})
-        elif not isinstance(told, dict):
+        elif not isinstance(answer, dict):
             which = f"it has no telescope {self._number} (HTTP status {status})"
             raise OSError(errno.ENODEV, f"no Alpaca server is there, or {which}")
 
     def request(self, line: bytes) -> HttpRequest:
-        verb, member, *words = line.decode("ascii").split()
+        verb, member, *arguments = line.decode("ascii").split()
         fields = {}
-        for word in words:
+        for word in arguments:
             name, _, value = word.partition("=")
             fields[name] = value.capitalize() if value in ("true", "false") else unquote(value)
         ends = member == "abortslew" or (member == "moveaxis" and not float(fields["Rate"]))

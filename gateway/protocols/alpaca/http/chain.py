@@ -1,6 +1,6 @@
-"""Which gateways stand between a program and the mount: each adds a token of its own to its server's description.
+"""The gateways between a program and the mount: each adds its token to its server's description.
 
-A gateway whose mount has its own token behind it would drive itself, directly or through others; it refuses that mount.
+A gateway that finds its token in the description of its mount would drive itself; it refuses that mount.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def tokens() -> list[str]:
 
 def check(where: str, description: Mapping[str, Any]) -> None:
     """Note the gateways behind a mount's server. Raises OSError if this one is among them."""
-    told = description.get(MEMBER)
-    behind = [token for token in told if isinstance(token, str)] if isinstance(told, list) else []
+    listed = description.get(MEMBER)
+    behind = [token for token in listed if isinstance(token, str)] if isinstance(listed, list) else []
     if own(os.getpid()) in behind:
         raise OSError(errno.ELOOP, "the mount there is this very gateway, directly or through another one")
     _behind[where] = behind

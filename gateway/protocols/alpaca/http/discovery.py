@@ -45,10 +45,10 @@ def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[by
     if not question.startswith(QUESTION):
         return
     theirs = ip_address(asker.partition("%")[0])
-    own = theirs.is_loopback or theirs in (address for _, address in interface_addresses())
+    local = theirs.is_loopback or theirs in (address for _, address in interface_addresses())
     for host, port in places:
         ours = ip_address(host.partition("%")[0])
-        if (own or not ours.is_loopback) and (ours.version == theirs.version or host == "::"):
+        if (local or not ours.is_loopback) and (ours.version == theirs.version or host == "::"):
             yield json.dumps({"AlpacaPort": port}).encode()
 
 
@@ -59,7 +59,7 @@ async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callabl
     if any(":" in host for host, _ in places):
         with contextlib.suppress(OSError):  # without IPv6, answer over IPv4 only
             sockets.append(_ipv6(port))
-    made = [await loop.create_datagram_endpoint(lambda: _Answering(places), sock=one) for one in sockets]
+    made = [await loop.create_datagram_endpoint(lambda: _Answering(places), sock=sock) for sock in sockets]
 
     def end() -> None:
         for transport, _ in made:

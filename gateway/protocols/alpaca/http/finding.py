@@ -36,9 +36,9 @@ async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMoun
 
     places = await _discover(port) if urls is None else [_place(url) for url in urls]
     async with ClientSession(timeout=ClientTimeout(total=LONGEST)) as session:
-        found = await asyncio.gather(*(_telescopes(session, *place) for place in places))
+        answers = await asyncio.gather(*(_telescopes(session, *place) for place in places))
     mounts: dict[str, OfferedMount] = {}
-    for mount in sorted((one for several in found for one in several), key=_local_first):
+    for mount in sorted((telescope for several in answers for telescope in several), key=_local_first):
         mounts.setdefault(mount.identifier.casefold() or mount.where, mount)
     return list(mounts.values())
 

@@ -153,8 +153,8 @@ class Device:
         try:
             reply = _parsed(await program.ask(asked.line, stop))
             if not reply["ErrorNumber"] and member(asked.command.name).arrival:
-                words = await _arrival(self.programs.extra_connection(host, asked.client))
-                reply = refused(Refused(words)) if words else reply
+                refusal = await _arrival(self.programs.extra_connection(host, asked.client))
+                reply = refused(Refused(refusal)) if refusal else reply
         except NoAnswerInTime as error:
             reply = refused(NoAnswer(str(error)))
         return reply

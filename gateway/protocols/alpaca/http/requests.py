@@ -31,8 +31,8 @@ Pairs = Sequence[tuple[str, str]]
 class BadRequest(Exception):
     """The request is invalid; ``allow`` names the methods of this member if another one was used."""
 
-    def __init__(self, words: str, allow: str = "") -> None:
-        super().__init__(words)
+    def __init__(self, text: str, allow: str = "") -> None:
+        super().__init__(text)
         self.allow = allow
 
 
@@ -55,31 +55,31 @@ class Signature(NamedTuple):
 @cache
 def signatures() -> Mapping[tuple[str, str], Signature]:
     """(method in lower case, member) -> signature."""
-    found = {}
+    table = {}
     for command in load("alpaca").commands.values():
         source = str(command.request.source)
         verb, member = source.split()[:2]
-        found[verb, member] = Signature(command, tuple(name for name, _ in _PARAMETER.findall(source)))
-    return found
+        table[verb, member] = Signature(command, tuple(name for name, _ in _PARAMETER.findall(source)))
+    return table
 
 
 def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
     """Convert a request with these parameters. Raises BadRequest."""
     verb = method.lower()
-    found = signatures().get((verb, member))
-    if found is None:
+    match = signatures().get((verb, member))
+    if match is None:
         others = [known for known in ("get", "put") if (known, member) in signatures()]
         if others:
             raise BadRequest(f"{member} has no {method}", allow=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
     given = _Given(pairs, any_case=verb == "get")
-    words = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in found.parameters]
-    line = " ".join([verb, member, *words]).encode("ascii") + b"\n"
+    fields = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in match.parameters]
+    line = " ".join([verb, member, *fields]).encode("ascii") + b"\n"
     try:
-        found.command.request.decode(line)
+        match.command.request.decode(line)
     except (ValueError, OverflowError) as error:
         raise BadRequest(f"{member}: {error}") from None
-    return Asked(line, found.command, *client_numbers(pairs, any_case=verb == "get"))
+    return Asked(line, match.command, *client_numbers(pairs, any_case=verb == "get"))
 
 
 def client_numbers(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:

@@ -88,8 +88,8 @@ class AlpacaServer:
     def _devices(self, request: web.Request) -> list[Device]:
         """Return the devices of the port at which a request has come."""
         port = local_address(request)[1]
-        own = [device for device in self._every if device.web.port == port]
-        return own or [device for device in self._every if not device.web.port]
+        offered = [device for device in self._every if device.web.port == port]
+        return offered or [device for device in self._every if not device.web.port]
 
     def _device(self, request: web.Request) -> Device:
         """Return the device of the address. Raises BadRequest."""
@@ -116,9 +116,9 @@ class AlpacaServer:
              "UniqueID": _unique_id(device.web.title)}
             for number, device in enumerate(self._devices(request))
         ]  # fmt: skip
-        told = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
+        values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
         _, transaction = client_numbers(list(request.query.items()), any_case=True)
-        value = told[request.match_info["about"]]
+        value = values[request.match_info["about"]]
         return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))
 
     async def _setup(self, request: web.Request) -> web.StreamResponse:

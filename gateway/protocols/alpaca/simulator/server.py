@@ -89,8 +89,8 @@ class SimulatedAlpaca(AlpacaTelescope):
     def answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame.startswith((b"get ", b"put ")):
             asked = self._lines.request(frame)
-            words = urlencode(asked.fields)
-            status, text = self.request(asked.method, f"{asked.path}?{words}", words.encode())
+            query = urlencode(asked.fields)
+            status, text = self.request(asked.method, f"{asked.path}?{query}", query.encode())
             reply = self._lines.reply(status, text.encode())
         else:
             head, _, body = frame.partition(b"\r\n\r\n")
@@ -140,8 +140,8 @@ class SimulatedAlpaca(AlpacaTelescope):
             return self._management(path)
         member, known, which = path.removeprefix(DEVICE), rows(), rows()["which"]
         wants = known["put"].get(member) if method == "PUT" else known["get"].get(member, {})
-        there = wants is not None if method == "PUT" else method == "GET" and readable(member)
-        if member == path or wants is None or not there or (member in which["platform7"] and self.platform < 7):
+        exists = wants is not None if method == "PUT" else method == "GET" and readable(member)
+        if member == path or wants is None or not exists or (member in which["platform7"] and self.platform < 7):
             raise NotUnderstood(f"There is no {method} {path}")
         if method == "GET":
             given = {name.lower(): value for name, value in given.items()}
@@ -166,9 +166,9 @@ class SimulatedAlpaca(AlpacaTelescope):
                   "Location": "nowhere"}  # fmt: skip
         device = {"DeviceName": f"Simulated {self.model}", "DeviceType": "Telescope", "DeviceNumber": 0,
                   "UniqueID": self.unique_id}  # fmt: skip
-        told = {"apiversions": [1], "v1/description": server, "v1/configureddevices": [device]}
+        values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": [device]}
         try:
-            return told[path.removeprefix("/management/")]
+            return values[path.removeprefix("/management/")]
         except KeyError:
             raise NotUnderstood(f"There is no {path}") from None
 

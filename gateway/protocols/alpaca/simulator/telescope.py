@@ -44,8 +44,8 @@ FASTEST = 4.0
 class AlpacaError(Exception):
     """An error with a number, which the server sends with HTTP status 200."""
 
-    def __init__(self, number: int, words: str) -> None:
-        super().__init__(words)
+    def __init__(self, number: int, text: str) -> None:
+        super().__init__(text)
         self.number = number
 
 
@@ -164,8 +164,8 @@ class AlpacaTelescope(Simulated):
 
     def place(self) -> Pair:
         """Return right ascension and declination as it sends them, degrees."""
-        here = fold_declination(*self.mechanics.believed(self.now))
-        return self._ephemeris.to_j2000(*here, self.utc()) if self.sends_j2000 else here
+        position = fold_declination(*self.mechanics.believed(self.now))
+        return self._ephemeris.to_j2000(*position, self.utc()) if self.sends_j2000 else position
 
     def horizon(self) -> Pair:
         """Return azimuth and altitude, degrees."""
@@ -202,9 +202,9 @@ class AlpacaTelescope(Simulated):
             raise AlpacaError(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
         ranged(azimuth, 0.0, 360.0, "Azimuth")
         self._reachable(ranged(altitude, -90.0, 90.0, "Altitude"))
-        there = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
+        goal = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
         geometry, correction = self.mechanics.geometry, self.mechanics.correction
-        first, second = geometry.axes(*there, geometry.other_side(there[0]))
+        first, second = geometry.axes(*goal, geometry.other_side(goal[0]))
         self.go((wrap360(first - correction[0]), second - correction[1]))
 
     def _reachable(self, altitude: float) -> None:

@@ -1,6 +1,6 @@
 """The session of an Alpaca program, the conditions of its requests, and the ranges of their parameters.
 
-A program must be connected to change anything; one that has never said whether it is may read. For some requests the
+Only a connected program may change anything; a program that has never connected may read. For some requests the
 mount must not be parked. Every request is answered, also a refused one.
 """
 
@@ -58,8 +58,8 @@ class AlpacaSurface(Surface):
 def _admitted(session: Session, command: Command) -> Handling:
     """Check the conditions of a member. Raises Fault if one is not met."""
     assert isinstance(session, AlpacaSession)
-    needs, kept = member(command.name), session.client
-    if not (needs.always or kept.connected or (kept.connected is None and reads(command))):
+    needs, client = member(command.name), session.client
+    if not (needs.always or client.connected or (client.connected is None and reads(command))):
         raise NotConnected
     if needs.unparked and (yield GetActivity()).parked:
         raise Parked
@@ -67,7 +67,7 @@ def _admitted(session: Session, command: Command) -> Handling:
         if not needs.tracking and SetTracking.__name__ not in (yield GetAbilities()).can:
             raise Unsupported("This mount cannot stop tracking, which a goto over the horizon needs.")
         tracks = (yield GetStatus()).tracking is not Tracking.OFF
-        if tracks is not needs.tracking and not (needs.tracking and kept.no_tracking):
+        if tracks is not needs.tracking and not (needs.tracking and client.no_tracking):
             raise Refused(
                 "The mount tracks: set Tracking to false first." if tracks
                 else "The mount does not track: set Tracking to true first."
@@ -98,5 +98,5 @@ def place(values: Values) -> tuple[float, float]:
 
 def axis(values: Values) -> int:
     """Return 0 for the first axis, 1 for the second, 2 for a third one, which no mount has. Raises Invalid."""
-    found: int = within(values, "axis", "Axis", 0, 2)
-    return found
+    number: int = within(values, "axis", "Axis", 0, 2)
+    return number

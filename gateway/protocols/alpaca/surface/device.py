@@ -15,7 +15,7 @@ from gateway.protocols.base.wants import CheckPossible, Handling, given
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
-#: The action that tells why the last goto ended before its goal, in words, until the next order; else an empty text.
+#: The action that explains why the last goto ended before its goal, until the next order; else an empty text.
 ENDED_SHORT = "GotoEndedShort"
 
 
@@ -68,11 +68,11 @@ def name() -> Handling:
 def description() -> Handling:
     """Return the mount's product name, model and version."""
     try:
-        found: op.Identity = yield op.GetIdentity()
+        identity: op.Identity = yield op.GetIdentity()
     except Fault:
         return "A mount that has not answered yet, by mount-gateway"
-    version = f" {found.version}" if found.version not in ("", "?") else ""
-    return f"{found.product}, {found.model}{version}, by mount-gateway"
+    version = f" {identity.version}" if identity.version not in ("", "?") else ""
+    return f"{identity.product}, {identity.model}{version}, by mount-gateway"
 
 
 def driver_version() -> dict[str, str]:

@@ -101,10 +101,10 @@ def unpark() -> Handling:
             yield op.SetTracking(True)
 
 
-def _needs(operation: type[op.Operation], words: str) -> Handling:
+def _needs(operation: type[op.Operation], reason: str) -> Handling:
     """Raise Unsupported if the mount can never do this: at once, whatever it is busy with."""
     if operation.__name__ not in (yield op.GetAbilities()).can:
-        raise Unsupported(words)
+        raise Unsupported(reason)
 
 
 def move_axis(values: Values) -> Handling:

@@ -28,12 +28,12 @@ GLANCE = 0.5
 
 def tell(mount: Lx200Driver, glance: Send | None = None) -> Steps:
     """:GU or :GW, or this ``glance`` -> Told; a reply of a moment ago serves again if nothing was ordered since."""
-    if mount.told is None or mount.now() - mount.told[0] > SHARED:
+    if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
         answer = (yield glance) if glance is not None else (yield from ask(mount, form["command"]))
-        told = _by_letters(mount, form, answer["letters"]) if "letters" in answer else _by_places(answer)
-        mount.told = mount.now(), told
-    return mount.told[1]
+        state = _by_letters(mount, form, answer["letters"]) if "letters" in answer else _by_places(answer)
+        mount.reported = mount.now(), state
+    return mount.reported[1]
 
 
 def _by_places(answer: dict[str, Any]) -> Told:
@@ -91,12 +91,12 @@ def learn_speeds(mount: Lx200Driver) -> Steps:
                 mount.own_speeds[name] = number * times * SPEEDS["RG"]
     rates = mount.dialect["pulses"]["rates"]
     if not mount.guide_rate_chosen:
-        own = mount.pulse_rate if mount.pulse_rate in rates else str(rates[-1])
-        mount.guide_rate = mount.speeds.get(own or "", SPEEDS["RG"]) / SPEEDS["RG"]
+        rate = mount.pulse_rate if mount.pulse_rate in rates else str(rates[-1])
+        mount.guide_rate = mount.speeds.get(rate or "", SPEEDS["RG"]) / SPEEDS["RG"]
 
 
 def _number(mount: Lx200Driver, command: str) -> Steps:
-    """Return a number that the mount tells; None if it tells none."""
+    """Return a number that the mount reports; None if it reports none."""
     with contextlib.suppress(ValueError):
         try:
             return float((yield Send(command, patience=OWN_PATIENCE))["speed"]) or None
@@ -107,7 +107,7 @@ def _number(mount: Lx200Driver, command: str) -> Steps:
 
 
 class KeepOn(Operation, frozen=True):
-    """Internal: see whether the arrow of this axis, pressed then, still moves the mount, as it was last seen to do."""
+    """Internal: check whether the arrow of this axis, pressed then, still moves the mount, as last observed."""
 
     axis: int
     pressed: float
@@ -115,7 +115,7 @@ class KeepOn(Operation, frozen=True):
 
 
 def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
-    """Look later whether an arrow moves the mount, if the controller ends one by itself."""
+    """Check later whether an arrow moves the mount, if its controller can end arrows by itself."""
     if "arrows" in mount.dialect and mount.tells_status:
         yield Schedule(LOOK_FIRST, KeepOn(axis, mount.now(), mount.now()))
 
@@ -129,22 +129,22 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:
         return
-    mount.told, form, patience = None, mount.dialect["status"], max(GLANCE, 2.0 * mount.reply_time)
+    mount.reported, form, patience = None, mount.dialect["status"], max(GLANCE, 2.0 * mount.reply_time)
 
     def shows_motion(reply: Mapping[str, object]) -> bool:
         return not set(form["moves"]).isdisjoint(str(reply.get("letters")))
 
     try:
-        told = yield from tell(mount, Send(form["command"], patience=patience, unverified=shows_motion))
+        state = yield from tell(mount, Send(form["command"], patience=patience, unverified=shows_motion))
     except (Silence, Garbled):
         yield Schedule(LOOK_AGAIN, operation)
         return
     if mount.moving.get(axis) != letter or mount.rate_sent is None:  # somebody has released it meanwhile
         return
     ends = operation.pressed + mount.dialect["arrows"]["end"]
-    if told.moves:
+    if state.moves:
         yield Schedule(LOOK_AGAIN, replace(operation, seen=mount.now()))
-    elif told.fault or not operation.seen < ends < mount.now():
+    elif state.fault or not operation.seen < ends < mount.now():
         del mount.moving[axis]
         yield Remark("the mount has ended the arrow, by a limit of its own or at its keypad: it is not pressed again")
     else:

@@ -56,8 +56,8 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
             return
         yield Wait(_LOOK_AGAIN)
     if operation.heard:
-        words = "on" if operation.on else "off"
-        raise Refused(f"The mount did not turn tracking {words}: it reports the same as before.")
+        state = "on" if operation.on else "off"
+        raise Refused(f"The mount did not turn tracking {state}: it reports the same as before.")
 
 
 def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:

@@ -73,8 +73,8 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
     if mount.dialect:
         if mount.goto is not None and mount.goto.then:
             return 2
-        told = yield from tell(mount)
-        return int(told.home or told.parked)
+        state = yield from tell(mount)
+        return int(state.home or state.parked)
     return int((yield from ask(mount, "h?"))["state"])
 
 

@@ -71,7 +71,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if mount.dialect:
         yield from learn_speeds(mount)
     if mount.model == "other":
-        unknown = [words for command, words in UNKNOWN.items() if command in mount.mute]
+        unknown = [text for command, text in UNKNOWN.items() if command in mount.mute]
         unnamed = load("lx200").by_product(mount.product) == "other"
         known = "which is not known here" if unnamed else "and does not tell its state (a TeenAstro does from 1.5.1 on)"
         yield Remark(
@@ -98,7 +98,7 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
         ra, dec = (yield from ask(mount, "GR"))["ra"], (yield from ask(mount, "GD"))["dec"]
         places.append(Equatorial(ra, dec))
         yield Wait(STILL)
-    moved = max(max(abs(wrap180(one.ra - ra)), abs(one.dec - dec)) for one in places)
+    moved = max(max(abs(wrap180(place.ra - ra)), abs(place.dec - dec)) for place in places)
     mount.pushed = moved < mount.resolution
     if mount.pushed:
         yield Remark(PUSHED)
@@ -151,7 +151,7 @@ def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
     One of another maker is not switched: it has questions that are answered in high precision whatever was chosen. One
-    that does not answer these, such as a TeenAstro before 1.5, is taken for one that is not known.
+    that does not answer these, such as a TeenAstro before 1.5, counts as unknown.
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
@@ -189,14 +189,14 @@ def read_status(mount: Lx200Driver) -> Steps:
     if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
         mount.tells_status = (yield from _probe(mount, command)) is not None
     if mount.dialect and mount.tells_status:
-        mount.told = None
-        told = yield from tell(mount)
-        _learn_letter(mount, told.build or mount.home_letter)
+        mount.reported = None
+        state = yield from tell(mount)
+        _learn_letter(mount, state.build or mount.home_letter)
         mount.aligned, mount.land = True, False
         if mount.goto is None:
-            mount.parked = told.parked
+            mount.parked = state.parked
         if mount.goto is None and not mount.moving:
-            mount.tracking = native_mode(mount) if told.tracks else Tracking.OFF
+            mount.tracking = native_mode(mount) if state.tracks else Tracking.OFF
         return None
     answer = (yield from ask(mount, "GW")) if mount.tells_status else None
     if answer is not None:

@@ -169,8 +169,8 @@ def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
     letter = moved or pulsed
     if moved != "" or pulsed:
         letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
-        for one in letters:
-            yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
+        for sense in letters:
+            yield from end(mount, f"Q{sense}", (operation.axis,), letter is not None)
     if operation.axis == 1:
         yield from restore_drive_rate(mount)
     yield from restore_rates_later(mount)

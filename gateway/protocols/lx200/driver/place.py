@@ -62,11 +62,11 @@ def gps(mount: Lx200Driver, _: GetGps) -> Steps:
     """:gps until a sentence has site and time -> Gps; a receiver that is silent or off has no fix."""
     for _attempt in range(SENTENCES):
         try:
-            seen = fix((yield Send("gps", patience=NEXT_SENTENCE))["text"])
+            position = fix((yield Send("gps", patience=NEXT_SENTENCE))["text"])
         except (Silence, Busy):
             break
-        if seen is not None:
-            return seen
+        if position is not None:
+            return position
     return Gps(linked=False)
 
 
@@ -108,7 +108,7 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
 
 def _see_clock(mount: Lx200Driver, ahead: float) -> Steps:
     """Read the clock that was set: ``ahead`` of the driver's own by so many seconds. Raises Refused if it differs."""
-    told = yield from get_clock(mount, GetClock())
-    if abs(told.unix - mount.now() - ahead) > CLOCK_DIFFERS:
-        shown = datetime.fromtimestamp(told.unix, UTC)
+    moment = yield from get_clock(mount, GetClock())
+    if abs(moment.unix - mount.now() - ahead) > CLOCK_DIFFERS:
+        shown = datetime.fromtimestamp(moment.unix, UTC)
         raise Refused(f"The mount did not take the time: it reports {shown:%Y-%m-%d %H:%M:%S} UTC.")

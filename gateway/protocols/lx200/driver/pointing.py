@@ -76,21 +76,21 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
     """
     nearest = math.inf
     for _ in range(tries):
-        one = yield from ask(mount, first)
+        value = yield from ask(mount, first)
         since = mount.now()
         other = yield from ask(mount, second)
         mount.read_at = since, mount.now()
         nearest = min(nearest, mount.now() - since)
         if mount.now() - since <= max(INSTANT, SLOWER * mount.reply_time):
-            return one, other, True
+            return value, other, True
     mount.reply_time = nearest
-    return one, other, False
+    return value, other, False
 
 
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
 
-    Without a goto that was ordered, the telescope is asked only while it moves nevertheless: it may be one of its keys.
+    Without a pending goto, the gateway asks only while the telescope moves: a key of its hand control may move it.
     """
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -112,10 +112,10 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     mount.goto = None
     mount.parked = state.then == "park"
     if state.then and mount.dialect and mount.tells_status:
-        mount.told = None
-        told = yield from tell(mount)
-        mount.parked = told.parked
-        if not (told.parked if state.then == "park" else told.home):
+        mount.reported = None
+        status = yield from tell(mount)
+        mount.parked = status.parked
+        if not (status.parked if state.then == "park" else status.home):
             place = "parked" if state.then == "park" else "at its home"
             yield Remark(f"the mount stands still, and reports that it is not {place}")
     return False
@@ -126,8 +126,8 @@ def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
 
     One that tells its state has bars that are true: a goto of an OnStep may wait for a person at the meridian.
     """
-    told = mount.dialect and mount.tells_status
-    return state.then is None and not told and state.read - state.moved > STANDS
+    reports = mount.dialect and mount.tells_status
+    return state.then is None and not reports and state.read - state.moved > STANDS
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:
@@ -181,10 +181,10 @@ def _order(mount: Lx200Driver, command: str) -> Steps:
 def _bars(mount: Lx200Driver) -> Steps:
     """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches."""
     if mount.goto is not None and mount.goto.then and mount.dialect and mount.tells_status:
-        mount.told = None
-        told = yield from tell(mount)
-        if told.slews is not None:
-            return told.slews or told.moves
+        mount.reported = None
+        status = yield from tell(mount)
+        if status.slews is not None:
+            return status.slews or status.moves
     return bool((yield from ask(mount, "D"))["bars"].strip())
 
 

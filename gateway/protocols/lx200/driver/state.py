@@ -1,4 +1,4 @@
-"""What the driver knows of the Meade it has found, and its state between two operations."""
+"""The state of the driver between two operations: the identified telescope, its settings and its motions."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Told(Struct, frozen=True):
 
 
 class Lx200Driver(Driver):
-    """A Meade telescope, or another maker's in a dialect of its own. ``now`` is a monotonic clock, seconds."""
+    """A Meade telescope, or another maker's with its dialect. ``now`` is a monotonic clock, seconds."""
 
     takes_site_aligned = True
     patience = OWN_PATIENCE
@@ -93,7 +93,7 @@ class Lx200Driver(Driver):
         self.named_model = settings.model
         self.take_for(settings.model)
         self.product, self.firmware = "", ""
-        #: Whether it replies in low precision; one of another maker is then asked and sent the second form of a row.
+        #: Whether it replies in low precision; another maker's mount then gets the second form of a row.
         self.low = False
         # alignment and tracking
         self.home_letter = "A"  # the mounting in :GW# or ACK: A, P or G
@@ -139,7 +139,7 @@ class Lx200Driver(Driver):
         #: Whether a motion in right ascension has changed the drive rate.
         self.drive_changed = False
         # of another maker's: the state that it has told, and when; its own speeds, degrees per second
-        self.told: tuple[float, Told] | None = None
+        self.reported: tuple[float, Told] | None = None
         self.own_speeds: dict[str, float] = {}
         #: The rate commands of the last arrow or pulse, of its own pulses (also before that one), and of its own keys,
         #: as far as it tells them.
@@ -281,7 +281,7 @@ class Lx200Driver(Driver):
             self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN)
             self.guide_rate_chosen = self.guide_rate_asked = True
         if moving and isinstance(rates := saved.get("rates"), list) and len(rates) == 3:
-            self.rate_sent, self.pulses_before, self.keys_rate = (str(one) if one else None for one in rates)
+            self.rate_sent, self.pulses_before, self.keys_rate = (str(rate) if rate else None for rate in rates)
         if isinstance(corrects := saved.get("corrects"), list):
             self.corrects = frozenset({1, 2}.intersection(corrects))
 
@@ -308,11 +308,11 @@ class Lx200Driver(Driver):
     def tells_side(self) -> bool:  # type: ignore[override]
         return bool(self.dialect) and self.tells_status
 
-    def tube_side(self, told: str) -> str | None:
+    def tube_side(self, reported: str) -> str | None:
         """Return the true side: where the second axis reads beyond the pole (W), the east one in the south."""
-        if not (self.german and self.tells_side and told):
+        if not (self.german and self.tells_side and reported):
             return None
-        return {"E": "W", "W": "E"}[told] if self.southern else told
+        return {"E": "W", "W": "E"}[reported] if self.southern else reported
 
     def speed(self, rate: Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
@@ -377,7 +377,7 @@ def ask_unless(
         raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
     if row.answer is None:
-        mount.told = None
+        mount.reported = None
     if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")
     if mount.powerless and row.while_asleep is False:

@@ -46,9 +46,9 @@ def bars(sim: MeadeTelescope, name: str, _: Values) -> bytes:
         return b"\x7f#" if going else b"#"
     if not going:
         return b" " * 2 * BARS + b"#"
-    there, is_axes = sim.goal
-    here = sim.mechanics.axes(sim.now) if is_axes else sim.position()
-    return b"".join([_bar(wrap180(to - at)) for at, to in zip(here, there, strict=True)]) + b"#"
+    goal, is_axes = sim.goal
+    position = sim.mechanics.axes(sim.now) if is_axes else sim.position()
+    return b"".join([_bar(wrap180(to - at)) for at, to in zip(position, goal, strict=True)]) + b"#"
 
 
 def _bar(degrees: float) -> bytes:

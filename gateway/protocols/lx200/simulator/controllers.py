@@ -166,8 +166,8 @@ class Controller(SimulatedLx200):
 
     def declare_home(self) -> bytes:
         """:hF - this is home, wherever the tube is."""
-        here = self.mechanics.axes(self.now)
-        self.mechanics.correct(self.now, (wrap180(HOME[0] - here[0]), wrap180(HOME[1] - here[1])))
+        position = self.mechanics.axes(self.now)
+        self.mechanics.correct(self.now, (wrap180(HOME[0] - position[0]), wrap180(HOME[1] - position[1])))
         self.track(False)
         self.at_home = True
         return b"" if self.onstep else b"1"
@@ -179,7 +179,7 @@ class Controller(SimulatedLx200):
 
     def letters(self) -> bytes:
         """:GU"""
-        told = {
+        flags = {
             "n": not self.mechanics.tracking(self.now) and not self.mechanics.slewing(self.now),
             "N": not self.mechanics.slewing(self.now),
             "p": not (self.parked or self.parking), "I": self.parking, "P": self.parked, "H": self.at_home,
@@ -188,7 +188,7 @@ class Controller(SimulatedLx200):
             "o": self.at_home, "W": not self.at_home and self.west,
             "T": not self.at_home and not self.west,
         }  # fmt: skip
-        letters = "".join(letter for letter, holds in told.items() if holds)
+        letters = "".join(letter for letter, holds in flags.items() if holds)
         return f"{letters}{self.pulse_rate}{self.rate}{self.error}#".encode()
 
     def state(self) -> bytes:
@@ -385,14 +385,14 @@ class SimulatedController(Controller):
             return str(fixed).encode()
         if (answer := WORDS.get(word)) is not None and word not in (OF_TEENASTRO if self.onstep else OF_ONSTEP):
             return answer(self)
-        found = self.protocol.find(frame)
-        handler = HANDLERS.get(found[0].name) if found is not None else None
-        if found is None or handler is None:
+        match = self.protocol.find(frame)
+        handler = HANDLERS.get(match[0].name) if match is not None else None
+        if match is None or handler is None:
             return b"0" if self.onstep else b"#" if word[:1] == "G" else b""
-        if not self.onstep and found[0].name in TARGETS and not self.takes(frame):
+        if not self.onstep and match[0].name in TARGETS and not self.takes(frame):
             return b"0"
         try:
-            values = found[1].decode(frame)
+            values = match[1].decode(frame)
         except ValueError:
-            return self._no(found[0])
-        return handler(self, found[0].name, values) or b""
+            return self._no(match[0])
+        return handler(self, match[0].name, values) or b""

@@ -104,10 +104,10 @@ class SimulatedLx200(MeadeTelescope):
         if isinstance(frame, Unterminated):
             name = frame.names[0]
             return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
-        found = self.protocol.find(frame)
-        if found is None or not self.supports(found[0].name) or found[0].name not in HANDLERS:
+        match = self.protocol.find(frame)
+        if match is None or not self.supports(match[0].name) or match[0].name not in HANDLERS:
             return b""
-        command, template = found
+        command, template = match
         if self.busy and command.name not in WHILE_BUSY:
             return NAK if self.model == "lx200gps" else b""
         if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface[command.name].operations):

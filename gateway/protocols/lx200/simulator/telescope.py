@@ -129,8 +129,8 @@ class MeadeTelescope(Simulated):
     def forget(self) -> None:
         """Lose the alignment: the telescope assumes that the tube is at its power-on position."""
         first, second = self.mechanics.axes(self.now)
-        there = self.start(self.mechanics.build)
-        self.mechanics.correct(self.now, (wrap180(there[0] - first), wrap180(there[1] - second)))
+        start = self.start(self.mechanics.build)
+        self.mechanics.correct(self.now, (wrap180(start[0] - first), wrap180(start[1] - second)))
         self.aligned = False
 
     def relocate(self) -> None:

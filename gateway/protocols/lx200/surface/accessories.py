@@ -102,14 +102,14 @@ def help_line(session: LxSession, command: Command) -> Handling:
     """:?? :?+ :?- - an empty line precedes the first and follows the last; models without help do not reply."""
     if not session.model["help"]:
         return b""
-    kept = session.client
+    client = session.client
     step = _STEPS[command.name]
-    if step is None or not kept.help:
-        kept.help = yield from _text()
-        kept.help_line = 0
+    if step is None or not client.help:
+        client.help = yield from _text()
+        client.help_line = 0
     else:
-        kept.help_line = max(-1, min(len(kept.help), kept.help_line + step))
-    return {"text": kept.help[kept.help_line] if 0 <= kept.help_line < len(kept.help) else ""}
+        client.help_line = max(-1, min(len(client.help), client.help_line + step))
+    return {"text": client.help[client.help_line] if 0 <= client.help_line < len(client.help) else ""}
 
 
 def _text() -> Handling:

@@ -33,7 +33,7 @@ def printable(offset: float) -> float:
 
 
 def _local(session: LxSession) -> Handling:
-    """Return the client's local time now as a naive datetime, by the offset that it is told."""
+    """Return the client's local time now as a naive datetime, by the offset reported to it."""
     yield from commit_if_allowed(session)
     moment: op.Moment = yield op.GetClock()
     offset = printable(moment.offset if session.client.offset is None else session.client.offset)
@@ -58,9 +58,9 @@ def tell_offset(session: LxSession) -> Handling:
 
 
 def contradicts_client(session: LxSession, name: str, values: op.Values) -> bool:
-    """Whether this client has set an offset, which the mount's own answer would contradict."""
-    kept = session.client
-    return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))
+    """Whether this client has set an offset, which the mount's answer would contradict."""
+    client = session.client
+    return name == "GG" and (client.offset is not None or client.draft not in (None, Draft()))
 
 
 def commit_if_allowed(session: LxSession) -> Handling:
@@ -140,7 +140,7 @@ def commit(session: LxSession) -> Handling:
     except Fault:
         present = op.Moment(session.clock(), 0.0)
     # The deferred commit of an earlier connection may send this draft, so the draft's own offset comes first.
-    offset = next((told for told in (pieces.offset, session.client.offset) if told is not None), present.offset)
+    offset = next((hours for hours in (pieces.offset, session.client.offset) if hours is not None), present.offset)
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
     day = pieces.day or now.date()
     if pieces.time is not None:
@@ -219,12 +219,12 @@ def tell_hours(session: LxSession) -> dict[str, str]:
 def gps_sentence() -> Handling:
     """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force, if there is a site."""
     try:
-        seen: op.Gps = yield op.GetGps()
+        receiver: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):
-        seen = op.Gps(linked=False)
-    place = seen.place
+        receiver = op.Gps(linked=False)
+    place = receiver.place
     if place is None:
         with contextlib.suppress(Fault):
             place = yield op.GetSite()
     moment: op.Moment = yield op.GetClock()
-    return {"text": rmc(place, seen.unix or moment.unix, seen.linked)}
+    return {"text": rmc(place, receiver.unix or moment.unix, receiver.linked)}

@@ -31,14 +31,14 @@ _MENU = ("ALTAZ", "POLAR", "LAND")
 def move(session: LxSession, command: Command) -> Handling:
     """:Mn :Ms :Me :Mw - motion by hand at this client's rate."""
     direction = op.Direction(command.name[1])
-    kept = session.client
-    own = kept.rate_ra if direction.axis == 1 else kept.rate_dec
-    rate = kept.rate or op.Rate(name="center")
-    if own:
-        rate = op.Rate(degrees=own if kept.fastest is None else min(own, kept.fastest))
-    elif rate.name == "max" and kept.fastest is not None:
-        rate = op.Rate(name="max", degrees=kept.fastest)
-    yield FireAndForget(op.Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
+    client = session.client
+    of_axis = client.rate_ra if direction.axis == 1 else client.rate_dec
+    rate = client.rate or op.Rate(name="center")
+    if of_axis:
+        rate = op.Rate(degrees=of_axis if client.fastest is None else min(of_axis, client.fastest))
+    elif rate.name == "max" and client.fastest is not None:
+        rate = op.Rate(name="max", degrees=client.fastest)
+    yield FireAndForget(op.Move(direction, rate, lowest=client.lowest, highest=client.highest))
 
 
 def _within(limits: tuple[float, float], value: float, unit: str) -> float:
@@ -112,18 +112,18 @@ def menu(session: LxSession, command: Command) -> Handling:
 
 def status(session: LxSession) -> Handling:
     """:GW - mount type, tracking, alignment."""
-    seen: op.Status = yield op.GetStatus()
+    state: op.Status = yield op.GetStatus()
     return {
-        "build": "G" if session.model.get("build") == "G" else "P" if seen.equatorial else "A",
-        "tracking": "N" if seen.tracking is op.Tracking.OFF else "T",
-        "aligned": "1" if seen.aligned else "0",
+        "build": "G" if session.model.get("build") == "G" else "P" if state.equatorial else "A",
+        "tracking": "N" if state.tracking is op.Tracking.OFF else "T",
+        "aligned": "1" if state.aligned else "0",
     }
 
 
 def align() -> Handling:
     """:Aa - 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
-    seen: op.Status = yield op.GetStatus()
-    if not seen.aligned:
+    state: op.Status = yield op.GetStatus()
+    if not state.aligned:
         raise NotAligned
 
 

@@ -92,7 +92,7 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
     elif catalog == _HIPPARCOS:
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
     elif catalog in _CROSS:
-        yield from _select(session, _CROSS[catalog], values, lambda name, one: stars.by_other_number(name, one, year))
+        yield from _select(session, _CROSS[catalog], values, lambda name, at: stars.by_other_number(name, at, year))
     elif number == _MOON:
         yield from _follow(session, op.MoonPlace(), "MOON")
     elif number in _PLANETS:
@@ -104,21 +104,21 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
 def _aim_at(session: LxSession, entry: CatalogObject) -> Handling:
     """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
-    kept = session.client
-    kept.deselect()
-    kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)
+    client = session.client
+    client.deselect()
+    client.ra, client.dec, client.entry, client.object = place.ra, place.dec, entry, describe(entry)
 
 
-def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, words: str) -> Handling:
+def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str) -> Handling:
     """Make a moving object the target. If its position is unknown, nothing is selected and Fault is raised."""
-    kept = session.client
+    client = session.client
     try:
         place: op.Equatorial = yield moving
     except Fault as fault:
-        kept.select_nothing(str(fault))
+        client.select_nothing(str(fault))
         raise
-    kept.deselect()
-    kept.ra, kept.dec, kept.moving, kept.object = place.ra, place.dec, moving, words
+    client.deselect()
+    client.ra, client.dec, client.moving, client.object = place.ra, place.dec, moving, text
 
 
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:
@@ -179,13 +179,13 @@ def browse(session: LxSession, command: Command) -> Handling:
         visible, meridian = yield from _sky(session)
         entry = session.client.entry
         if entry is None or command.name == "LF":
-            found = deepsky.first(candidates, visible, meridian)
+            row = deepsky.first(candidates, visible, meridian)
         else:
-            found = deepsky.neighbour(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
-        if found is None:
+            row = deepsky.neighbour(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
+        if row is None:
             session.client.select_nothing("No object found")
         else:
-            yield from _aim_at(session, deepsky.by_row(found[0]))
+            yield from _aim_at(session, deepsky.by_row(row[0]))
     except Unsupported as missing:
         session.client.select_nothing(str(missing))
 
@@ -197,12 +197,12 @@ def identify(session: LxSession) -> Handling:
     try:
         candidates = deepsky.matching(_wanted(session))
         visible, _ = yield from _sky(session)
-        seen: op.Equatorial = yield op.Position()
-        centre: op.Equatorial = yield op.ToJ2000(seen.ra, seen.dec)
+        position: op.Equatorial = yield op.Position()
+        centre: op.Equatorial = yield op.ToJ2000(position.ra, position.dec)
         radius = session.client.search.field / 120.0
-        found = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
-        nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
-        return {"text": f"{len(found)} - Objects found{nearest}"}
+        objects = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
+        nearest = f" {describe(deepsky.by_row(objects[0][0]))}" if objects else ""
+        return {"text": f"{len(objects)} - Objects found{nearest}"}
     except Unsupported as missing:
         return {"text": str(missing)}
 
@@ -237,23 +237,23 @@ def _sky(session: LxSession) -> Handling:
 
 def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command to the telescope itself."""
-    kept = session.client
+    client = session.client
     if command.name == "LI":
-        return (yield op.Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
+        return (yield op.Own("LI", (), "moment")) if client.object is None else f"{client.object}#".encode("latin-1")
     if command.name in _CHOOSING:
-        others = {name: fields for name, fields in kept.own_catalogs.items() if name != command.name}
+        others = {name: fields for name, fields in client.own_catalogs.items() if name != command.name}
         try:
             answer = yield op.PassThrough(command.name, tuple(values.items()))
         except Fault:
-            kept.own_catalogs = others
+            client.own_catalogs = others
             raise
-        kept.own_catalogs = {**others, command.name: tuple(values.items())}
+        client.own_catalogs = {**others, command.name: tuple(values.items())}
         return answer
     catalogue = _CHOSEN_BY.get(command.name, "")
-    chosen_by = kept.own_catalogs.get(catalogue)
+    chosen_by = client.own_catalogs.get(catalogue)
     first = () if chosen_by is None else ((catalogue, chosen_by),)
-    chosen: op.Chosen = yield op.Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
+    chosen: op.Chosen = yield op.Choose(command.name, tuple(values.items()), first, client.ra or 0.0, client.dec or 0.0)
     if chosen.place is not None:
-        kept.deselect()
-        kept.ra, kept.dec, kept.object = chosen.place.ra, chosen.place.dec, chosen.text
+        client.deselect()
+        client.ra, client.dec, client.object = chosen.place.ra, chosen.place.dec, chosen.text
     return chosen.reply

@@ -26,12 +26,12 @@ def tell_half(session: LxSession, command: Command) -> Handling:
     """:Gt :Gg - of the site in force; while that is incomplete, the stored half. Raises Fault if there is none."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
-        told: Place | NamedSite = yield GetSite()
+        site: Place | NamedSite = yield GetSite()
     except Fault:
-        told = session.shared.stored(_selected(session))
-        if getattr(told, half) is None:
+        site = session.shared.stored(_selected(session))
+        if getattr(site, half) is None:
             raise
-    return {half: getattr(told, half) if half == "latitude" else -getattr(told, half)}
+    return {half: getattr(site, half) if half == "latitude" else -getattr(site, half)}
 
 
 def _selected(session: LxSession) -> int:
@@ -55,8 +55,8 @@ def _enter(session: LxSession, index: int) -> Handling:
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
-            own = replace(session.shared.stored(0), latitude=place.latitude, longitude=place.longitude)
-            session.set_for_all(session.shared.with_site(0, own))
+            first = replace(session.shared.stored(0), latitude=place.latitude, longitude=place.longitude)
+            session.set_for_all(session.shared.with_site(0, first))
     if session.shared.site != index:
         session.set_for_all(replace(session.shared, site=index))
 

@@ -44,13 +44,13 @@ def _set(session: LxSession, values: op.Values, *pair: str) -> None:
 
 def _target(session: LxSession) -> Handling:
     """Return where the target is now, as Equatorial. Raises NoTarget, with the reason if a selection has failed."""
-    kept = session.client
-    if kept.moving is not None:
-        place: op.Equatorial = yield kept.moving
-        kept.ra, kept.dec = place.ra, place.dec
-    if kept.ra is None or kept.dec is None:
-        raise NoTarget(kept.object)
-    return op.Equatorial(kept.ra, kept.dec)
+    client = session.client
+    if client.moving is not None:
+        place: op.Equatorial = yield client.moving
+        client.ra, client.dec = place.ra, place.dec
+    if client.ra is None or client.dec is None:
+        raise NoTarget(client.object)
+    return op.Equatorial(client.ra, client.dec)
 
 
 def tell_target(session: LxSession) -> Handling:
@@ -68,22 +68,22 @@ def second_half(session: LxSession, command: Command) -> Handling:
 
 def goto(session: LxSession) -> Handling:
     """:MS - slew to the target, by the time that this client has set before."""
-    kept = session.client
-    if kept.draft is not None:
+    client = session.client
+    if client.draft is not None:
         yield from commit_if_allowed(session)
     place: op.Equatorial = yield from _target(session)
-    limits = {"lowest": kept.lowest, "highest": kept.highest, "fastest": kept.fastest}
-    yield op.Goto(place.ra, place.dec, track=not kept.land, **limits)
+    limits = {"lowest": client.lowest, "highest": client.highest, "fastest": client.fastest}
+    yield op.Goto(place.ra, place.dec, track=not client.land, **limits)
 
 
 def goto_horizontal(session: LxSession) -> Handling:
     """:MA - slew to the azimuth and altitude of :Sz and :Sa."""
-    kept = session.client
-    if kept.az is None or kept.alt is None:
+    client = session.client
+    if client.az is None or client.alt is None:
         raise NoTarget
-    if kept.draft is not None:
+    if client.draft is not None:
         yield from commit_if_allowed(session)
-    yield op.GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
+    yield op.GotoHorizontal(client.az, client.alt, lowest=client.lowest, highest=client.highest, fastest=client.fastest)
 
 
 def sync(session: LxSession) -> Handling:

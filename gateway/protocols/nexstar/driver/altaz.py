@@ -22,7 +22,7 @@ Pair = tuple[float, float]
 #: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
 SLOW = 0.1
 #: Seconds: the line's pause after an acknowledgement; the longest delay assumed between the commands to both motors,
-#: and the delay assumed before one was measured.
+#: and the delay assumed before the first measurement.
 BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
 
 
@@ -80,7 +80,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         first, second = _motor_ratios(direction, where, mount)
         added = rate * first, rate * second
     mount.pulsing.add(direction.axis)
-    loses = tracked and delay > 0.0  # while the motors are told
+    loses = tracked and delay > 0.0  # while the commands reach the motors
     began, late = yield from _add_rates(mount, direction.axis, added, lasts if loses else None)
     longer = 0.0
     if loses:

@@ -1,6 +1,6 @@
 """Park, home, hibernate and wake.
 
-A hand control has no park position of its own: the gateway sends it to one by ``b`` and turns tracking off on arrival.
+A hand control has no park position: the gateway slews to a configured one by ``b`` and turns tracking off on arrival.
 ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand control
 resumes tracking when it wakes, but some do so late, so the gateway turns tracking on a little later, unless a client
 has changed tracking meanwhile.
@@ -23,9 +23,9 @@ def park(mount: NexStar, operation: op.Park) -> Steps:
     """Slew to the park position by ``b`` (which also works unaligned); tracking is turned off on arrival."""
     mount.woken = False
     yield from stop_current_motion(mount)
-    there = mount.destination(operation)
-    assert there is not None
-    yield from slew_axes(mount, there.az, there.alt, "park")
+    goal = mount.destination(operation)
+    assert goal is not None
+    yield from slew_axes(mount, goal.az, goal.alt, "park")
 
 
 def set_home(mount: NexStar, _: op.SetHome) -> Steps:
@@ -34,7 +34,9 @@ def set_home(mount: NexStar, _: op.SetHome) -> Steps:
 
 
 def home(mount: NexStar, _: op.Home) -> Steps:
-    """Slew to the stored home position, or seek the motors' home switches if there are any and the settings say so."""
+    """Slew to the stored home position, or seek the motors' home switches if the mount has them and the settings ask
+    for it.
+    """
     if mount.settings.aux_home and mount.has("home"):
         yield from _seek_switches(mount)
         return

@@ -79,4 +79,4 @@ def _motors(mount: NexStar) -> Steps:
                 yield Send("device_version", {"device": device})
             except NoDevice:
                 continue
-            mount.found.add(part)
+            mount.found_parts.add(part)

@@ -50,10 +50,10 @@ def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
     if not mount.german:
         return mount.told_beyond
     try:
-        told = yield from pier_side(mount, op.PierSide())
+        reported = yield from pier_side(mount, op.PierSide())
     except Fault:
         return mount.told_beyond
-    west = mount.tube_side(told) == "W"
+    west = mount.tube_side(reported) == "W"
     return west != (mount.told_beyond and mount.supports("p"))  # without p both follow from the same axis reading
 
 
@@ -80,8 +80,8 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         yield from stop_current_motion(mount)
     asked, done = (rate.degrees or 0.0) if rate.key is None else 0.0, mount.speed(rate)
     if abs(done - asked) > REMARK_FROM * asked > 0.0:
-        words = f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed"
-        yield Remark(words, "speed")
+        text = f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed"
+        yield Remark(text, "speed")
     if mount.moves_by_gotos:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
@@ -207,8 +207,8 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
     yield Schedule(STEP_EVERY, StepOn())
 
 
-def _step(mount: NexStar, axis: int, here: float) -> float:
-    """Return the degrees from ``here`` to where the axis should be at the next step, given its speed and start.
+def _step(mount: NexStar, axis: int, position: float) -> float:
+    """Return the degrees from ``position`` to where the axis should be at the next step, given its speed and start.
 
     A goto ends slowly and has a resolution of 20 arcseconds. Counted from the start, the mean speed is still right.
     The goal never gets far ahead of a mount that cannot keep up.
@@ -217,8 +217,8 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
     if step is None:
         return 0.0
     if step.start is None:
-        step.start = here
-    due = step.speed * (mount.now() - step.since + STEP_EVERY) - wrap180(here - step.start)
+        step.start = position
+    due = step.speed * (mount.now() - step.since + STEP_EVERY) - wrap180(position - step.start)
     most = abs(step.speed) * (STEP_EVERY + LONGER) + AHEAD
     return max(-most, min(most, due))
 

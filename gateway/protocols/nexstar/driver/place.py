@@ -29,11 +29,11 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
         mount.site = Place(answer["latitude"], answer["longitude"])
         return mount.site
     try:
-        seen = yield from gps(mount, GetGps())
+        receiver = yield from gps(mount, GetGps())
     except Fault:
-        seen = Gps(linked=False)
-    if seen.place is not None:
-        mount.site = seen.place
+        receiver = Gps(linked=False)
+    if receiver.place is not None:
+        mount.site = receiver.place
         return mount.site
     if mount.settings.site is None:
         raise Unsupported("This hand control does not report its site.")
@@ -71,10 +71,10 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
         try:
             if part == "gps" and not (yield Send("gps_linked"))["linked"]:
                 continue
-            told = yield from _universal_time(part)
+            time = yield from _universal_time(part)
         except Fault:
             continue
-        return _moment(told, 0.0, century=0)
+        return _moment(time, 0.0, century=0)
     raise Unsupported("This hand control does not report the time.")
 
 
@@ -86,8 +86,8 @@ def gps(mount: NexStar, _: GetGps) -> Steps:
         return Gps(linked=False)
     latitude = (yield Send("gps_latitude"))["latitude"]
     longitude = (yield Send("gps_longitude"))["longitude"]
-    told = yield from _universal_time("gps")
-    return Gps(True, Place(latitude, wrap180(longitude)), _moment(told, 0.0, century=0).unix)
+    time = yield from _universal_time("gps")
+    return Gps(True, Place(latitude, wrap180(longitude)), _moment(time, 0.0, century=0).unix)
 
 
 def _universal_time(part: str) -> Steps:
@@ -100,14 +100,14 @@ def _universal_time(part: str) -> Steps:
 
 def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     """Set the hand control's clock from GPS unit 176; its time zone stays. Raises NoDevice unless it is linked."""
-    seen = yield from gps(mount, GetGps())
-    if not seen.linked:
+    receiver = yield from gps(mount, GetGps())
+    if not receiver.linked:
         raise NoDevice("The GPS is not linked.")
     offset, dst = 0.0, None
     if mount.supports("h"):
         present = yield Send("h")
         offset, dst = float(present["zone"] + present["dst"]), present["dst"]
-    yield from set_clock(mount, SetClock(seen.unix, offset, dst))
+    yield from set_clock(mount, SetClock(receiver.unix, offset, dst))
 
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:

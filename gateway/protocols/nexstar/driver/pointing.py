@@ -197,7 +197,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
         return True
     if mount.goto is not state:
         return mount.goto is not None
-    if state.unconfirmed:  # it was never seen to move: leave out what follows its end, such as turning tracking off
+    if state.unconfirmed:  # no motion was observed: leave out what follows its end, such as turning tracking off
         mount.give_up_goto()
         return False
     mount.goto = None
@@ -234,10 +234,10 @@ def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
 
 
 def _away(mount: NexStar, place: str) -> Steps:
-    """Return by how many degrees the axes are away from the position of park or home, 0 if none is known."""
-    by_switches = mount.settings.aux_home and mount.has("home")  # only these know where home is
-    there = op.Park() if place == "park" else op.Home() if place == "home" and not by_switches else None
-    goal = None if there is None else mount.destination(there)
+    """Return the distance of the axes from the position of park or home, degrees; 0 if that position is unknown."""
+    by_switches = mount.settings.aux_home and mount.has("home")  # only the switches know the home position
+    operation = op.Park() if place == "park" else op.Home() if place == "home" and not by_switches else None
+    goal = None if operation is None else mount.destination(operation)
     if goal is None:
         return 0.0
     axes: op.Horizontal = yield from axis_position(mount, op.AxisPosition())

@@ -1,4 +1,4 @@
-"""The driver's state: the hand control that was found, what it has started on the mount, what survives a restart."""
+"""The driver's state: the identified hand control, the motions under way, and what survives a restart."""
 
 from __future__ import annotations
 
@@ -90,15 +90,15 @@ class NexStar(Driver):
         self.dialect: str | None = self.facts.get("dialect")
         self.motors: dict[int, Version] = {}
         self.focuser = False
-        self.found: set[str] = set()
+        self.found_parts: set[str] = set()
         # the drive
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
         #: The byte of the last mode that was not off, as ``t`` returned it or a program of this protocol sent it.
         self.code: int | None = None
         self.rate = op.TrackRate(name="sidereal")
-        #: How the right-ascension motor tracks: at the hand control's ``own`` rate, at a ``special`` rate sent to it,
-        #: or its tracking is ``replaced`` by a variable rate while it is guided.
+        #: How the right-ascension motor tracks: at the ``own`` rate of the hand control, at a ``special`` rate sent to
+        #: it, or its tracking is ``replaced`` by a variable rate while it is guided.
         self.drive = "own"
         self.aligned = False
         # motion
@@ -160,7 +160,7 @@ class NexStar(Driver):
         """
         rests = self.tracking is op.Tracking.OFF and self.suspended is None
         changed = self.guide_rates != dict.fromkeys(AXES, self.settings.guide_rate or GUIDE_RATE)
-        kept = Memory(
+        memory = Memory(
             self.home,
             int(self.home_state == 1),
             self.parked,
@@ -171,7 +171,7 @@ class NexStar(Driver):
             self.guide_rates if changed else {},
             *((self.model, self.version, self.suspended or self.tracking) if moving else ()),
         )
-        return cast(SavedValues, to_builtins(kept, str_keys=True))
+        return cast(SavedValues, to_builtins(memory, str_keys=True))
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
         """Restore what was saved; ``SameMount`` looks whether it is still true."""
@@ -243,11 +243,11 @@ class NexStar(Driver):
         return next((key for key in GENTLE if abs(self.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
-        found = super().can_do(equatorial)
+        general = super().can_do(equatorial)
         home = self.home is not None or (self.settings.aux_home and self.has("home"))
         speeds = ((0.25 / 3600.0, float(self.rates["fastest"])),)
         guides = self.guide_rates[1], self.guide_rates[2]
-        return replace(found, can=found.can if home else found.can - {"Home"}, speeds=speeds, guides=guides)
+        return replace(general, can=general.can if home else general.can - {"Home"}, speeds=speeds, guides=guides)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Return why an operation is known to fail: a guide pulse if the motors cannot be guided now. Else None."""
@@ -288,13 +288,13 @@ class NexStar(Driver):
             return Unsupported("The mount does not track: the guide pulse is dropped. Turn tracking on to guide it.")
         return Unsupported("This mount cannot be guided in alt-az: its motors have no guide pulses.")
 
-    def tube_side(self, told: str) -> str | None:
+    def tube_side(self, reported: str) -> str | None:
         """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
-        if not self.german or not told:
+        if not self.german or not reported:
             return None
         northern = letters_swapped(self.facts, self.version) or not self.supports("p")  # then it is the axis' own
         swapped = self.southern and northern
-        return ("E" if told == "W" else "W") if swapped else told
+        return ("E" if reported == "W" else "W") if swapped else reported
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
         """Return the axis readings where Park (configured, else the pole or north) or Home (stored) leads, or None."""
@@ -320,7 +320,7 @@ class NexStar(Driver):
         return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
     def key_for(self, rate: op.Rate) -> int:
-        """Return the key nearest to a hand rate; for a rate in degrees a second, never a faster one."""
+        """Return the key nearest to a hand rate; for a rate in degrees a second, never a faster key."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
@@ -392,7 +392,7 @@ class NexStar(Driver):
 
     @property
     def emulates_sync(self) -> bool:  # type: ignore[override]
-        """Whether there is no sync command, which came with 4.10: the driver keeps an offset."""
+        """Whether the sync command is missing (it came with 4.10): the driver then applies an offset."""
         return not self.supports("s")
 
     @property
@@ -421,7 +421,7 @@ class NexStar(Driver):
         return POLE_AXES[0] - float(self.facts.get("index", POLE_AXES[0])) if self.german else 0.0
 
     def has(self, part: str) -> bool:
-        return part in self.facts["has"] or part in self.found
+        return part in self.facts["has"] or part in self.found_parts
 
     @property
     def rates(self) -> Model:

@@ -29,12 +29,12 @@ VERIFY_AFTER = 1.0
 def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """Send ``T``, after which the drive runs at the hand control's own rate.
 
-    The byte is the one that the mount had for this mode, because two may stand for one: a SynScan's 3 corrects the
-    periodic error, its 2 does not.
+    If the mount already uses a byte of this mode, it gets the same byte: two bytes may mean one mode. A SynScan's 3
+    corrects the periodic error, its 2 does not.
     """
     known = modes(mount.facts, mount.version)
-    own = mount.code in known and _mode_of(mount, mount.code) is mode
-    yield Send("T", {"mode": mount.code if own else code_of(mode, mount.facts, mount.version)})
+    own_code = mount.code in known and _mode_of(mount, mount.code) is mode
+    yield Send("T", {"mode": mount.code if own_code else code_of(mode, mount.facts, mount.version)})
     mount.drive = "own"
 
 
@@ -77,7 +77,7 @@ def _learn(mount: NexStar, mode: op.Tracking) -> None:
 
 
 def native_mode(mount: NexStar) -> op.Tracking | None:
-    """Return the mode this mount tracks in: the last one that was not off, else by its build; None if unknown."""
+    """Return the mode in which this mount tracks: the last mode except off, else that of its build; None if unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
     if mount.undecided or (not mount.supports("t") and mount.settings.mode is None):
@@ -116,21 +116,21 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 
 
 def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
-    """Turn tracking off, or on in the mode that was asked for, else in the mount's own.
+    """Turn tracking off, or on in the requested mode, by default the mount's native mode.
 
     The axes mean different directions in alt-az and equatorial. A motion that was checked in one must not continue in
     the other, so a mount in motion keeps its frame. Raises Refused then, or Unsupported.
 
     A mount that reports the mode is not sent it again, unless its drive has been given another rate.
     """
-    own = native_mode(mount)
+    native = native_mode(mount)
     if operation.on and operation.mode is None:
         mount.must_be_decided()
-    mode = (operation.mode or own or _mode_by_build(mount)) if operation.on else op.Tracking.OFF
+    mode = (operation.mode or native or _mode_by_build(mount)) if operation.on else op.Tracking.OFF
     if mode is op.Tracking.ALTAZ and mount.german and not mount.undecided:
         raise Unsupported("A German mount does not track in alt-az: it ignores that mode.")
     moves = mount.moving or mount.goto is not None or mount.suspended is not None
-    if moves and operation.on and own is not None and mode.equatorial != own.equatorial:
+    if moves and operation.on and native is not None and mode.equatorial != native.equatorial:
         raise Refused("The mount is moving: it can change between alt-az and equatorial tracking only at rest.")
     mount.parked = mount.parked and not operation.on
     mount.checks_left, mount.woken = 0, False
@@ -147,7 +147,7 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
 def suspend(mount: NexStar) -> Steps:
     """Before fast motion, note how the mount tracks and turn tracking off, unless that has been done already.
 
-    Return the seconds that the command took; None if there was nothing to turn off.
+    Return the duration of the command, seconds; None if tracking was off already.
     """
     if mount.suspended is not None or not mount.supports("T"):
         return None

@@ -49,11 +49,11 @@ class SimulatedHandControl(SimulatedMount):
             return b""
         if frame[0] == PASS_THROUGH:
             return self._pass(frame)
-        found = self.commands.find(frame)
+        match = self.commands.find(frame)
         try:
-            if found is None:
+            if match is None:
                 raise ValueError(f"{frame!r} has the length of a command but not its form")
-            command, template = found
+            command, template = match
             if command.name not in HANDLERS:
                 return b""
             values = HANDLERS[command.name](self, template.decode(frame)) or {}
@@ -92,10 +92,10 @@ def _known(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
 
 def _by_device(known: list[Command]) -> PassThrough:
     """Return the pass-through commands, by the bytes of the request that identify them."""
-    found: PassThrough = {}
+    commands: PassThrough = {}
     for command in known:
         if command.request.prefix[0] == PASS_THROUGH:
             frame = command.request.encode(dict.fromkeys(command.request.fields, 0))
             device = None if "device" in command.request.fields else frame[2]
-            found.setdefault((frame[1], device, frame[3]), []).append((command, frame[7]))
-    return found
+            commands.setdefault((frame[1], device, frame[3]), []).append((command, frame[7]))
+    return commands

@@ -89,8 +89,8 @@ def gps_place(session: NexStarSession) -> Handling:
 
 def gps_time(session: NexStarSession) -> Handling:
     """Date, year and time by GPS; before the first fix by the mount's clock."""
-    seen = yield from _receiver(session)
-    return _calendar(seen.unix if seen.linked else (yield op.GetClock()).unix)
+    receiver = yield from _receiver(session)
+    return _calendar(receiver.unix if receiver.linked else (yield op.GetClock()).unix)
 
 
 def universal_time(session: NexStarSession) -> Handling:

@@ -161,4 +161,4 @@ def hibernate_or_wake(command: Command) -> Handling:
 
 
 def unsync() -> None:
-    """u - acknowledged without effect: no mount here keeps a list of syncs."""
+    """u - acknowledged without effect: no supported mount keeps a list of syncs."""

@@ -72,16 +72,16 @@ def pier_side(session: NexStarSession) -> Handling:
 def axis_position(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x01 - the reading of one axis"""
     number = motor(values)
-    seen = yield from _readings(session)
-    return {"position": seen.az if number == 1 else seen.alt}
+    readings = yield from _readings(session)
+    return {"position": readings.az if number == 1 else readings.alt}
 
 
 def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - goto of one axis. The other axis continues its own goto if one is under way, else stays."""
     number = motor(values)
-    seen = yield from _readings(session)
+    readings = yield from _readings(session)
     sent = session.client.axis_goto if (yield op.Slewing()) else {}
-    wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
+    wanted = {1: readings.az, 2: readings.alt, **sent, number: values["position"]}
     yield from begin((yield from _to_mount(session, wanted[1], wrap180(wanted[2]))))
     session.client.axis_goto = {**sent, number: values["position"]}
 
@@ -107,9 +107,9 @@ def _ahead(session: NexStarSession) -> float:
 
 def _readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
-    seen: op.Horizontal = yield from _counted(session)
+    position: op.Horizontal = yield from _counted(session)
     ahead = _ahead(session)
-    return op.Horizontal(wrap360(seen.az - ahead), seen.alt) if ahead else seen
+    return op.Horizontal(wrap360(position.az - ahead), position.alt) if ahead else position
 
 
 def _counted(session: NexStarSession) -> Handling:
@@ -117,8 +117,8 @@ def _counted(session: NexStarSession) -> Handling:
     status: op.Status = yield op.GetStatus()
     if not _wedge_as_german(session, status):
         return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
-    seen: op.Horizontal = yield op.AxisPosition()
-    return op.Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
+    position: op.Horizontal = yield op.AxisPosition()
+    return op.Horizontal(wrap360(position.az - (yield from _zero())), position.alt)
 
 
 def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
