@@ -177,9 +177,9 @@ class AcceptorFactory:
         """``titles``: those of all protocols of the surface, if there are several."""
         entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
         later = endpoint.where == SERVED and endpoint.protocol != self._mount.protocol  # with the web server
-        made, where, one = bind if later else bind(), endpoint.where, not titles
+        made, where, only = bind if later else bind(), endpoint.where, not titles
         return ConnectionAcceptor(
-            self._controller, made, self._shared, self._clock, number, entry, where, self._warn, one
+            self._controller, made, self._shared, self._clock, number, entry, where, self._warn, only
         )
 
     def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, titles: str) -> SurfaceBinding:
@@ -240,11 +240,13 @@ def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[st
     here = reachable(where)
     if surface.allow is not None:
         allowed = networks(surface.allow)
-        outside = [one for one in here if not any(one.overlaps(other) for other in allowed if other.version == 4)]
+        outside = [
+            network for network in here if not any(network.overlaps(other) for other in allowed if other.version == 4)
+        ]
         return f"{where}: allow shuts out the network {outside[0]}, where phones would connect" if outside else ""
     if surface.read_only is True:
         return ""
-    only = "".join(f"{one}," for one in here[:1])
+    only = "".join(f"{network}," for network in here[:1])
     return (
         f"{where} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
         f"{'that network and ' if only else ''}this computer"
@@ -276,7 +278,9 @@ def watched(
 
     def commands() -> list[bytes]:
         line, driver = controller().line, controller().driver
-        return [sent(line.wire.name, driver.protocol.name, one) for one in stop_commands(driver, line.reply_rules)]
+        return [
+            sent(line.wire.name, driver.protocol.name, command) for command in stop_commands(driver, line.reply_rules)
+        ]
 
     return watchdog.mount(
         title, lock, commands, lambda: controller().reconciler.busy, stopped, lambda: controller().watch.on_clear_path

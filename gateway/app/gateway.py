@@ -213,8 +213,8 @@ class Gateway:
     def cautions(self) -> Iterator[str]:
         """Yield what the user is told once the gateway serves; before, it would hide why it does not."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
-            if words := exposure_warning(port.where, surface, reachable_networks):
-                yield words
+            if warning := exposure_warning(port.where, surface, reachable_networks):
+                yield warning
         if self.store is not None and self.store.kept_by_another:
             yield self.store.kept_by_another
 

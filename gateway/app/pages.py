@@ -63,8 +63,8 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
         def of(other: str) -> str:
             return posixpath.normpath(posixpath.join(posixpath.dirname(path), other))
 
-        def imported(found: re.Match[str]) -> str:
-            whole, some, other = found.groups()
+        def imported(match: re.Match[str]) -> str:
+            whole, some, other = match.groups()
             number = visit(of(other))
             names = [name.split(" as ") for name in " ".join((some or "{}")[1:-1].split()).split(",")]
             exports[of(other)] |= {name[0].strip() for name in names if name[0].strip()}
@@ -72,14 +72,14 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
             return f"const {whole or f'{{ {picked} }}'} = get({number});"
 
         text = _IMPORT.sub(imported, text)
-        text = _LATER.sub(lambda found: f"Promise.resolve().then(() => get({visit(of(found[1]))}))", text)
+        text = _LATER.sub(lambda match: f"Promise.resolve().then(() => get({visit(of(match[1]))}))", text)
         exports.setdefault(path, set()).update(name for _, name in _EXPORT.findall(text))
         text = _EXPORT.sub(r"\1", text)
         text = re.sub(r"^export (?=const\b)", "", text, flags=re.M)
         if unknown := _UNKNOWN.search(text):
             raise ValueError(f"{path}: {unknown[0]}")
-        here = posixpath.relpath(path, at or ".")
-        bodies[path] = text.replace("import.meta.url", f'new URL("{here}", import.meta.url)')
+        relative = posixpath.relpath(path, at or ".")
+        bodies[path] = text.replace("import.meta.url", f'new URL("{relative}", import.meta.url)')
         under_way.pop()
         return len(bodies) - 1
 
@@ -144,35 +144,35 @@ class Pages:
         """Return the page with its style sheets and plain scripts in it; its modules are one file."""
         texts = {name: body.decode() for name, (body, kind) in self._files.items() if kind in _TEXTS}
 
-        def script(found: re.Match[str]) -> str:
-            folder = found[1].rpartition("/")[0]
-            one = f"{folder}/all.js" if folder else "all.js"
-            self._files[one] = scripts(texts, found[1], folder).encode(), TYPES[".js"]
-            return found[0].replace(found[1], one)
+        def script(match: re.Match[str]) -> str:
+            folder = match[1].rpartition("/")[0]
+            bundle = f"{folder}/all.js" if folder else "all.js"
+            self._files[bundle] = scripts(texts, match[1], folder).encode(), TYPES[".js"]
+            return match[0].replace(match[1], bundle)
 
-        def inside(found: re.Match[str]) -> str:
-            text, tag = texts[found[1].removeprefix(self._kept)], "style" if found[1].endswith(".css") else "script"
+        def inside(match: re.Match[str]) -> str:
+            text, tag = texts[match[1].removeprefix(self._kept)], "style" if match[1].endswith(".css") else "script"
             digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
             self._policy = self._policy.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
             return f"<{tag}>{text}</{tag}>"
 
         return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._kept}\2"', _SCRIPT.sub(script, page)))
 
-    async def index(self, request: web.Request, **words: str) -> web.Response:
+    async def index(self, request: web.Request, **texts: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by the word of that name."""
         page = self._index
-        for name, word in words.items():
+        for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
-        kept = {"Cache-Control": "no-store", POLICY: self._policy}
-        return await self._answer(request, page, page.encode(), TYPES[".html"], kept)
+        headers = {"Cache-Control": "no-store", POLICY: self._policy}
+        return await self._answer(request, page, page.encode(), TYPES[".html"], headers)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
         name = request.match_info["path"].removeprefix(self._kept)
         if name not in self._files:
             raise web.HTTPNotFound
-        kept = name != request.match_info["path"]
-        control = "public, max-age=31536000, immutable" if kept else "no-cache"
+        unchanging = name != request.match_info["path"]
+        control = "public, max-age=31536000, immutable" if unchanging else "no-cache"
         return await self._answer(request, name, *self._files[name], {"Cache-Control": control})
 
     async def _answer(
@@ -226,9 +226,9 @@ def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambd
     """Let only the server's own page use a handler, unless there is a ``refusal`` of the request."""
 
     async def guarded(request: web.Request) -> web.StreamResponse:
-        own = from_own_page(request.headers, request.path)
-        if words := refusal(request) if own else "Only the own page of this server may request this.":
-            raise web.HTTPForbidden(reason=words)
+        from_page = from_own_page(request.headers, request.path)
+        if reason := refusal(request) if from_page else "Only the own page of this server may request this.":
+            raise web.HTTPForbidden(reason=reason)
         return await handler(request)
 
     return guarded
@@ -249,8 +249,8 @@ def from_other_site(headers: Mapping[str, str]) -> bool:
 
 def from_own_page(headers: Mapping[str, str], path: str) -> bool:
     """Whether a request comes from the page itself; the page may also be requested from elsewhere, by a link."""
-    own = same_origin(headers.get("Origin"), headers.get("Host"))
-    return own and (path == "/" or not from_other_site(headers))
+    same = same_origin(headers.get("Origin"), headers.get("Host"))
+    return same and (path == "/" or not from_other_site(headers))
 
 
 def same_token(given: str | None, token: str) -> bool:

@@ -65,7 +65,7 @@ def _load(gateways: Sequence[Gateway], page: LoadPage | None) -> Callable[[web.A
         for spec in PROTOCOLS.values():
             if spec.web is not None:
                 spec.web().load()
-        for acceptor in [one for gateway in gateways for one in gateway.acceptors]:
+        for acceptor in [offered for gateway in gateways for offered in gateway.acceptors]:
             getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
         return _add_none if page is None else page()
     finally:

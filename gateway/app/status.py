@@ -121,8 +121,8 @@ def status(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
     parts = [_parts(line) for line in lines]
     text = ""
-    for kept in range(len(parts[0]), LEAST - 1, -1):
-        text = "  |  ".join("  ".join(part for part in of_one[:kept] if part) for of_one in parts)
+    for count in range(len(parts[0]), LEAST - 1, -1):
+        text = "  |  ".join("  ".join(part for part in of_one[:count] if part) for of_one in parts)
         if columns is None or len(text) <= columns:
             return text
     assert columns is not None

@@ -38,8 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     streams.replace_unencodable()
     code = 0
     try:
-        words = _protected(sys.argv[1:] if argv is None else argv)
-        arguments = _parsed(words)
+        typed = _protected(sys.argv[1:] if argv is None else argv)
+        arguments = _parsed(typed)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
         streams.warn(_shortened(str(error)), streams.ERROR)
@@ -59,17 +59,17 @@ def main(argv: list[str] | None = None) -> int:
     return code if failed is None else _stdout_failed(failed, code)
 
 
-def _parsed(words: list[str]) -> argparse.Namespace:
+def _parsed(typed: list[str]) -> argparse.Namespace:
     """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
-    if not words:
+    if not typed:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
-    words = suggestions.page(words)
-    if words[0] not in (*COMMANDS, *ABOUT):
-        raise suggestions.command(words[0], commands_of(parser()))
-    arguments, left = parser(words[:1]).parse_known_args(words)
+    typed = suggestions.page(typed)
+    if typed[0] not in (*COMMANDS, *ABOUT):
+        raise suggestions.command(typed[0], commands_of(parser()))
+    arguments, left = parser(typed[:1]).parse_known_args(typed)
     if left:
         every = commands_of(parser())
-        raise suggestions.extra(left, every[words[0]], [one for name, one in every.items() if name != words[0]])
+        raise suggestions.extra(left, every[typed[0]], [other for name, other in every.items() if name != typed[0]])
     return arguments
 
 
@@ -95,20 +95,20 @@ def _protected(argv: list[str]) -> list[str]:
     ``--log=true`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is the name
     of a file. Raises UserError if there is no such file behind ``--log``: a word of it was meant.
     """
-    words: list[str] = []
+    rewritten: list[str] = []
     alone = ""
     for word in argv:
         if word in ALONE.get(alone, ()):
-            words[-1], alone = f"{alone}={word}", ""
+            rewritten[-1], alone = f"{alone}={word}", ""
             continue
         if alone == "--log" and re.fullmatch(r"\w[\w-]*", word) and not os.path.exists(word):
             raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG)}")
         alone = word if word in ALONE else ""
         word = f"{word}={BARE[word]}" if alone else word
-        if words and re.fullmatch(r"--[a-z-]+", words[-1]) and re.match(r"-[\d.]", word):
-            words[-1] += f"={word}"
-        elif words and words[0] in POINTING and re.match(r"-[\d.]", word):
-            words.append(f" {word}")
+        if rewritten and re.fullmatch(r"--[a-z-]+", rewritten[-1]) and re.match(r"-[\d.]", word):
+            rewritten[-1] += f"={word}"
+        elif rewritten and rewritten[0] in POINTING and re.match(r"-[\d.]", word):
+            rewritten.append(f" {word}")
         else:
-            words.append(word)
-    return words
+            rewritten.append(word)
+    return rewritten

@@ -82,11 +82,11 @@ class Layout(argparse.HelpFormatter):
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         filled: list[str] = []
-        for kept, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
+        for wrapped, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
             lines = list(group)
             filled += (
                 [part for line in lines for part in _row(line, width)]
-                if kept
+                if wrapped
                 else _wrapped(" ".join(lines), width, "", "")
             )
         return "\n".join(indent + line for line in filled)
@@ -132,8 +132,8 @@ class Parser(argparse.ArgumentParser):
         try:
             return super().format_help()
         finally:
-            for action, words in zip(left_out, helps, strict=True):
-                action.help = words
+            for action, help_text in zip(left_out, helps, strict=True):
+                action.help = help_text
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         """Return what lays out help: as wide as the terminal, which takes modules of 4 ms to find out."""
@@ -207,7 +207,7 @@ the exit codes.
 
 def listed(group: str) -> str:
     """Return a group of commands as help shows it."""
-    rows = [f"  {name:<11} {words}" for name, (_, words) in GROUPS[group].items()]
+    rows = [f"  {name:<11} {summary}" for name, (_, summary) in GROUPS[group].items()]
     return "\n".join([group, *rows, ""])
 
 

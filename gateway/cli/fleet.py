@@ -65,12 +65,12 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
 
     done, was_there = until_signal(), True
 
-    def on_connection(there: bool, why: str) -> None:
+    def on_connection(connected: bool, why: str) -> None:
         nonlocal was_there
-        if there != was_there:
-            words = "is connected again" if there else f"cannot be reached: {why}; this page keeps trying"
-            streams.warn(f"the broker {access.broker} {words}", streams.WARNING)
-        was_there = there
+        if connected != was_there:
+            state = "is connected again" if connected else f"cannot be reached: {why}; this page keeps trying"
+            streams.warn(f"the broker {access.broker} {state}", streams.WARNING)
+        was_there = connected
 
     page = Overview(access, prefix, PAGE, time.time, on_connection)
     await page.open(port)

@@ -28,7 +28,7 @@ _PLAINLY = (
 #: Other names for commands: what a user may type, and the command or flag that does it.
 _OTHER_WORDS = {
     word: command
-    for command, words in {
+    for command, mistyped in {
         "run": "start serve connect",
         "detect": "scan find ports list",
         "goto": "slew point",
@@ -40,7 +40,7 @@ _OTHER_WORDS = {
         "run --log": "log",
         "run --record FILE": "record",
     }.items()
-    for word in words.split()
+    for word in mistyped.split()
 }
 #: Words in place of a command that ask for help or the version.
 _PAGES = {
@@ -53,12 +53,12 @@ _PAGES = {
 }
 
 
-def page(words: Sequence[str]) -> list[str]:
+def page(arguments: Sequence[str]) -> list[str]:
     """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
-    flag = _PAGES.get(words[0]) if words else None
+    flag = _PAGES.get(arguments[0]) if arguments else None
     if flag == "--help":
-        return [flag, *words[1:2]] if words[1:2] == ["all"] else [*words[1:2], flag]
-    return list(words) if flag is None else [flag]
+        return [flag, *arguments[1:2]] if arguments[1:2] == ["all"] else [*arguments[1:2], flag]
+    return list(arguments) if flag is None else [flag]
 
 
 def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:
@@ -81,8 +81,8 @@ def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserE
 
 def plainly(message: str, prog: str, example: str) -> str:
     """Return argparse's message in plain words, with an example if an argument is missing."""
-    for found, ours in _PLAINLY:
-        if match := re.fullmatch(found, message):
+    for pattern, ours in _PLAINLY:
+        if match := re.fullmatch(pattern, message):
             parts = [part.replace("'", "") if number == 2 else part for number, part in enumerate(match.groups())]
             message = ours.format(*parts)
             if message.startswith("missing") and example:
@@ -97,21 +97,23 @@ def example(text: str, prog: str) -> str:
     return next(lines, "")
 
 
-def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]) -> UserError:
+def extra(
+    arguments: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]
+) -> UserError:
     """Return the error for words that a command does not take: unknown flags, and superfluous arguments."""
-    word = words[0].partition("=")[0]
+    word = arguments[0].partition("=")[0]
     name = asked.prog.rpartition(" ")[2]
     if not word.startswith("-"):
         if "@" in word and "--mount" in _flags(asked):
             return UserError(f"{word}: write --mount before the mount, and --surface before where programs connect")
         return UserError(f"{word!r}: {name} takes no such word ({asked.prog} --help tells more)")
-    own = sorted(flag for flag in _flags(asked) if flag.startswith("--"))
+    flags = sorted(flag for flag in _flags(asked) if flag.startswith("--"))
     right = f"{asked.prog} --help lists them"
     if has := [other.prog for other in others if word in _flags(other)]:
         right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
     elif key := _key(word):
         right = key
-    elif close := similar(word, own, least=0.75):
+    elif close := similar(word, flags, least=0.75):
         right = f"did you mean {close[0]}?"
     return UserError(f"{name} has no flag {word}; {right}")
 

@@ -59,7 +59,7 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _fits(words: str, mount: CommandSet, kind: MountKind, unable: bool, face: frozenset[str] | None) -> bool:
+def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, face: frozenset[str] | None) -> bool:
     """Whether all these words are true of such a mount, and of the presented model."""
 
     def is_true(word: str) -> bool:
@@ -72,7 +72,7 @@ def _fits(words: str, mount: CommandSet, kind: MountKind, unable: bool, face: fr
             return way is None or way.outcome == "refused"
         return word in _traits(mount, kind.model, kind.wedge)
 
-    return all(map(is_true, words.split()))
+    return all(map(is_true, traits.split()))
 
 
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:

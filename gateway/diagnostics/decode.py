@@ -127,13 +127,13 @@ class NoConversation(UserError):
     """The capture contains no conversation between a client and a mount."""
 
 
-def decode(found: Iterable[Chunk], of: Callable[[str], Side], began: float | None) -> Iterator[str]:
+def decode(chunks: Iterable[Chunk], of: Callable[[str], Side], began: float | None) -> Iterator[str]:
     """Yield lines of text. ``of`` makes the decoder of a connection by its name; ``began`` is in Unix seconds.
 
     Only ``NOISE`` unknown commands are shown. Raises NoConversation if a capture without times is mostly unknown.
     """
     talks: dict[str, Side] = {}
-    for chunk in found:
+    for chunk in chunks:
         if chunk.side not in talks or chunk.arrow in "+~":
             talks[chunk.side] = of(chunk.side)
         side = talks[chunk.side]
@@ -180,6 +180,6 @@ def folded(lines: Iterable[str]) -> Iterator[str]:
             yield line if times == 1 else f"    the same {times} times more"
 
 
-def _line(chunk: Chunk, began: float | None, data: bytes, words: str) -> str:
-    row = Row((chunk.at or 0.0) + (began or 0.0), chunk.side, chunk.arrow, data, words)
+def _line(chunk: Chunk, began: float | None, data: bytes, text: str) -> str:
+    row = Row((chunk.at or 0.0) + (began or 0.0), chunk.side, chunk.arrow, data, text)
     return plain(row, timed=chunk.at is not None)

@@ -37,9 +37,9 @@ class RecordedSides:
         self.surface: dict[str, int] = {}
         self.protocols = {MOUNT: protocol_of(config["mount"])}
 
-    def _come(self, side: str, words: bytes) -> int:
+    def _come(self, side: str, data: bytes) -> int:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
-        number = int(words.split(b",")[0].split()[-1])
+        number = int(data.split(b",")[0].split()[-1])
         self.surface[side] = number
         self.protocols[side] = spoken(self.surfaces[number - 1])[0]
         return number
@@ -72,9 +72,9 @@ class RecordedSides:
         for waiting in held.values():
             yield from waiting
 
-    def _speaks(self, side: str, words: bytes) -> str:
+    def _speaks(self, side: str, data: bytes) -> str:
         """Register the recognised protocol of a connection, as in ``nexstar, and why``, and return it."""
-        self.protocols[side] = protocol = words.split(b",")[0].decode()
+        self.protocols[side] = protocol = data.split(b",")[0].decode()
         return protocol
 
     def protocol(self, side: str) -> str:

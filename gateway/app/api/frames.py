@@ -46,10 +46,10 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
     >>> decode("lx200", b":Sr05:34:32#").values
     {'ra': 83.63333333333334}
     """
-    found = load(_known(protocol)).find(frame)
-    if found is None:
+    match = load(_known(protocol)).find(frame)
+    if match is None:
         raise FrameError(f"{frame!r} is no command of the {protocol} protocol")
-    command, template = found
+    command, template = match
     try:
         return Frame(protocol, command.name, template.decode(frame), command.help)
     except ValueError as error:

@@ -67,7 +67,11 @@ class Mount:
 
     async def addresses(self) -> list[str]:
         """Return the surfaces as ``PROTOCOL:MODEL@WHERE``, each with the TCP port that was really opened."""
-        return [f"{one.name}@{one.at}" for one in (await self._state(fresh=False)).served if one.name != CONSOLE]
+        return [
+            f"{surface.name}@{surface.at}"
+            for surface in (await self._state(fresh=False)).served
+            if surface.name != CONSOLE
+        ]
 
     async def status(self) -> State:
         """Return all that is known of the mount, newly read: what ``mount-gateway status --json`` shows."""
@@ -180,10 +184,10 @@ class Mount:
         """
         towards = isinstance(operation, GOTOS)
         request = packed(operation, requests.new_number() if towards else self._number)
-        words = await self._ask(request)
+        answer = await self._ask(request)
         if towards:
             self._goal = request.number
-        return answer_of(operation, words)
+        return answer_of(operation, answer)
 
     # --- requests -----------------------------------------------------------------------------------------------------
 
@@ -193,10 +197,10 @@ class Mount:
     async def _ask(self, request: requests.Base, lasts: float = 0.0) -> str:
         """Have a request carried out, and return the gateway's words. Raises Fault."""
         named = cast(requests.Request, checked(replace(request, who=self._who)))
-        words = (await self._answer(named, lasts)).words
+        text = (await self._answer(named, lasts)).words
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):
             self._goal = request.number
-        return words
+        return text
 
     async def _answer(self, request: requests.Request, lasts: float = 0.0) -> requests.Answer:
         answer = await self._send(request, lasts)

@@ -113,13 +113,13 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
     where that was named. Nothing stays open between two requests, and nothing ends with the program that asks: what it
     has begun goes on. Raises UserError if none runs, or several do.
     """
-    found = running(mount, state)
-    if not found:
+    gateways = running(mount, state)
+    if not gateways:
         raise UserError(f"no gateway runs here{f' for {mount}' if mount else ''}; mount-gateway run starts one")
-    if len(found) > 1:
-        names = ", ".join(sorted(endpoint.title for endpoint in found))
-        raise UserError(f"{len(found)} mounts run here; say which one is meant: {names}")
-    return connected(found[0])
+    if len(gateways) > 1:
+        names = ", ".join(sorted(endpoint.title for endpoint in gateways))
+        raise UserError(f"{len(gateways)} mounts run here; say which one is meant: {names}")
+    return connected(gateways[0])
 
 
 def connected(endpoint: ControlEndpoint) -> Mount:

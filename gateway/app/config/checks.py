@@ -64,14 +64,14 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
     except (UserError, KeyError):
         return  # the check of the endpoint reports it
     if mount.park == "mount" and not spec.parks_itself:
-        words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
-        yield Mistake(("mount", number, "park"), words)
+        reason = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
+        yield Mistake(("mount", number, "park"), reason)
     elif isinstance(mount.park, tuple) and spec.parks_itself:
-        words = (
+        reason = (
             f'{spec.a_mount} parks at the position set with its keypad; write "mount" to allow that whatever lowest '
             "and highest say"
         )
-        yield Mistake(("mount", number, "park"), words)
+        yield Mistake(("mount", number, "park"), reason)
 
 
 def _endpoints(config: Config) -> Iterator[Mistake]:
@@ -87,8 +87,8 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
                 continue
             spec = PROTOCOLS.get(parse_endpoint(at).protocol)
             if place[0] == "surface" and spec is not None and spec.web is not None and not where.startswith("tcp://"):
-                words = f"{at}: {spec.title} is spoken over HTTP; write {spec.name}@tcp://127.0.0.1:{spec.usual_port}"
-                yield Mistake(place, words)
+                reason = f"{at}: {spec.title} is spoken over HTTP; write {spec.name}@tcp://127.0.0.1:{spec.usual_port}"
+                yield Mistake(place, reason)
                 continue
             if place[0] == "surface" and where.startswith(LISTENING):
                 split_address(where)
@@ -133,8 +133,8 @@ def _clients(config: Config) -> Iterator[Mistake]:
         spoke = spoken(parse_endpoint(surface.at).protocol)
         known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
-            words = f"{surface.client!r}: no such program is known; {suggest(surface.client, known)}"
-            yield Mistake(("surface", number, "client"), words)
+            reason = f"{surface.client!r}: no such program is known; {suggest(surface.client, known)}"
+            yield Mistake(("surface", number, "client"), reason)
 
 
 def _access(config: Config) -> Iterator[Mistake]:
@@ -147,16 +147,16 @@ def _access(config: Config) -> Iterator[Mistake]:
                 continue
             place: Place = ("surface", number, key)
             if not parse_endpoint(surface.at).where.startswith(LISTENING):
-                words = "true or false" if key == "read-only" else "it on a surface at tcp://"
-                yield Mistake(place, f"this surface has no network connections; write {words}")
+                instead = "true or false" if key == "read-only" else "it on a surface at tcp://"
+                yield Mistake(place, f"this surface has no network connections; write {instead}")
                 continue
             try:
-                found = networks(value)
+                allowed = networks(value)
             except UserError as error:
                 yield Mistake(place, str(error))
                 continue
-            if key == "allow" and (words := _excludes_all(parse_endpoint(surface.at).where, found)):
-                yield Mistake(place, words)
+            if key == "allow" and (reason := _excludes_all(parse_endpoint(surface.at).where, allowed)):
+                yield Mistake(place, reason)
 
 
 def speaks_http(at: str) -> bool:
@@ -212,19 +212,19 @@ def _mqtt(config: Config) -> Iterator[Mistake]:
 
 def _used_twice(config: Config) -> Iterator[Mistake]:
     """Check that no port is used twice, by mounts or by surfaces."""
-    seen: list[tuple[str, str]] = []
+    taken: list[tuple[str, str]] = []
     for place, at in _all_endpoints(config):
         where = parse_endpoint(at).where
         if where == "sim":
             continue
         address = _address(where, place[0] == "surface")
-        if any(_overlap(address, other) for other in seen):
+        if any(_overlap(address, other) for other in taken):
             yield Mistake(
                 place,
                 f"{where} is taken by another {'mount or surface' if '://' not in where else 'one'} "
                 "already; every one needs a place of its own",
             )
-        seen.append(address)
+        taken.append(address)
 
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
@@ -237,7 +237,7 @@ def _address(where: str, listening: bool) -> tuple[str, str]:
     return os.path.abspath(os.path.expanduser(where.removeprefix("pty:"))), ""
 
 
-def _overlap(one: tuple[str, str], other: tuple[str, str]) -> bool:
-    if one[1] != other[1] or one[1] == "tcp 0":
+def _overlap(address: tuple[str, str], other: tuple[str, str]) -> bool:
+    if address[1] != other[1] or address[1] == "tcp 0":
         return False
-    return one[0] == other[0] or (one[1] != "" and (one[0] in _EVERY_ADDRESS or other[0] in _EVERY_ADDRESS))
+    return address[0] == other[0] or (address[1] != "" and (address[0] in _EVERY_ADDRESS or other[0] in _EVERY_ADDRESS))

@@ -36,8 +36,10 @@ def resolve_name(text: str) -> str | None:
         return None
     if not rest or rest in load(protocol).models:
         return f"{protocol}:{rest}" if rest else protocol
-    own = {word: found for word, found in _all_names().items() if found.startswith(f"{protocol}:")}
-    return _look_up(own, rest) or f"{protocol}:{rest}"
+    of_protocol = {
+        word: protocol_name for word, protocol_name in _all_names().items() if protocol_name.startswith(f"{protocol}:")
+    }
+    return _look_up(of_protocol, rest) or f"{protocol}:{rest}"
 
 
 def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
@@ -47,7 +49,7 @@ def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
     """
     known = [*among, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _normalised(word)
-    names = [name for name, found in sorted(_all_names().items()) if found.partition(":")[0] in among]
+    names = [name for name, full_name in sorted(_all_names().items()) if full_name.partition(":")[0] in among]
     for choices in (known, names):
         if close := similar(plain if choices is not known else word, choices, least=0.7):
             return f"did you mean {close[0]!r}?"
@@ -62,8 +64,8 @@ def _all_names() -> Mapping[str, str]:
     """Return every name, without blanks and punctuation, with the ``PROTOCOL[:MODEL]`` it stands for."""
     rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
-        for model, words in names_by_model(protocol).items():
-            rows |= dict.fromkeys(words, protocol if model == OPEN else f"{protocol}:{model}")
+        for model, names in names_by_model(protocol).items():
+            rows |= dict.fromkeys(names, protocol if model == OPEN else f"{protocol}:{model}")
     return rows | {protocol: protocol for protocol in PROTOCOLS}
 
 
@@ -72,9 +74,9 @@ def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
     return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
 
 
-def _look_up(words: Mapping[str, str], written: str) -> str | None:
+def _look_up(table: Mapping[str, str], written: str) -> str | None:
     plain = _normalised(written)
-    return words.get(plain) or words.get(_makers().sub("", plain))
+    return table.get(plain) or table.get(_makers().sub("", plain))
 
 
 @cache
@@ -147,12 +149,12 @@ def _of_any(what: str, where: str) -> Endpoint:
     if what != ANY:
         raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
-        one = " or ".join(f"{name}@" for name in streams())
+        allowed = " or ".join(f"{name}@" for name in streams())
         mount = " or ".join(f"{name}@" for name in mounts())
         raise UserError(
             f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
             f"write {ANY}@{suggest_address(where, True) or 'tcp://HOST:PORT'}, "
-            f"or one protocol: {one} where programs connect, {mount} for a mount"
+            f"or one protocol: {allowed} where programs connect, {mount} for a mount"
         )
     return Endpoint(ANY, where)
 
@@ -188,12 +190,12 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:
         model, version = "", spec.version_words[model](version if slash else None)
-    words = [*spec.commands.models, *spec.version_words] if model or version else []
-    if (model or version) and not words:
+    possible = [*spec.commands.models, *spec.version_words] if model or version else []
+    if (model or version) and not possible:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
-    if model and model not in words:
+    if model and model not in possible:
         other = resolve_name(model)
-        right = f"write {other}" if other else suggest(model, words)
+        right = f"write {other}" if other else suggest(model, possible)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)
 
@@ -231,7 +233,7 @@ def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -
 
 def suggest(word: str, choices: Sequence[str]) -> str:
     """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
-    close = similar(word, choices) or [one for one in choices if len(one) > 3 and word.startswith(one)]
+    close = similar(word, choices) or [choice for choice in choices if len(choice) > 3 and word.startswith(choice)]
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 
@@ -266,24 +268,24 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
 def _angle(text: str, sides: str) -> float | None:
     """Return the degrees of an angle as on maps, with one of two ``sides``, the positive first; None if it is none."""
-    found = _ON_MAPS.fullmatch(text)
-    if found is None or found[5] not in ("", *sides) or (found[1] == "-" and found[5]):
+    match = _ON_MAPS.fullmatch(text)
+    if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None
-    degrees, minutes, seconds = (float(found[number] or 0.0) for number in (2, 3, 4))
+    degrees, minutes, seconds = (float(match[number] or 0.0) for number in (2, 3, 4))
     if max(minutes, seconds) >= 60.0:
         return None
     value = degrees + minutes / 60.0 + seconds / 3600.0
-    return -value if found[1] == "-" or found[5] == sides[1] else value
+    return -value if match[1] == "-" or match[5] == sides[1] else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:
     """Return what is wrong with a latitude and a longitude in degrees; empty if nothing is."""
     if -90 <= latitude <= 90 and -180 <= longitude <= 360:
         return ""
-    words = "latitude is -90 to 90, longitude -180 to 180 (east positive)"
+    message = "latitude is -90 to 90, longitude -180 to 180 (east positive)"
     if -90 <= longitude <= 90 and -180 <= latitude <= 360:
-        words += f"; the latitude comes first: {longitude:g},{latitude:g}?"
-    return words
+        message += f"; the latitude comes first: {longitude:g},{latitude:g}?"
+    return message
 
 
 class Broker(msgspec.Struct, frozen=True):

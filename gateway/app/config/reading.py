@@ -53,9 +53,9 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
         with open(plain_file(path), encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
-        words = about_file(path, error, reading=True)
-        makes = f"; mount-gateway detect --write {path} makes one" if words.endswith("no such file") else ""
-        raise UserError(f"{path}: {words}{makes}") from None
+        reason = about_file(path, error, reading=True)
+        makes = f"; mount-gateway detect --write {path} makes one" if reason.endswith("no such file") else ""
+        raise UserError(f"{path}: {reason}{makes}") from None
     except UnicodeDecodeError as error:
         if error.object.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             raise UserError(f"{path}: this is UTF-16, as PowerShell's > writes it; save it as UTF-8") from None
@@ -63,7 +63,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
-        hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
+        hint = next((reason for start, reason in _HINTS.items() if error.msg.startswith(start)), "")
         line = text.split("\n")[error.lineno - 1]
         if "Expected newline" in error.msg and line[error.colno - 1 : error.colno] != ",":
             hint = ""
@@ -99,8 +99,8 @@ def _failing_line(text: str) -> int:
 def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
     """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
-        if not tables.isprintable() and (found := re.search(_CONTROL, tables)):
-            yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
+        if not tables.isprintable() and (match := re.search(_CONTROL, tables)):
+            yield Mistake(place, f"there is a control character (U+{ord(match.group()):04X}) in it; write it without")
     elif isinstance(tables, dict):
         for key, value in tables.items():
             yield from _control_characters(value, (*place, key))
@@ -114,8 +114,8 @@ def make_config(tables: dict[str, object], source: Source, served: bool = True) 
 
     If programs are to be ``served``, a surface is needed.
     """
-    for place, words in _control_characters(tables):
-        raise _located(source, Mistake(_key_place(place), words))
+    for place, reason in _control_characters(tables):
+        raise _located(source, Mistake(_key_place(place), reason))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
@@ -197,8 +197,8 @@ def _swapped_hint(name: str, value: object) -> str:
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""
     numbers = all(isinstance(part, int | float) for part in value)
-    words = site_mistake(value[0], value[1]).partition("; ")[2] if numbers else ""
-    return f"; {words}" if words else "; the latitude comes first"
+    hint = site_mistake(value[0], value[1]).partition("; ")[2] if numbers else ""
+    return f"; {hint}" if hint else "; the latitude comes first"
 
 
 def _located(source: Source, mistake: Mistake) -> UserError:

@@ -48,8 +48,8 @@ class Object(NamedTuple):
 class NotSupplied(UserError):
     """An object that only another package has; ``remedy`` says how to install that, for a person at a shell."""
 
-    def __init__(self, words: str, remedy: str) -> None:
-        super().__init__(words)
+    def __init__(self, reason: str, remedy: str) -> None:
+        super().__init__(reason)
         self.remedy = remedy
 
 
@@ -68,11 +68,11 @@ def describe(text: str) -> Object:
             "the Sun is no goal here: without a solar filter before the tube it blinds and burns. With a filter, start "
             "the gateway with --sun 0 and write its place: mount-gateway goto RA DEC"
         )
-    if found := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
-        name, entry = _numbered(found[1], int(found[2]))
+    if match := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
+        name, entry = _numbered(match[1], int(match[2]))
     else:
         name, entry = _named(text)
-    star = int(found[2]) if found and found[1].lower() == "hip" else names.star(text)
+    star = int(match[2]) if match and match[1].lower() == "hip" else names.star(text)
     seen = supplied.doubles().get(star or 0, "")
     kind = "double star" if seen or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
     place = Spot(entry.ra, entry.dec, j2000=True)
@@ -92,12 +92,12 @@ def completions(text: str, most: int) -> list[str]:
 
 def _numbers(text: str) -> list[str]:
     """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed one."""
-    found = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
-    if found is None or not _exists(text):
+    match = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
+    if match is None or not _exists(text):
         return []
-    if _CATALOGUES[found[1].lower()] != "M":
+    if _CATALOGUES[match[1].lower()] != "M":
         return [text.upper()]
-    return [f"M {number}" for number in range(1, _HIGHEST["M"] + 1) if str(number).startswith(str(int(found[2])))]
+    return [f"M {number}" for number in range(1, _HIGHEST["M"] + 1) if str(number).startswith(str(int(match[2])))]
 
 
 def _exists(text: str) -> bool:
@@ -116,7 +116,9 @@ def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     if (highest := _HIGHEST.get(called, number)) < number:
         raise UserError(f"there is no {name}: {called} goes from 1 to {called}{highest}")
     if (entry := supplied.look_up(name)) is not None:
-        return name, replace(entry, also=", ".join(one for one in (entry.name, *entry.also.split(", ")) if one != name))
+        return name, replace(
+            entry, also=", ".join(other for other in (entry.name, *entry.also.split(", ")) if other != name)
+        )
     if called == "HIP" and number in supplied.stars():
         entry = names.of_star(number, _year())
     elif called == "HIP":

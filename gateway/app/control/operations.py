@@ -39,9 +39,9 @@ def unpacked(request: requests.OperationRequest) -> op.Operation[Any]:
     return _in_range(_converted(request.fields, kind))
 
 
-def answer_of(operation: op.Operation[AnswerT], words: str) -> AnswerT:
+def answer_of(operation: op.Operation[AnswerT], reply: str) -> AnswerT:
     """Return the answer to an operation from its JSON."""
-    return cast(AnswerT, msgspec.json.decode(words, type=answer_type(type(operation))))
+    return cast(AnswerT, msgspec.json.decode(reply, type=answer_type(type(operation))))
 
 
 @functools.cache

@@ -76,10 +76,10 @@ def search(scope: Scope) -> SearchResult:
     gateway has left moving is for that user: root would open whatever port a file of theirs names.
     """
     endpoints, doubts = _all_endpoints(scope.folder)
-    here = os.path.realpath(scope.folder)
+    folder = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
     for path, endpoint in endpoints:
-        if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == here:
+        if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == folder:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
     of_gateways = (left_moving(endpoint) for path, endpoint in gateways.values() if is_own(path.parent))
     paths = {os.path.realpath(path): path for path in chain(scope.folder.glob("*.moving"), *of_gateways)}
@@ -108,8 +108,8 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
             f"{folder}: {error.strerror}: whether a gateway of that folder runs, or was killed in motion, "
             "cannot be seen; stop as the user that the gateway runs as"
         )
-    for own in folders()[0]:
-        endpoints += _readable(own, user())
+    for own_folder in folders()[0]:
+        endpoints += _readable(own_folder, user())
     for other, owner in folders_of_others():
         endpoints += _readable(other, owner)
     return endpoints, doubts

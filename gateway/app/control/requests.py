@@ -157,17 +157,21 @@ class RequestHandler:
         kept_alive = isinstance(request, requests.PressRequest) and active.pressed is not None
         asks = issubclass(_operation(request) or op.Operation, op.Read)
         try:
-            words = await self._do(request, active)
+            message = await self._do(request, active)
         except Fault as fault:
-            words = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
+            message = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
             if not asks:
-                wire_log.refused(active.activity.who, words)
-            told = explain(fault, self._controller.policy.limits)
-            return Answer(FAILED, named + told[2:] if told.startswith("It is") else told, type(fault).__name__)
+                wire_log.refused(active.activity.who, message)
+            explanation = explain(fault, self._controller.policy.limits)
+            return Answer(
+                FAILED,
+                named + explanation[2:] if explanation.startswith("It is") else explanation,
+                type(fault).__name__,
+            )
         if not (asks or kept_alive):
-            answer = "" if isinstance(request, requests.OperationRequest) else f": {words}"
+            answer = "" if isinstance(request, requests.OperationRequest) else f": {message}"
             wire_log.put(active.activity.who, "*", note=f"{what}{answer}")
-        return Answer(DONE, words)
+        return Answer(DONE, message)
 
     def _remember(self, number: str, who: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
@@ -374,15 +378,15 @@ class RequestHandler:
     async def _look(self) -> dict[str, Any]:
         """Read what is polled for nobody; None for what the mount does not tell."""
         controller = self._controller
-        told: dict[str, Any] = {"pier": None, "drive": None}
+        reported: dict[str, Any] = {"pier": None, "drive": None}
         if controller.line.state != "up" or controller.driver.asleep:
-            return told
+            return reported
         reads: dict[str, op.Operation[Any]] = {"pier": op.PierSide()} if controller.driver.german else {}
         for name, read in {**reads, "drive": op.DriveRate()}.items():
             with contextlib.suppress(Fault, TimeoutError):
                 async with asyncio.timeout(SIGHT):
-                    told[name] = await controller.answer(read)
-        return told
+                    reported[name] = await controller.answer(read)
+        return reported
 
     async def _refresh(self) -> None:
         """Refresh position and status, unless the mount does not answer soon."""

@@ -45,25 +45,25 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
     for attempt in range(LOOKS):
-        found = search(scope)
+        scan = search(scope)
         new = [
             (path, endpoint)
-            for path, endpoint in found.gateways
+            for path, endpoint in scan.gateways
             if (not endpoint.mount or endpoint.called(only)) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
-        names = {endpoint.mount: endpoint.title for _, endpoint in found.gateways}
+        names = {endpoint.mount: endpoint.title for _, endpoint in scan.gateways}
         meant = {endpoint.mount for _, endpoint in new}
         markers = {
             mark.mount: (folder, mark)
-            for folder, mark in found.markers
+            for folder, mark in scan.markers
             if _matches(mark.mount, only) or mark.mount in meant
         }
         report.others |= {
             names.get(mount, mount)
             for mount in (
-                *(endpoint.mount for _, endpoint in found.gateways if is_listening(endpoint)),
-                *(mark.mount for _, mark in found.markers),
+                *(endpoint.mount for _, endpoint in scan.gateways if is_listening(endpoint)),
+                *(mark.mount for _, mark in scan.markers),
             )
             if mount not in meant and mount not in markers
         }
@@ -72,7 +72,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         answers_by_mount = await asyncio.gather(
             *(
-                _order_mount([one for one in new if one[1].mount == mount], request, markers.get(mount))
+                _order_mount([entry for entry in new if entry[1].mount == mount], request, markers.get(mount))
                 for mount in mounts
             )
         )
@@ -82,9 +82,9 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
             for answer in answers
         ]
         others = unreachable_gateways(scope)
-        report.doubts = [*found.doubts, *map(explain_unreachable, others)]
+        report.doubts = [*scan.doubts, *map(explain_unreachable, others)]
         coming = [process for process in others if reachable(process)]
-        if not coming or attempt == LOOKS - 1 or (attempt and all(age(one.pid) > STARTED for one in coming)):
+        if not coming or attempt == LOOKS - 1 or (attempt and all(age(process.pid) > STARTED for process in coming)):
             break
         await asyncio.sleep(BETWEEN)
     return report

@@ -34,8 +34,8 @@ def first_messages(controller: MountController, model: str | None, version: str 
     yield UserMessage(f"found {state.drawn().found}")
     where = f"site {state.site}" if state.site else "site not known (--site LAT,LON sets it)"
     yield UserMessage(f"{where}; clock {state.time or 'not known'}")
-    if words := _contradiction(controller, identity, model, version):
-        yield UserMessage(words, warns=True)
+    if warning := _contradiction(controller, identity, model, version):
+        yield UserMessage(warning, warns=True)
     if status is not None and not status.aligned:
         yield UserMessage(
             "the mount is not aligned: where it points means nothing yet, and no limit can be watched; align it "
@@ -52,17 +52,17 @@ def first_messages(controller: MountController, model: str | None, version: str 
         yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
     if state.policy.limits.hour_angle is not None and not state.pier_kept:
         yield UserMessage(NOT_KEPT, warns=True)
-    if words := contradiction_warning(controller.context):
-        yield UserMessage(words.removeprefix("WARNING: "), warns=True)
+    if warning := contradiction_warning(controller.context):
+        yield UserMessage(warning.removeprefix("WARNING: "), warns=True)
 
 
 def _contradiction(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
     """Return the warning about a named model or version that the mount contradicts; empty if none."""
-    told = controller.driver.reported_model(identity)
-    if model is not None and told is not None and told != model:
+    reported = controller.driver.reported_model(identity)
+    if model is not None and reported is not None and reported != model:
         return (
-            f"the mount was named as {model}, and says that it is {told}: leave the model out, it is asked for, or "
-            f"write {told}"
+            f"the mount was named as {model}, and says that it is {reported}: leave the model out, it is asked for, or "
+            f"write {reported}"
         )
     if version is not None and identity.version[:1].isdecimal() and _numbers(version) != _numbers(identity.version):
         return (
@@ -87,13 +87,13 @@ def last_message(controller: MountController, moved: bool) -> UserMessage | None
         return UserMessage(
             "the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True
         )
-    words = "stopped the mount" if moved else "the mount was not moving"
+    outcome = "stopped the mount" if moved else "the mount was not moving"
     if status is None:
-        return UserMessage(words)
+        return UserMessage(outcome)
     how, age = (
         "off" if status.tracking is op.Tracking.OFF else "on",
         controller.cache.age(op.GetStatus, controller.now()),
     )
     return UserMessage(
-        f"{words}; tracking is {how}" if age <= LATELY else f"{words}; tracking was {how} when it last said so"
+        f"{outcome}; tracking is {how}" if age <= LATELY else f"{outcome}; tracking was {how} when it last said so"
     )

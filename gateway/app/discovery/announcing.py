@@ -157,8 +157,8 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
 
 async def register(zeroconf: AsyncZeroconf, offers: Sequence[Offer]) -> None:
     """Announce the offers; a name that another computer already has gets a number appended."""
-    for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
-        await (await zeroconf.async_register_service(service(one), allow_name_change=True))
+    for announced in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
+        await (await zeroconf.async_register_service(service(announced), allow_name_change=True))
 
 
 def open_zeroconf(interfaces: Sequence[str] | None) -> AsyncZeroconf:

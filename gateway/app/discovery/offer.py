@@ -46,7 +46,7 @@ class Offer(Struct, frozen=True):
 
 def network_offers(names: Iterable[str]) -> list[Offer]:
     """Return the network surfaces among texts ``PROTOCOL:MODEL@WHERE [NAME]``, as in the ready lines."""
-    found = []
+    offers = []
     for name in names:
         what, _, rest = name.partition("@")
         where, _, mount = rest.partition(" ")
@@ -54,8 +54,8 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
         if scheme in SCHEMES:
             protocol, _, model = what.partition(":")
             host, port = split_address(where)
-            found.append(Offer(protocol, model, scheme, host, port, mount))
-    return found
+            offers.append(Offer(protocol, model, scheme, host, port, mount))
+    return offers
 
 
 def address_towards(asker: tuple[str, int]) -> str:
@@ -109,7 +109,7 @@ def phone_line(offer: Offer, addresses: list[str]) -> str:
         help_page = "in the field: docs/programs/skysafari.md"
         return f"no other computer reaches {port}: this one is not in a network yet ({help_page})"
     if page:
-        return f"on your phone: {' or '.join(f'http://{in_brackets(one)}:{offer.port}/' for one in addresses)}"
+        return f"on your phone: {' or '.join(f'http://{in_brackets(address)}:{offer.port}/' for address in addresses)}"
     where = " or ".join(addresses)
     if offer.scheme != "tcp":
         return f"on another computer: {offer.scheme}://{where}:{offer.port}"

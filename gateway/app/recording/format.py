@@ -101,12 +101,12 @@ class Recording:
                 )
                 return
             line = raw.decode("latin-1").rstrip("\n")
-            found = _LINE.fullmatch(line)
-            if found is None:
+            match = _LINE.fullmatch(line)
+            if match is None:
                 if not line:
                     continue
                 raise UserError(f"{part}:{number}: {line[:60]!r} is no line of a recording: SECONDS WHO ARROW BYTES")
-            at, side, arrow, text = found.groups()
+            at, side, arrow, text = match.groups()
             data = unescape(text or "") if arrow in "<>" else (text or "").encode("latin-1")
             last = Event(float(at), side, arrow, data)
             yield last
@@ -157,9 +157,9 @@ def _format(path: Path) -> int | None:
         with open_plain(path) as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
-        words = about_file(path, error, reading=True)
-        makes = f"; mount-gateway run --record {path} makes one" if words.endswith("no such file") else ""
-        raise UserError(f"{path}: {words}{makes}") from None
+        reason = about_file(path, error, reading=True)
+        makes = f"; mount-gateway run --record {path} makes one" if reason.endswith("no such file") else ""
+        raise UserError(f"{path}: {reason}{makes}") from None
     number = line.removeprefix(MARK).rstrip("\n")
     if not line.startswith(MARK) or not number.isdecimal():
         return None

@@ -75,9 +75,9 @@ def file_name(protocol: str, where: str) -> str:
 # --- writing and reading ----------------------------------------------------------------------------------------
 
 
-def encode(kept: SavedState) -> bytes:
+def encode(state: SavedState) -> bytes:
     """Return the content of a state file: JSON that is indented for people to read."""
-    return msgspec.json.format(msgspec.json.encode(kept, order="sorted"), indent=2) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(state, order="sorted"), indent=2) + b"\n"
 
 
 def _content(path: Path) -> bytes:
@@ -146,14 +146,14 @@ def release_folder(folder: Path) -> bool:
 # --- between the file and the settings that clients share -------------------------------------------------------
 
 
-def to_shared(kept: SavedState) -> MountSettings:
+def to_shared(state: SavedState) -> MountSettings:
     """Return the shared settings with which all clients of a mount begin."""
     return MountSettings(
-        sites={int(index): site for index, site in kept.sites.items()},
-        site=kept.site,
-        zone=kept.zone,
-        pec=kept.pec,
-        motors={name: value for name, value in kept.motors.items() if name.startswith(MOTORS)},
+        sites={int(index): site for index, site in state.sites.items()},
+        site=state.site,
+        zone=state.zone,
+        pec=state.pec,
+        motors={name: value for name, value in state.motors.items() if name.startswith(MOTORS)},
     )
 
 

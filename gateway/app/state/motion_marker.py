@@ -37,15 +37,15 @@ class MotionMarker:
         warn: Callable[[str], None],
         in_thread: InThread = in_thread,
         *,
-        there: bool = False,
+        exists: bool = False,
     ) -> None:
         self.path, self._content, self._busy, self._warn, self._in_thread = path, content, busy, warn, in_thread
-        self._wanted: bytes | None = b"" if there else None
+        self._wanted: bytes | None = b"" if exists else None
         self._written = self._wanted
         self._quiet = 0.0
         self._writing: asyncio.Task[None] | None = None
         self._watching: asyncio.Task[None] | None = None
-        if there:
+        if exists:
             self._watch()
 
     async def before_motion(self) -> None:

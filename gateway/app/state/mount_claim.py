@@ -22,8 +22,8 @@ HERE = ("localhost", "::1", "0.0.0.0", "::")
 class MountTaken(UserError):
     """Another gateway has the mount; ``by`` names its process, such as ``process 17``."""
 
-    def __init__(self, words: str, by: str) -> None:
-        super().__init__(words)
+    def __init__(self, text: str, by: str) -> None:
+        super().__init__(text)
         self.by = by
 
 

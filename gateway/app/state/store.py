@@ -82,15 +82,15 @@ class StateStore:
         self.holder = ""
         self._lock = PidLock(self.lock_path)
         self._take_lock()
-        kept = self._read()
-        self.shared = Shared(file.to_shared(kept), self.changed)
+        saved = self._read()
+        self.shared = Shared(file.to_shared(saved), self.changed)
         self._uses_marker = self.held and not self._simulated
-        self.previous_run = PreviousRun(kept, file.read_marker(self._marker_path) if self._uses_marker else None)
-        self._written = file.encode(kept)
-        self._memory: Callable[[bool], Values] = lambda moving: kept.mount
-        self._synced: Callable[[], SyncSum] = lambda: kept.synced
-        self._left: Callable[[], AsLeft | None] = lambda: kept.left
-        self._site: Callable[[], SiteOfProgram | None] = lambda: kept.site_of_program
+        self.previous_run = PreviousRun(saved, file.read_marker(self._marker_path) if self._uses_marker else None)
+        self._written = file.encode(saved)
+        self._memory: Callable[[bool], Values] = lambda moving: saved.mount
+        self._synced: Callable[[], SyncSum] = lambda: saved.synced
+        self._left: Callable[[], AsLeft | None] = lambda: saved.left
+        self._site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
         self._motion: Callable[[], LeftMotion | None] = lambda: None
         self._host: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
@@ -175,7 +175,7 @@ class StateStore:
                 lambda: controller.reconciler.busy,
                 self._warn_once,
                 self.in_thread,
-                there=self.previous_run.left is not None,
+                exists=self.previous_run.left is not None,
             )
 
     async def before_motion(self) -> None:

@@ -73,8 +73,8 @@ class Watchdog:
 
     def _spawn(self) -> None:
         """Start the process. If that fails, warn and run without a watchdog."""
-        here, there = socket.socketpair()
-        here.setblocking(False)
+        ours, theirs = socket.socketpair()
+        ours.setblocking(False)
         arguments = [*script_argv(str(PROGRAM)), str(THERE), str(os.getpid())]
         files = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1)]
         try:
@@ -82,18 +82,18 @@ class Watchdog:
                 sys.executable,
                 arguments,
                 os.environ,
-                file_actions=[*files, (os.POSIX_SPAWN_DUP2, there.fileno(), THERE)],
+                file_actions=[*files, (os.POSIX_SPAWN_DUP2, theirs.fileno(), THERE)],
                 setsigmask=HELD_BACK,
             )
-            self._connection = here
+            self._connection = ours
         except OSError as error:
-            here.close()
+            ours.close()
             self.warn(
                 f"the watchdog process cannot be started ({error}): a gateway that is killed leaves its mount "
                 "moving until mount-gateway stop is run"
             )
         finally:
-            there.close()
+            theirs.close()
 
     def mount(
         self,
@@ -221,9 +221,9 @@ class WatchedMount:
         """Send the line's descriptor or the server's address to the process, and the stop commands if it moves."""
         if self._descriptor is not None or self._server:
             kind, files = ("server", []) if self._descriptor is None else ("line", [self._descriptor])
-            words = (self._title, str(self._lock or ""), *self._server)
+            parts = (self._title, str(self._lock or ""), *self._server)
             self._watchdog.send(
-                f"{kind} {self._number} {' '.join(word.encode().hex() or '00' for word in words)}", files
+                f"{kind} {self._number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
             self._sent = AT_REST
             if self.moving:
@@ -251,8 +251,8 @@ class WatchedMount:
         kind = ("clear" if self._clear() else "moving") if commands else "rest"
         if (kind, commands) != self._sent:
             self._sent = kind, commands
-            words = "".join(f" {command.hex()}" for command in commands)
-            self._watchdog.send(f"{kind} {self._number}{words}")
+            text = "".join(f" {command.hex()}" for command in commands)
+            self._watchdog.send(f"{kind} {self._number}{text}")
 
     def was_stopped(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""

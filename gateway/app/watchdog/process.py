@@ -131,8 +131,8 @@ def read(path: str) -> bytes:
 
 def waited(process: str) -> float:
     """Return the seconds that a process has waited for a processor (Linux); not a number if the system does not say."""
-    words = read(f"/proc/{process}/schedstat").split()
-    return int(words[1]) / 1e9 if len(words) == 3 else float("nan")
+    columns = read(f"/proc/{process}/schedstat").split()
+    return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
 
 class Watch:
@@ -190,21 +190,21 @@ class Watch:
             self.handle(line.decode("ascii").split(" "), descriptors)
         return bool(data)
 
-    def handle(self, words: list[str], descriptors: list[int]) -> None:
+    def handle(self, parts: list[str], descriptors: list[int]) -> None:
         """Act on one message of the gateway, split into words."""
-        kind, number = [*words, ""][:2]
+        kind, number = [*parts, ""][:2]
         if kind == "line":
             self.drop(number)
-            title, lock = (bytes.fromhex(word).decode() for word in words[2:4])
+            title, lock = (bytes.fromhex(word).decode() for word in parts[2:4])
             self.mounts[number] = GuardedMount(title, lock, descriptors.pop(0))
         elif kind == "server":
             self.drop(number)
-            self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in words[2:7]))
+            self.mounts[number] = ServedMount(*(bytes.fromhex(word).decode() for word in parts[2:7]))
         elif kind == "gone":
             self.drop(number)
         elif number in self.mounts and kind in ("moving", "clear", "rest"):
             self.mounts[number].stop, self.mounts[number].clear = (
-                [bytes.fromhex(word) for word in words[2:]],
+                [bytes.fromhex(word) for word in parts[2:]],
                 kind == "clear",
             )
             self.mounts[number].get_ready()

@@ -74,7 +74,7 @@ def _detect(arguments: argparse.Namespace) -> int:
 
     async def look() -> list[PortFinding]:
         offered = ask_servers(urls) if arguments.port else ask_servers(None)
-        return [one for several in await asyncio.gather(look_at_all(ports), offered) for one in several]
+        return [server for several in await asyncio.gather(look_at_all(ports), offered) for server in several]
 
     findings = asyncio.run(look())
     if not findings:

@@ -49,8 +49,8 @@ def _doctor(arguments: argparse.Namespace) -> int:
     results = examine(gather(arguments.state, arguments.almanac))
     well = all(result.state != BAD for result in results)
     if arguments.json:
-        told = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}
-        print(json.dumps(told, indent=2))
+        output = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}
+        print(json.dumps(output, indent=2))
     else:
         print("\n".join(lines(results)))
     return 0 if well else 1
@@ -60,13 +60,13 @@ def lines(results: Sequence[CheckResult]) -> list[str]:
     """Return the results as lines for the user, followed by the number of problems and of notes."""
     from gateway.diagnostics.doctor.facts import BAD, NOTE
 
-    told: list[str] = []
+    output: list[str] = []
     for result in results:
         state = result.state.upper() if result.state == BAD else result.state
-        told.append(f"{state:<5} {result.check:<10} {result.found}")
+        output.append(f"{state:<5} {result.check:<10} {result.found}")
         if result.do:
-            told.append(f"{'':<16} -> {result.do}")
+            output.append(f"{'':<16} -> {result.do}")
     bad, notes = (sum(result.state == state for result in results) for state in (BAD, NOTE))
-    told.append("")
-    told.append(f"{bad or 'nothing'} to mend{f', {notes} to know' if notes else ''}")
-    return told
+    output.append("")
+    output.append(f"{bad or 'nothing'} to mend{f', {notes} to know' if notes else ''}")
+    return output

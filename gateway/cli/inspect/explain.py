@@ -26,6 +26,6 @@ def add_explain(commands: Commands) -> None:
 def _explain(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.rehearsal.explain import explain
 
-    told = explain(arguments.client, arguments.mount, arguments.command)
-    print(told.text)
-    return 0 if told.valid else 1
+    explanation = explain(arguments.client, arguments.mount, arguments.command)
+    print(explanation.text)
+    return 0 if explanation.valid else 1

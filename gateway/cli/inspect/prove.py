@@ -158,9 +158,9 @@ def add_prove(commands: Commands) -> None:
         epilog=EXAMPLES,
     )
     prove.add_argument("--folder", type=Path, default=Path("prove"), help="where it keeps what it has found")
-    own = len(prove._actions)
+    before = len(prove._actions)
     add_settings(prove)
-    prove.elsewhere = [action for action in prove._actions[own:] if action.dest not in ("mount", "config", "file")]
+    prove.elsewhere = [action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")]
     prove.set_defaults(run=_prove)
 
 
@@ -180,14 +180,16 @@ def _prove(arguments: argparse.Namespace) -> int:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
-    kept, terminal = folder / "findings.json", Terminal()
+    findings_file, terminal = folder / "findings.json", Terminal()
     over = False  # True if a person has ended it, not a signal
 
     async def guest(gateway: Gateway) -> None:
         nonlocal over
         await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
         with terminal.open():
-            await GuidedCheck(gateway, terminal, load(kept), lambda found: save(kept, found)).run()
+            await GuidedCheck(
+                gateway, terminal, load(findings_file), lambda findings: save(findings_file, findings)
+            ).run()
         over = True
 
     here = checked(config)
@@ -200,7 +202,7 @@ def _prove(arguments: argparse.Namespace) -> int:
             f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "
             "type this command again"
         ) from None
-    if (findings := load(kept)).stages:
+    if (findings := load(findings_file)).stages:
         for line in summary(findings):
             terminal.say(line)
         path = write(folder, findings, simulated=parse_endpoint(mount.at).where == "sim")
@@ -238,7 +240,7 @@ def summary(findings: Findings) -> Iterator[str]:
 
     counts = [f"{len(findings.of(verdict))} {verdict}" for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
     yield f"Your mount beside what the gateway assumed: {', '.join(counts)}."
-    others = [one for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for one in findings.of(verdict)]
+    others = [item for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for item in findings.of(verdict)]
     yield from (finding.line for finding in others[:SHOWN])
     if len(others) > SHOWN:
         yield f"{len(others) - SHOWN} others are in findings.json."

@@ -185,15 +185,15 @@ def add_place(command: argparse.ArgumentParser) -> None:
 
 def place(arguments: argparse.Namespace) -> requests.Where:
     """Return the target that the user typed. Raises UserError that says what would be right."""
-    words = [word.strip() for word in arguments.place]
-    if len(words) != 2 or not words[0][:1].isdecimal() or words[1][:1].isalpha():
+    parts = [word.strip() for word in arguments.place]
+    if len(parts) != 2 or not parts[0][:1].isdecimal() or parts[1][:1].isalpha():
         from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
         try:
-            return objects.find(" ".join(words))
+            return objects.find(" ".join(parts))
         except objects.NotSupplied as missing:
             raise UserError(f"{missing}. To install it, {missing.remedy}") from None
-    ra, dec = words
+    ra, dec = parts
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
     up = _angle(dec, "a declination", 90.0, -90.0)

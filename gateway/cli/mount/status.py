@@ -71,17 +71,17 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
     from gateway.app.control.reach import ask_state
     from gateway.cli.serve.live import Screen, find_terminal
 
-    screen, rate, told = Screen(find_terminal()), AverageRate(), tuple[Served, ...]()
+    screen, rate, shown = Screen(find_terminal()), AverageRate(), tuple[Served, ...]()
     now = asyncio.get_running_loop().time
     try:
         while (answer := await unless(done, ask_state(endpoint))) is not None:
             if isinstance(answer, Answer):
                 screen.clear()
                 return gateway_client.report(answer)
-            if answer.served != told:
-                told = answer.served
-                for one in told:
-                    screen.say(str(one))
+            if answer.served != shown:
+                shown = answer.served
+                for surface in shown:
+                    screen.say(str(surface))
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
                 screen.show(status([look], screen.columns))
@@ -109,19 +109,19 @@ def lines(state: State) -> Iterator[str]:
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
-    seen = where(look)  # includes the age of an old position
+    position = where(look)  # includes the age of an old position
     if look.position is not None and look.age <= OLD_AFTER:
-        seen += f", {look.age:.0f} s ago"
+        position += f", {look.age:.0f} s ago"
     doing = activity(look) if look.online else ""  # not known now
     rows = {
         "mount": [state.found or "has not said yet which one it is"],
-        "now": [f"{seen}; {doing}" if doing else seen],
+        "now": [f"{position}; {doing}" if doing else position],
         "orders": state.wanted or ["none: no motion"],
         "limits": ["; ".join(state.allowed)],
         "site": [state.site or "not known: altitudes cannot be computed"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
-        "served": [str(one) for one in state.served] or ["no surface"],
+        "served": [str(surface) for surface in state.served] or ["no surface"],
         "programs": [", ".join(_counted(state.programs)) or "none"],
         "state": [state.folder],
         "lately": state.lately or ["nothing was refused or ended in the last minute"],

@@ -64,8 +64,8 @@ def _stop(arguments: argparse.Namespace) -> int:
         else:
             bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.words}")
     if word != "stop":
-        told, trouble = _on_disk(scope.folder, word)
-        good += [told] * bool(told)
+        done, trouble = _on_disk(scope.folder, word)
+        good += [done] * bool(done)
         bad += [trouble] * bool(trouble)
     bad += report.doubts
     if arguments.mount and report.others and not report.outcomes:

@@ -75,7 +75,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     Without a console they are served at the mount's ports for every protocol, which have admitted the client already.
     """
     page = config.page
-    if page is None and not any(parse_endpoint(one.at).protocol == ANY for one in config.of(mount)):
+    if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.of(mount)):
         return []
     allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
@@ -90,7 +90,7 @@ def http_offers(web: WebServer) -> list[Offer]:
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
-    return [Offer(name, "", "tcp", one.host, one.port) for one in console_offers(web) for name in speaking]
+    return [Offer(name, "", "tcp", offer.host, offer.port) for offer in console_offers(web) for name in speaking]
 
 
 def console_offers(web: WebServer) -> list[Offer]:

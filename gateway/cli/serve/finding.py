@@ -48,9 +48,9 @@ async def serve(
     """
     if not patient:
         await find(gateway, warn, longest)
-    found = not patient or await gateway.wait_identified(QUICK)
+    answers = not patient or await gateway.wait_identified(QUICK)
     await ready(gateway)
-    if not found and not await _found(gateway, warn):
+    if not answers and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
@@ -98,26 +98,26 @@ async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = G
             line.start()
             if await _found(gateway, warn, end - now()):
                 return
-    words = not_found_message(gateway)
+    not_found = not_found_message(gateway)
     if line.unopened:
         other = _other_gateway(gateway, line.unopened)
-        told = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened, other)}"
-        raise MountTaken(told, f"process {other}") if other else UserError(told)
+        taken = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened, other)}"
+        raise MountTaken(taken, f"process {other}") if other else UserError(taken)
     await line.close()
-    raise UserError(words)
+    raise UserError(not_found)
 
 
 async def _check_for_another(gateway: Gateway) -> None:
     """Look for a mount of another protocol or rate on the port, which must be closed. Raises UserError if one is."""
     from gateway.diagnostics.detect import who_answers
 
-    found = await who_answers(gateway.mount.where, gateway.config.baud)
-    if found is None and gateway.config.baud != USUAL and await _answers_at(gateway.mount.where, USUAL):
+    protocol = await who_answers(gateway.mount.where, gateway.config.baud)
+    if protocol is None and gateway.config.baud != USUAL and await _answers_at(gateway.mount.where, USUAL):
         raise UserError(
             f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave --baud out"
         )
-    if found and found != gateway.mount.protocol:
-        raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    if protocol and protocol != gateway.mount.protocol:
+        raise UserError(f"{gateway.title}: the mount speaks {protocol}; write {protocol}@{gateway.mount.where}")
 
 
 def _unsupported(where: str) -> str:

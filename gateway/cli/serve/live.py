@@ -132,7 +132,7 @@ def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[as
         work.append(_show(StatusLines(gateways), screen))
     if wanted():
         work.append(_report(StatusLines(gateways), screen))
-    return [asyncio.ensure_future(one) for one in work]
+    return [asyncio.ensure_future(coroutine) for coroutine in work]
 
 
 async def _show(status_lines: StatusLines, screen: Screen) -> None:

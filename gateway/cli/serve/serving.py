@@ -123,8 +123,8 @@ async def serve_mounts(
         return [offer for offer in [*every, *console_offers(gateways[0].web)] if offer.wide]
 
     ask_for_short_slices()
-    if words := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
-        screen.warn(words)
+    if warning := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
+        screen.warn(warning)
     for mount in config.mount:
         wire_log = WireLog(time.time)
         if config.log:
@@ -173,7 +173,7 @@ async def serve_mounts(
                 notify("READY=1")
 
         status_tasks.append(asyncio.ensure_future(almanac.keep()))
-        await unless(done, asyncio.gather(*(serve(one, patient, longest, ready, screen.warn) for one in gateways)))
+        await unless(done, asyncio.gather(*(serve(each, patient, longest, ready, screen.warn) for each in gateways)))
         garbage.started()
         if config.page is not None and not done.is_set():
             await open_console(config.page, gateways[0].web, screen, phone)
@@ -198,8 +198,8 @@ async def serve_mounts(
         for task in status_tasks:
             task.cancel()
         screen.clear()
-        for one in gateways:
-            await one.web.close()
+        for each in gateways:
+            await each.web.close()
         moved = [gateway.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if broker is not None:

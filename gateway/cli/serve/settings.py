@@ -120,22 +120,22 @@ def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
 def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
     """Put the values of the flags of a table of ``TABLE_FLAGS`` into the tables."""
     for flag, name in TABLE_FLAGS[table][1].items():
-        value, there = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
-        if value is not None and isinstance(there, dict):
-            tables[table] = {**there, name: value}
+        value, table_values = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
+        if value is not None and isinstance(table_values, dict):
+            tables[table] = {**table_values, name: value}
             source.flags[(table, name)] = f"--no-{flag}" if value == OFF and table == "console" else f"--{flag}"
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. A flag for true, false or one of some words needs no value, or has ``=WORD``."""
-    words = f"{key.words} (default: yes)" if key.default is True else key.words
+    help_text = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=words)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=help_text)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.several:
-        group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=words)
+        group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=help_text)
     elif isinstance(key.default, bool) or key.right == "true or false":
-        group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
+        group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=help_text)
     elif key.flag:
         group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
 
@@ -200,7 +200,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     if alone is not None:
         if given is not None and given != alone:
             raise UserError(f"{alone} and --config {given}: write one file")
-        for flag, value in (("--mount", arguments.mount), *(("--surface", one) for one in arguments.surface)):
+        for flag, value in (("--mount", arguments.mount), *(("--surface", surface) for surface in arguments.surface)):
             if value and "@" not in value:
                 place = re.sub(r"^(\w+):/(?=[^/])", r"\1://", str(alone))  # a path has lost its second slash
                 raise UserError(f"{flag} {value} {place}: write {flag} {value}@{place}")

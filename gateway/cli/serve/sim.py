@@ -44,8 +44,8 @@ def add_sim(commands: Commands) -> None:
     sim.add_argument("--unaligned", action="store_true", help="as after power-on, before the star alignment")
     sim.add_argument("--truth", metavar="FILE.jsonl", help="write what the mount physically does, ten times a second")
     for spec in PROTOCOLS.values():
-        for name, words in spec.simulator_switches.items():
-            sim.add_argument(_flag(name), action="store_true", help=f"{spec.name}: {words}")
+        for name, effect in spec.simulator_switches.items():
+            sim.add_argument(_flag(name), action="store_true", help=f"{spec.name}: {effect}")
     sim.set_defaults(run=_sim)
 
 
@@ -186,7 +186,7 @@ async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -
     from gateway.protocols.mechanics.truth import sample
 
     try:
-        await unless(done, sample(simulator, lambda seen: file.write(seen.line())))
+        await unless(done, sample(simulator, lambda truth: file.write(truth.line())))
         file.close()
     except OSError as error:
         raise UserError(f"cannot write {file.name}: {told(error)}; the simulated mount has ended") from None

@@ -96,17 +96,17 @@ async def identify(
         async with asyncio.timeout(LONGEST):
             identity: op.Identity = await talk.perform(op.GetIdentity())
             answers: dict[str, str] = {}
-            told: dict[str, object] = {}
+            fields: dict[str, object] = {}
             for name, operation in QUESTIONS:
                 talk.answered.clear()
-                told[name] = await _maybe(talk, operation)
-                answers[name] = _written(driver, talk.answered) if told[name] is not None else ""
+                fields[name] = await _maybe(talk, operation)
+                answers[name] = _written(driver, talk.answered) if fields[name] is not None else ""
             await _maybe(talk, op.Position())  # once more, for the usual time of an answer
     except TimeoutError:
         raise NoAnswer from None
     finally:
         await line.close()
-    status = told[STATUS]
+    status = fields[STATUS]
     return FoundMount(
         protocol=protocol,
         product=identity.product,

@@ -43,11 +43,11 @@ def here() -> list[SerialPortInfo]:
     """List the serial ports of this computer. Pseudo-terminals are not included; users must name them."""
     from serial.tools.list_ports import comports
 
-    found = []
+    ports = []
     for port in sorted(comports(), key=lambda port: port.device):
         about = port.description if port.description not in (None, "n/a", port.device) else ""
-        found.append(SerialPortInfo(port.device, lasting_name(port.device), about))
-    return found
+        ports.append(SerialPortInfo(port.device, lasting_name(port.device), about))
+    return ports
 
 
 def is_usb_or_named(url: str) -> bool:
@@ -92,8 +92,8 @@ def serving_gateway(url: str) -> int | None:
 
 def gateway_of_another() -> str:
     """Return which gateway of another user, whose ports are hidden, may have a port that is in use; empty if none."""
-    found = next((process for process in gateways() if not reachable(process)), None)
-    return f"perhaps by the gateway of {user_name(found.user)} (process {found.pid})" if found else ""
+    owner = next((process for process in gateways() if not reachable(process)), None)
+    return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
 
 
 def unsupported_device(where: str) -> str:

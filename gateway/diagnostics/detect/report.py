@@ -75,13 +75,13 @@ def block(finding: PortFinding) -> str:
 
 def _nothing(finding: PortFinding) -> str:
     """Say why no mount was found."""
-    states = {state: words for spec in PROTOCOLS.values() for state, words in spec.states.items()}
-    words = (WORDS | states)[finding.state]
+    states = {state: text for spec in PROTOCOLS.values() for state, text in spec.states.items()}
+    text = (WORDS | states)[finding.state]
     if finding.state == "silent" and finding.rates > 1:
-        words += f" at {USUAL} baud and {finding.rates - 1} other rates"
+        text += f" at {USUAL} baud and {finding.rates - 1} other rates"
     elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, USUAL):
-        words += f" ({finding.baud} baud)"
-    return f"{words}: {finding.reason}" if finding.reason else words
+        text += f" ({finding.baud} baud)"
+    return f"{text}: {finding.reason}" if finding.reason else text
 
 
 def _mount_lines(finding: PortFinding) -> list[str]:
@@ -93,7 +93,7 @@ def _mount_lines(finding: PortFinding) -> list[str]:
     motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
     version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
     model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
-    mute = [name for name, words in mount.answers.items() if not words]
+    mute = [name for name, meaning in mount.answers.items() if not meaning]
     title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
     return [
         f"{title}, {version}, {model}",
@@ -101,7 +101,7 @@ def _mount_lines(finding: PortFinding) -> list[str]:
         *_starts(finding),
         f"details: {motors}{baud}a reply takes {mount.latency * 1000:.0f} ms; "
         f"equinox {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
-        f"  replies: {'; '.join(f'{name} ({words})' for name, words in mount.answers.items() if words)}",
+        f"  replies: {'; '.join(f'{name} ({meaning})' for name, meaning in mount.answers.items() if meaning)}",
         *([f"  no reply: {', '.join(mute)}"] if mute else []),
     ]
 
@@ -123,14 +123,14 @@ def _by_model(mount: FoundMount) -> str:
 
 def hints(mount: FoundMount) -> list[str]:
     """Return what the user should know or add before the first run."""
-    found = []
+    parts = []
     if mount.aligned is False:
-        found.append("not aligned yet: align it at the hand control, it does no gotos before")
+        parts.append("not aligned yet: align it at the hand control, it does no gotos before")
     if not mount.tells_model and (words := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
-        found.append(words)
+        parts.append(words)
     if not mount.tells_place:
-        found.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
-    return found
+        parts.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
+    return parts
 
 
 def endpoint(finding: PortFinding) -> str:
@@ -152,10 +152,10 @@ def surface(mount: FoundMount, network: bool) -> str:
 def command(finding: PortFinding, network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
-    words = ["mount-gateway", "run", "--mount", endpoint(finding)]
+    argv = ["mount-gateway", "run", "--mount", endpoint(finding)]
     if finding.baud not in (None, USUAL):
-        words += ["--baud", str(finding.baud)]
-    return shlex.join([*words, "--surface", surface(finding.mount, network)])
+        argv += ["--baud", str(finding.baud)]
+    return shlex.join([*argv, "--surface", surface(finding.mount, network)])
 
 
 def toml(finding: PortFinding, network: bool = False) -> str:

@@ -73,7 +73,7 @@ def questions(named: str | None) -> list[Question]:
     """
     every = sorted(
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
-        key=lambda found: found[1].rank,
+        key=lambda candidate: candidate[1].rank,
     )
     last = max((question.rank for name, question in every if name == named), default=None)
     return [
@@ -190,7 +190,7 @@ async def look_at_all(places: Iterable[SerialPortInfo]) -> list[PortFinding]:
 
 async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     """Return the mounts that servers at these addresses offer; None asks the whole network."""
-    found = []
+    mounts = []
     for spec in PROTOCOLS.values():
         for one in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
             place = SerialPortInfo(one.where, one.where, f"{spec.title}: {one.server}")
@@ -199,8 +199,8 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
                 tells_model=False, tells_place=True, answers={},
             )  # fmt: skip
             gateway = PortFinding(place, OFFERED, reason=one.product)
-            found.append(gateway if one.gateway else PortFinding(place, spec.name, mount=mount, seconds=one.seconds))
-    return found
+            mounts.append(gateway if one.gateway else PortFinding(place, spec.name, mount=mount, seconds=one.seconds))
+    return mounts
 
 
 async def look(

@@ -41,14 +41,18 @@ LEAVE_ALONE = (
 def python(facts: Facts) -> Iterator[Said]:
     """Check that this version of Python is tested; also describe this computer for a report."""
     version = ".".join(map(str, facts.python))
-    here = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
+    summary = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
     tried = "{}.{} to {}.{}".format(*OLDEST, *NEWEST)
     if facts.python[:2] < OLDEST:
-        yield BAD, f"{here}: it is too old", f"install Python {tried}, and reinstall mount-gateway with it"
+        yield BAD, f"{summary}: it is too old", f"install Python {tried}, and reinstall mount-gateway with it"
     elif facts.python[:2] > NEWEST:
-        yield NOTE, f"{here}: it is newer than those mount-gateway is tested with", f"if something fails, use {tried}"
+        yield (
+            NOTE,
+            f"{summary}: it is newer than those mount-gateway is tested with",
+            f"if something fails, use {tried}",
+        )
     else:
-        yield GOOD, here, ""
+        yield GOOD, summary, ""
 
 
 def packages(facts: Facts) -> Iterator[Said]:
@@ -56,9 +60,9 @@ def packages(facts: Facts) -> Iterator[Said]:
     needed = [one for one in facts.packages if not (facts.without_astropy and one.name in SKY)]
     wrong = [package for package in needed if not package.fits]
     for package in wrong:
-        here = f"version {package.version} is installed" if package.version else "is not installed"
+        state = f"version {package.version} is installed" if package.version else "is not installed"
         mend = f"{facts.pip} install --upgrade '{package.name}{package.needed}'"
-        yield BAD, f"{package.name} {here}, and {package.needed or 'any version'} is needed", mend
+        yield BAD, f"{package.name} {state}, and {package.needed or 'any version'} is needed", mend
     if not facts.packages:
         again = f"{facts.pip} install '.' in the folder of mount-gateway"
         yield NOTE, "mount-gateway runs from its source without being installed: versions cannot be compared", again
@@ -98,8 +102,8 @@ def clock(facts: Facts) -> Iterator[Said]:
             f"compare it with another clock; 4 s are 1' on the sky. To have it kept: {set_it}",
         )
     else:
-        kept = ", kept by a time server" if facts.clock_synchronized else "; whether it is kept cannot be told here"
-        yield GOOD, f"this computer's clock shows {now}{kept}", ""
+        source = ", kept by a time server" if facts.clock_synchronized else "; whether it is kept cannot be told here"
+        yield GOOD, f"this computer's clock shows {now}{source}", ""
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
@@ -154,12 +158,12 @@ def ports(facts: Facts) -> Iterator[Said]:
             "plug the USB adapter in, unless the mount is reached over the network; dmesg | tail tells whether this "
             "computer noticed",
         )
-    own = {running.process for running in facts.gateways}
+    processes = {running.process for running in facts.gateways}
     for port in facts.ports:
         called = f"{port.name} ({port.about})" if port.about else port.name
         if not port.permitted:
             yield BAD, f"{called}: you may not open it", _permission(facts, port)
-        elif port.holder and not any(f"(process {process})" in port.holder for process in own):
+        elif port.holder and not any(f"(process {process})" in port.holder for process in processes):
             yield (
                 BAD,
                 f"{called} is in use by {port.holder}",
@@ -213,14 +217,14 @@ def meddlers(facts: Facts) -> Iterator[Said]:
 
 def listeners(facts: Facts) -> Iterator[Said]:
     """Check that the usual TCP ports are free or used by a gateway."""
-    own = {running.process for running in facts.gateways}
+    processes = {running.process for running in facts.gateways}
     taken = {listener.port: listener for listener in facts.listeners}
     free = []
     for port, whom in USUAL.items():
         listener = taken.get(port)
         if listener is None:
             free.append(str(port))
-        elif listener.process in own:
+        elif listener.process in processes:
             yield GOOD, f"TCP port {port} is a gateway's (process {listener.process})", ""
         else:
             who = f"{listener.name} (process {listener.process})" if listener.process else "a program of another user"

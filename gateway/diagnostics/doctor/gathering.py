@@ -65,9 +65,9 @@ def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
             continue
         always = wanted.marker is None or wanted.marker.evaluate({"extra": ""})
         if always if not extra else not always and wanted.marker and wanted.marker.evaluate({"extra": extra}):
-            found = version(wanted.name)
-            fits = bool(found) and wanted.specifier.contains(found, prereleases=True)
-            yield Package(wanted.name, str(wanted.specifier), found, fits)
+            installed = version(wanted.name)
+            fits = bool(installed) and wanted.specifier.contains(installed, prereleases=True)
+            yield Package(wanted.name, str(wanted.specifier), installed, fits)
 
 
 def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
@@ -86,10 +86,10 @@ def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
 
 def published(release: str) -> float | None:
     """Return the date of a release of the astronomy data, Unix seconds; its version is ``0.2026.11.2.0.34.55``."""
-    found = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
-    if found is None:
+    match = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
+    if match is None:
         return None
-    year, month, day = map(int, found.groups())
+    year, month, day = map(int, match.groups())
     return datetime(year, month, day, tzinfo=UTC).timestamp()
 
 
@@ -109,16 +109,16 @@ def leap_seconds_until() -> float | None:
     path = _data("Leap_Second.dat")
     try:
         text = "" if path is None else path.read_text("ascii", "replace")
-        found = re.search(r"File expires on (\d+ \w+ \d{4})", text)
-        return found and datetime.strptime(f"{found[1]} +0000", "%d %B %Y %z").timestamp()
+        match = re.search(r"File expires on (\d+ \w+ \d{4})", text)
+        return match and datetime.strptime(f"{match[1]} +0000", "%d %B %Y %z").timestamp()
     except (OSError, ValueError):
         return None
 
 
 def _data(name: str) -> Path | None:
     """Return the path of an astronomy data file without importing astropy."""
-    found = importlib.util.find_spec("astropy_iers_data")
-    return None if found is None or found.origin is None else Path(found.origin).parent / "data" / name
+    spec = importlib.util.find_spec("astropy_iers_data")
+    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "data" / name
 
 
 #: Programs that are known to disturb serial ports.
@@ -191,20 +191,20 @@ def clock_synchronized() -> bool | None:
 
 def unwritable(folder: Path) -> str:
     """Return why files cannot be written to a folder; empty if they can, or if the folder could be created."""
-    there = folder
-    while not there.exists() and there != there.parent:
-        there = there.parent
-    if not there.is_dir():
-        return f"{there} is no folder"
-    if not os.access(there, os.W_OK | os.X_OK):
-        return "permission denied" if there == folder else f"permission denied in {there}"
-    return "the disk is full" if shutil.disk_usage(there).free == 0 else ""
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        return f"{existing} is no folder"
+    if not os.access(existing, os.W_OK | os.X_OK):
+        return "permission denied" if existing == folder else f"permission denied in {existing}"
+    return "the disk is full" if shutil.disk_usage(existing).free == 0 else ""
 
 
 def running(scope: Scope) -> Iterator[Running]:
     """List the gateways that can be queried, and those that are only visible as processes."""
-    found = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
-    for endpoint, (places, sky) in zip(found, asyncio.run(_all_served(found)), strict=True):
+    endpoints = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
+    for endpoint, (places, sky) in zip(endpoints, asyncio.run(_all_served(endpoints)), strict=True):
         yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state, sky=sky)
     for process in unreachable_gateways(scope):
         yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
@@ -222,13 +222,13 @@ async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
 
 def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
     """Return the process ids of running programs with these names."""
-    found = {}
+    results = {}
     for process in proc.glob("[0-9]*"):
         with contextlib.suppress(OSError):
             name = (process / "comm").read_text().strip()
             if name in names:
-                found[name] = int(process.name)
-    return found
+                results[name] = int(process.name)
+    return results
 
 
 def listening(ports: Collection[int], proc: Path = PROC) -> list[ListeningProcess]:
@@ -240,10 +240,10 @@ def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:
     """Whether a udev rule tells ModemManager to ignore a port."""
     try:
         number = os.stat(device).st_rdev
-        told = (udev / f"c{os.major(number)}:{os.minor(number)}").read_text()
+        properties = (udev / f"c{os.major(number)}:{os.minor(number)}").read_text()
     except OSError:
         return False
-    return any(line in told.splitlines() for line in ("E:ID_MM_PORT_IGNORE=1", "E:ID_MM_DEVICE_IGNORE=1"))
+    return any(line in properties.splitlines() for line in ("E:ID_MM_PORT_IGNORE=1", "E:ID_MM_DEVICE_IGNORE=1"))
 
 
 def groups() -> tuple[set[str], set[str]]:

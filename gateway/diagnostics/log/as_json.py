@@ -56,18 +56,18 @@ def written(row: Row, mount: str) -> str:
     )  # fmt: skip
 
 
-def warning(time: float, words: str) -> str:
+def warning(time: float, text: str) -> str:
     """Format a warning of the gateway itself as one line."""
-    return _line(time, None, "gateway", "warning", words)
+    return _line(time, None, "gateway", "warning", text)
 
 
 def _line(
-    time: float, mount: str | None, side: str, kind: str, words: str,
+    time: float, mount: str | None, side: str, kind: str, text: str,
     direction: str | None = None, refused: bool = False, data: bytes = b"",
 ) -> str:  # fmt: skip
     import json  # imported here to keep it out of a start without a JSON log
 
-    told = {
+    fields = {
         "time": datetime.fromtimestamp(time, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z",
         "mount": mount,
         "side": side,
@@ -76,9 +76,9 @@ def _line(
         "refused": refused,
         "bytes": show(data),
         "hex": data.hex(),
-        "words": words,
+        "words": text,
     }
-    return json.dumps(told)
+    return json.dumps(fields)
 
 
 def json_printer(rows: Rows, stream: TextIO, mount: str) -> Callable[[Entry], None]:

@@ -85,11 +85,11 @@ class Side:
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
-        found = self._reply_rules.protocol.find(frame)
-        if found is None:
+        match = self._reply_rules.protocol.find(frame)
+        if match is None:
             self.unknown += 1
             return Heard(frame, f"no command of the {self.protocol} protocol", fails=True)
-        command, picture = found
+        command, picture = match
         try:
             values = picture.decode(frame)
         except ValueError as error:
@@ -100,8 +100,8 @@ class Side:
         if command.replies:
             self._due.append(Send(command.name, values))
         fields = in_words(self.protocol, command.name, values)
-        words = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
-        return Heard(frame, words, command.name, command.question)
+        text = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
+        return Heard(frame, text, command.name, command.question)
 
     # --- replies ----------------------------------------------------------------------------------------------------
 
@@ -164,7 +164,7 @@ class Side:
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
         values = {key: value for key, value in outcome.items() if key != "length"}
-        words = in_words(self.protocol, command.name, values) or "accepted"
+        text = in_words(self.protocol, command.name, values) or "accepted"
         lasting = steady(self.protocol, command.name, values)
-        heard = Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting, fields=values)
+        heard = Heard(b"", f"{command.name}: {text}", command.name, command.question, values=lasting, fields=values)
         return heard, length

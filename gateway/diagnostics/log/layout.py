@@ -71,15 +71,15 @@ def wrapped(row: Row, columns: int) -> list[str]:
     return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
 
 
-def _in_columns(data: str, words: str, room: int) -> list[str]:
+def _in_columns(data: str, note: str, room: int) -> list[str]:
     """Return lines with the bytes, and the words beside or below them."""
     beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
     pieces = _pieces(data, room)
-    text = _words(words, room - beside)
+    text = _words(note, room - beside)
     if len(pieces) == 1 and len(data) <= BYTES and beside > 2:
         return [f"{data:<{BYTES}} {text[0]}", *(" " * beside + line for line in text[1:])]
-    if len(pieces) == 1 and len(data) + 1 + len(words) <= room:
-        return [f"{data} {words}"]
+    if len(pieces) == 1 and len(data) + 1 + len(note) <= room:
+        return [f"{data} {note}"]
     return [*pieces, *(" " * beside + line for line in text)]
 
 

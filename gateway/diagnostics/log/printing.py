@@ -98,8 +98,8 @@ class Folding:
 
     def _come(self, line: LogLine) -> list[Row]:
         party = self._gone.pop(line.host, None)
-        here = any(side.rpartition(":")[0] == line.host for side in self._parties)
-        if party is None or here or line.row.time - party.left > BACK:
+        has_party = any(side.rpartition(":")[0] == line.host for side in self._parties)
+        if party is None or has_party or line.row.time - party.left > BACK:
             party = _Party()
         self._parties[line.row.side] = party
         if not party.runs and self._kept != "refusals":
@@ -157,10 +157,10 @@ class Folding:
         if line.heard.pushed:
             key, run = UNASKED, party.runs.setdefault(UNASKED, _Run(line.row.time))
         else:
-            key, found = line.asked, party.runs.get(line.asked) if line.heard.asks else None
-            if found is None:
+            key, repeated = line.asked, party.runs.get(line.asked) if line.heard.asks else None
+            if repeated is None:
                 return self._shown(party, line)
-            run, asked = found, next((row for row in party.held if row.arrow == ">"), None)
+            run, asked = repeated, next((row for row in party.held if row.arrow == ">"), None)
         new, run.values = run.values != line.heard.values, line.heard.values
         if asked is None or new:
             counted = self._count(key, run, asked) if asked is not None else []
@@ -197,16 +197,16 @@ class Folding:
             run.count, run.since = 0, by.time
         if not counts or self._kept == "normal":
             return []
-        words = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
-        return [Row(by.time, by.side, "=", b"", words, "again", by.name)]
+        text = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
+        return [Row(by.time, by.side, "=", b"", text, "again", by.name)]
 
     def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:
         """Return a line with how often a query was repeated since it was shown, and its latest reply."""
         if not run.count:
             return []
-        words = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"
+        text = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"
         run.count, run.since = 0, by.time
-        return [Row(by.time, by.side, "=", asked, words, "again", by.name)]
+        return [Row(by.time, by.side, "=", asked, text, "again", by.name)]
 
 
 def _times(count: int) -> str:
@@ -288,8 +288,8 @@ class Rows:
             side = self._sides[entry.side] = Side(protocol)
         if entry.arrow == "x":
             foreign = other(side.protocol, entry.data)
-            words = f"; {foreign} has such a command" if foreign else ""
-            return Heard(entry.data, f"dropped: {entry.note}{words}", fails=True)
+            hint = f"; {foreign} has such a command" if foreign else ""
+            return Heard(entry.data, f"dropped: {entry.note}{hint}", fails=True)
         if entry.note:
             return Heard(entry.data, _plain(entry.note), fails=True)
         return side.command(entry.data) if entry.arrow == ">" else side.reply(entry.data)

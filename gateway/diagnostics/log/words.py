@@ -67,9 +67,9 @@ def steady(protocol: str, command: str, values: Mapping[str, object]) -> tuple[o
 
 def _told(protocol: str, name: str, value: object, word: Word) -> str:
     label = name.replace("_", " ") if word.label is None else word.label
-    words = word.words.get(_key(value), word.words.get("*"))
-    if words is not None:
-        text = words
+    terms = word.words.get(_key(value), word.words.get("*"))
+    if terms is not None:
+        text = terms
     elif word.form == "model":
         text = next((model for model, row in load(protocol).models.items() if row.get("id") == value), str(value))
     elif word.form is not None:

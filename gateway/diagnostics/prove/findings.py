@@ -132,7 +132,7 @@ def result(findings: Findings, simulated: bool) -> ProofFile:
             return Finding(finding.what, finding.verdict)
         return replace(finding, rate=None if finding.rate is None else finding.rate.rounded)
 
-    stages = {stage: [shown(stage, one) for one in found] for stage, found in findings.stages.items()}
+    stages = {stage: [shown(stage, finding) for finding in of_stage] for stage, of_stage in findings.stages.items()}
     return ProofFile(findings.mount, findings.version, findings.equatorial, version(), simulated, stages)
 
 

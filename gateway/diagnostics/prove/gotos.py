@@ -86,19 +86,19 @@ async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> t
     return None, str(refusal or "all are too near to the meridian or the pole")
 
 
-async def near(telescope: CheckedMount, here: op.Equatorial) -> tuple[op.Equatorial | None, str]:
+async def near(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
     """Return a goal 5° from here that the rules allow, or None and why there is none."""
-    aside = FAR / max(0.2, cos(radians(here.dec)))
+    aside = FAR / max(0.2, cos(radians(position.dec)))
     ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
-    west = telescope.controller.astrometry.overhead(here)[1] if telescope.driver.german else None
+    west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
 
     def stays(goal: op.Equatorial) -> bool:
         """Whether a German mount goes there without changing the side of its pier."""
         before = 90.0 if west is None else wrap180(west)
-        after = 90.0 if west is None else wrap180(before + here.ra - goal.ra)
+        after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
         return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > BESIDE
 
-    goals = (op.Equatorial((here.ra + ra) % 360.0, here.dec + dec) for ra, dec in ways)
+    goals = (op.Equatorial((position.ra + ra) % 360.0, position.dec + dec) for ra, dec in ways)
     return await _allowed(telescope, filter(stays, goals))
 
 
@@ -117,14 +117,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if refused := await telescope.goto(goal, CANCELLED):
         report.found(Finding("cancelled goto", NOT_TRIED, refused))
         return
-    here = (await telescope.rest()).sky
-    if (left := apart(here, goal)) > NEAR:
+    position = (await telescope.rest()).sky
+    if (left := apart(position, goal)) > NEAR:
         report.found(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
         means = "A stop may not end a goto: keep a hand at the mount's switch."
         report.found(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
     report.progress(3, STEPS, "back to where it was")
-    if apart(here, start) > RESTS:
+    if apart(position, start) > RESTS:
         await telescope.goto(start, inf)
         await telescope.rest()
 
@@ -144,31 +144,31 @@ async def there_and_back(
     for number, (what, to) in enumerate(zip(names, (goal, start), strict=True)):
         report.progress(number, STEPS, what)
         began = telescope.now()
-        refused, told = await go(to)
+        refused, explanation = await go(to)
         if refused:
             report.found(Finding(what, NOT_TRIED, refused))
             return None
         said = await telescope.look()
-        took, here = telescope.now() - began, await telescope.rest()
-        off = apart(told or here.sky, to)
+        took, arrived = telescope.now() - began, await telescope.rest()
+        off = apart(explanation or arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
         if off > NEAR + max(telescope.ticks):
             report.found(Finding(what, DIFFERS, measured, "at its goal", means))
-        elif telescope.drift(said, here) > RESTS:
+        elif telescope.drift(said, arrived) > RESTS:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
             report.found(Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", early))
         else:
             report.found(Finding(what, SAME, measured))
-        stay_if_elsewhere(here, to)
+        stay_if_elsewhere(arrived, to)
     return start, goal
 
 
-def stay_if_elsewhere(here: TimedPosition, goal: op.Equatorial) -> None:
+def stay_if_elsewhere(arrived: TimedPosition, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
-    if (off := apart(here.sky, goal)) > ELSEWHERE:
+    if (off := apart(arrived.sky, goal)) > ELSEWHERE:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
-def apart(one: op.Equatorial, other: op.Equatorial) -> float:
+def apart(place: op.Equatorial, other: op.Equatorial) -> float:
     """Return the degrees between two positions."""
-    return separation(one.ra, one.dec, other.ra, other.dec)
+    return separation(place.ra, place.dec, other.ra, other.dec)

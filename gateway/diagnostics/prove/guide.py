@@ -86,15 +86,15 @@ class GuidedCheck:
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
             mount, version = reads.named(identity, telescope.driver)
-            found = self._findings
-            unknown = reads.UNKNOWN in (version, found.version)
-            same = mount.removesuffix(version) == found.mount.removesuffix(found.version)
-            if mount != found.mount and not (same and unknown):
-                if found.stages:
-                    raise UserError(f"the folder holds what was found of {found.mount}; --folder names another one")
+            findings = self._findings
+            unknown = reads.UNKNOWN in (version, findings.version)
+            same = mount.removesuffix(version) == findings.mount.removesuffix(findings.version)
+            if mount != findings.mount and not (same and unknown):
+                if findings.stages:
+                    raise UserError(f"the folder holds what was found of {findings.mount}; --folder names another one")
                 self._findings = Findings(mount, identity.model, version)
             elif version != reads.UNKNOWN:
-                found.mount, found.version = mount, version
+                findings.mount, findings.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
         telescope.settings = self._findings.told
@@ -139,10 +139,10 @@ class GuidedCheck:
         if (latest := self._telescope.latest) is None:
             return ""
         try:
-            here = self._telescope.controller.astrometry.horizon(latest.sky)
+            horizon = self._telescope.controller.astrometry.horizon(latest.sky)
         except Fault:
             return ""
-        return f" It points {here.alt:.0f}° high, at azimuth {here.az:.0f}°."
+        return f" It points {horizon.alt:.0f}° high, at azimuth {horizon.az:.0f}°."
 
     def _why_not(self, stage: Stage) -> str:
         """Return why a stage cannot be carried out now; empty if it can."""
@@ -202,11 +202,11 @@ class GuidedCheck:
         self._keep_all(stage)
         return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
 
-    def _ends_early(self, stage: Stage, words: str) -> None:
+    def _ends_early(self, stage: Stage, reason: str) -> None:
         """Add to what was found what had been found before, and why the rest is missing."""
         again = {rest_of(stage.name), *(one.what for one in self._here)}
         self._here += [one for one in self.before if one.what not in again]
-        self._here.append(Finding(rest_of(stage.name), NOT_TRIED, words))
+        self._here.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
 
     def _keep_all(self, stage: Stage) -> None:
         stages = self._findings.stages | {stage.name: self._here}

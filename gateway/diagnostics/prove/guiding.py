@@ -31,8 +31,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         return
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
     if (exchange := telescope.controller.line.typical_rtt) > SOON:
-        words = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
-        report.found(Finding("guiding", NOT_MEASURABLE, words))
+        reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
+        report.found(Finding("guiding", NOT_MEASURABLE, reason))
         return
     presented = next(name for name in surfaces() if "guiding" in load(name).extra("prove.toml"))
     program, pulse = SurfaceConnection(telescope, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
@@ -60,8 +60,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
             finding = judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
             if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
-                words = "this computer or its line was too busy for pulses as short as these"
-                finding = Finding(finding.what, NOT_MEASURABLE, words, finding.assumed)
+                reason = "this computer or its line was too busy for pulses as short as these"
+                finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
             report.found(finding)
     finally:
         program.close()
@@ -70,14 +70,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 def judged(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
     """Return the finding on the guide rate of an axis: it shows to two steps of the reading (``tick``, degrees) in all
     pulses, and to half an exchange (seconds) of each pulse, which the gateway may time."""
-    words = rate_words(rate), rate_words(assumed)
+    rates = rate_words(rate), rate_words(assumed)
     if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
-        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", words[1])
+        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", rates[1])
     shows = exchange / 2.0 / LASTS * assumed + 2.0 * tick / (PULSES * LASTS)
-    measured = f"{words[0]} ± {rate_words(shows)}"
+    measured = f"{rates[0]} ± {rate_words(shows)}"
     if (off := abs(rate - assumed)) <= OFF * assumed:
-        return Finding(what, SAME, measured, words[1])
+        return Finding(what, SAME, measured, rates[1])
     if off <= OFF * assumed + shows:
-        return Finding(what, NOT_MEASURABLE, f"{measured}, too rough to judge", words[1])
+        return Finding(what, NOT_MEASURABLE, f"{measured}, too rough to judge", rates[1])
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
-    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, words[1], means)
+    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, rates[1], means)

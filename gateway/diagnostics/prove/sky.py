@@ -28,10 +28,12 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     sources = telescope.controller.sources
     sites, times = sources.sites(), sources.times()
     report.progress(0, 2, "site and clocks")
-    told = list(contradictions(sites, times))
-    for one in told:
-        report.found(Finding(f"{one.sources[0]} and {one.sources[1]}", DIFFERS, one.words, "", "One of them is wrong."))
-    if not any(one.apart.endswith(" km") for one in told):
+    doubts = list(contradictions(sites, times))
+    for doubt in doubts:
+        report.found(
+            Finding(f"{doubt.sources[0]} and {doubt.sources[1]}", DIFFERS, doubt.words, "", "One of them is wrong.")
+        )
+    if not any(doubt.apart.endswith(" km") for doubt in doubts):
         report.found(_site(telescope, sites))
     by_mount = next((time for time in times if time.source == MOUNT), None)
     computer = next((time for time in times if time.source == COMPUTER), None)
@@ -64,18 +66,18 @@ async def _overhead(telescope: CheckedMount) -> Finding:
     overhead = driver.protocol.extra("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
-    told: Values = {}
+    values: Values = {}
     for name in filter(driver.supports, overhead["asks"]):
         with suppress(Fault):
-            told |= (await reads.told(telescope, name)).fields
-    here = await telescope.look()
+            values |= (await reads.told(telescope, name)).fields
+    look = await telescope.look()
     try:
-        expected = telescope.controller.astrometry.horizon(here.sky)
+        expected = telescope.controller.astrometry.horizon(look.sky)
     except Fault:
         return Finding(what, NOT_MEASURABLE, "the site is not known")
-    if not {"az", "alt"} <= told.keys():
+    if not {"az", "alt"} <= values.keys():
         return Finding(what, NOT_MEASURABLE, "it does not tell them")
-    off = separation(told["az"], told["alt"], expected.az, expected.alt)
+    off = separation(values["az"], values["alt"], expected.az, expected.alt)
     if off <= AGREES:
         return Finding(what, SAME, f"{off:.1f}° apart")
     means = "Its alignment, its site or its clock do not belong together: align it again before a night."

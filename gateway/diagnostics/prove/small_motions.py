@@ -89,7 +89,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.press(Direction.WEST, 1, 1.0)
     before = {one.what: one for one in report.before if one.rate is not None}
-    found = list[Finding]()
+    findings = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
         what = f"rate {key} {pair[0].word}/{pair[1].word}"
         report.progress(number, len(tried), what)
@@ -97,8 +97,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         if finding is None or finding.rate is None or finding.rate.assumed != speed:
             finding = await _measured(telescope, what, speed, key, pair)
         report.found(finding)
-        found.append(finding)
-    moved = [(one, one.rate) for one in found if one.rate is not None and one.rate.run_ons]
+        findings.append(finding)
+    moved = [(one, one.rate) for one in findings if one.rate is not None and one.rate.run_ons]
     for axis, pair in enumerate(PAIRS, 1):
         report.found(directions(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), way) for _, rate in moved if abs(rate.real) >= FAST for way in rate.run_ons]
@@ -186,5 +186,5 @@ async def tracking(telescope: CheckedMount) -> Finding:
     if rate <= DRIFT:
         shows = sky * seconds - least > DRIFT * seconds
         return Finding(what, SAME) if shows else Finding(what, NOT_MEASURABLE, "too few steps of its reading")
-    words = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
-    return Finding(what, DIFFERS, f"it drifts {rate_words(rate)}", "", words)
+    explanation = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
+    return Finding(what, DIFFERS, f"it drifts {rate_words(rate)}", "", explanation)

@@ -110,9 +110,9 @@ class CheckedMount:
         controller = self.controller
         if controller.stops != self._stops:
             said = [one.text for one in controller.wire_log.recent if one.side != WHO]
-            words = controller.wanted.value.short or next(reversed(said), "")
+            reason = controller.wanted.value.short or next(reversed(said), "")
             by = controller.wanted.stopped_by
-            raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({words})' * bool(words)}")
+            raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
         if controller.line.state not in ("up", "busy"):
             still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
             raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
@@ -181,13 +181,13 @@ class CheckedMount:
 
         if not await self.until(rests, TO_REST):
             raise Ended("the mount does not come to rest")
-        here = await self.look()
+        present = await self.look()
         for _ in range(int(TO_REST / APART)):
             await asyncio.sleep(APART)
-            before, here = here, await self.look()
-            if self.drift(before, here) <= max(self.ticks) + 5.0 / 3600.0:
+            before, present = present, await self.look()
+            if self.drift(before, present) <= max(self.ticks) + 5.0 / 3600.0:
                 self.mine = False
-                return here
+                return present
         raise Ended("the mount does not come to rest")
 
     async def press(self, direction: op.Direction, key: int, longest: float) -> Motion:
@@ -204,9 +204,9 @@ class CheckedMount:
             while self.now() < began + longest and count < CHANGES:
                 await asyncio.sleep(max(0.01, min(LOOK, began + longest - self.now())))
                 self.check()
-                seen = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._places))
-                if seen != count:
-                    count, changed = seen, self.now()
+                observed = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._places))
+                if observed != count:
+                    count, changed = observed, self.now()
                 if speed > FAST and self.now() > changed + UNCHANGED:
                     break
         finally:
@@ -263,11 +263,11 @@ class CheckedMount:
 
     def _seen(self) -> None:
         """Take a new position."""
-        if (here := self.latest) is None:
+        if (place := self.latest) is None:
             return
-        self._places.append(here)
+        self._places.append(place)
         before = self._places[-2:][0].sky
-        for number, change in enumerate((wrap180(here.sky.ra - before.ra), here.sky.dec - before.dec)):
+        for number, change in enumerate((wrap180(place.sky.ra - before.ra), place.sky.dec - before.dec)):
             if abs(change) > CALCULATED:
                 self._steps[number] = min(self._steps[number], max(FINEST, abs(change)))
 
@@ -287,8 +287,8 @@ class CheckedMount:
 
     def turned(self, before: TimedPosition, after: TimedPosition) -> Pair:
         """Return by how much both axes have turned over the ground."""
-        (first, second), (then, there) = self.axes(before), self.axes(after)
-        return wrap180(then - first), there - second
+        (first, second), (then, second_end) = self.axes(before), self.axes(after)
+        return wrap180(then - first), second_end - second
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
         """Return the motion between two positions beyond what a drive explains that is on or off."""

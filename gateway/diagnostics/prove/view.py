@@ -28,10 +28,10 @@ class SurfaceConnection:
         self._telescope, self._heard = telescope, b""
         self._side, self._commands = Side(protocol), load(protocol).commands
         endpoints = zip(gateway.endpoints, gateway.acceptors, strict=True)
-        found = [acceptor for endpoint, acceptor in endpoints if endpoint.protocol == protocol]
-        if not found:
+        acceptors = [acceptor for endpoint, acceptor in endpoints if endpoint.protocol == protocol]
+        if not acceptors:
             raise Ended(f"this gateway has no surface for {protocol} programs")
-        self._handler = found[-1].accept(Connected("prove:program", WHO, self._hear))
+        self._handler = acceptors[-1].accept(Connected("prove:program", WHO, self._hear))
         self.close = self._handler.close
 
     def _hear(self, data: bytes) -> None:
@@ -66,12 +66,12 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             if set((await program.ask(commands["tells"])).fields.values()) & set(commands["over"]):
                 break
             await telescope.until(lambda: False, EVERY)
-        told: Values = {}
+        values: Values = {}
         for question in commands["position"]:
-            told |= (await program.ask(question)).fields
-        if not {"ra", "dec"} <= told.keys():
+            values |= (await program.ask(question)).fields
+        if not {"ra", "dec"} <= values.keys():
             raise Ended("a program was not told the position")
-        return "", op.Equatorial(told["ra"], told["dec"])
+        return "", op.Equatorial(values["ra"], values["dec"])
 
     names = f"goto of a program ({presented})", f"its goto back ({presented})"
     try:

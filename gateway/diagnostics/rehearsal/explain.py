@@ -58,12 +58,12 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     at = whole(at)
     frame = unescape(typed)
     protocol, driven = load(face.protocol), load(at.protocol).of(at.model)
-    found = protocol.find(frame)
-    if found is None:
+    match = protocol.find(frame)
+    if match is None:
         raise UserError(
             f"{face.protocol} has no command {typed!r}{_hint(face.protocol, at.protocol, frame) or NO_HINT}"
         )
-    command, picture = found
+    command, picture = match
     row = protocol.surface.get(command.name)
     lines = [f"{show(frame)}  {command.help}"]
     if command.models is not None:
@@ -150,9 +150,9 @@ def play_one(
     tables.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
-    found = protocol.find(frame)
-    assert found is not None
-    command, row = found[0], protocol.surface.get(found[0].name)
+    match = protocol.find(frame)
+    assert match is not None
+    command, row = match[0], protocol.surface.get(match[0].name)
 
     async def play() -> tuple[Play, str, str]:
         async with stage(face, mount, sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
@@ -247,7 +247,7 @@ def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
         if line and line not in lines[-1:]:
             lines.append(line)
     program.command(play.frame)
-    words = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
-    same = words.strip('"') == show(play.reply).removesuffix("#")  # a name needs no explanation
-    about = "" if same or words in ("", "accepted") else f"  ({words})"
+    meaning = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
+    same = meaning.strip('"') == show(play.reply).removesuffix("#")  # a name needs no explanation
+    about = "" if same or meaning in ("", "accepted") else f"  ({meaning})"
     return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]

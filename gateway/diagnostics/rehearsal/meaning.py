@@ -22,8 +22,8 @@ _MODES = {
 
 def meaning(operation: Operation) -> str:
     """Describe an operation with all its values."""
-    told = _WORDS.get(type(operation), _by_name)
-    return told if isinstance(told, str) else told(operation)
+    describe = _WORDS.get(type(operation), _by_name)
+    return describe if isinstance(describe, str) else describe(operation)
 
 
 def _by_name(operation: Operation) -> str:
@@ -45,12 +45,12 @@ def _value(value: object) -> str:
     return str(getattr(value, "value", value))
 
 
-def _place(one: Any) -> str:
-    return f"RA {FORMS['hours'](one.ra)}, Dec {FORMS['signed'](one.dec)}"
+def _place(place: Any) -> str:
+    return f"RA {FORMS['hours'](place.ra)}, Dec {FORMS['signed'](place.dec)}"
 
 
-def _horizon(one: Any) -> str:
-    return f"azimuth {FORMS['turn'](one.az)}, altitude {FORMS['signed'](one.alt)}"
+def _horizon(place: Any) -> str:
+    return f"azimuth {FORMS['turn'](place.az)}, altitude {FORMS['signed'](place.alt)}"
 
 
 def _axis(number: int | None) -> str:
@@ -70,32 +70,35 @@ def _rate(rate: op.Rate) -> str:
     return ", ".join(parts)
 
 
-def _limits(one: Any) -> str:
-    low = "" if one.lowest is None else f", no lower than {one.lowest:g}°"
-    return low + ("" if one.highest is None else f", no higher than {one.highest:g}°")
+def _limits(operation: Any) -> str:
+    low = "" if operation.lowest is None else f", no lower than {operation.lowest:g}°"
+    return low + ("" if operation.highest is None else f", no higher than {operation.highest:g}°")
 
 
-def _site(one: op.SetSite) -> str:
-    if one.latitude is None and one.longitude is None:
-        return "the mount stands where its own hand control says" if one.others is not None else "the mount's site"
+def _site(operation: op.SetSite) -> str:
+    if operation.latitude is None and operation.longitude is None:
+        return (
+            "the mount stands where its own hand control says" if operation.others is not None else "the mount's site"
+        )
     parts = [
-        None if one.latitude is None else f"latitude {FORMS['north'](one.latitude)}",
-        None if one.longitude is None else f"longitude {FORMS['east'](one.longitude)}",
+        None if operation.latitude is None else f"latitude {FORMS['north'](operation.latitude)}",
+        None if operation.longitude is None else f"longitude {FORMS['east'](operation.longitude)}",
     ]
     return f"the mount stands at {', '.join(part for part in parts if part)}"
 
 
-def _clock(one: op.SetClock) -> str:
+def _clock(operation: op.SetClock) -> str:
     from datetime import UTC, datetime
 
-    saving = "" if one.dst is None else ", daylight saving" if one.dst else ", no daylight saving"
-    return f"it is {datetime.fromtimestamp(one.unix, UTC):%Y-%m-%d %H:%M:%S} UTC, UTC{one.offset:+g} h here{saving}"
+    saving = "" if operation.dst is None else ", daylight saving" if operation.dst else ", no daylight saving"
+    time = datetime.fromtimestamp(operation.unix, UTC)
+    return f"it is {time:%Y-%m-%d %H:%M:%S} UTC, UTC{operation.offset:+g} h here{saving}"
 
 
-def _moon(one: op.MoonPlace) -> str:
-    if one.latitude is None or one.longitude is None:
+def _moon(operation: op.MoonPlace) -> str:
+    if operation.latitude is None or operation.longitude is None:
         return "where is the middle of the Moon now?"
-    return f"where is {FORMS['north'](one.latitude)}, {FORMS['east'](one.longitude)} on the Moon now?"
+    return f"where is {FORMS['north'](operation.latitude)}, {FORMS['east'](operation.longitude)} on the Moon now?"
 
 
 def _sense(sense: int) -> str:
@@ -128,34 +131,35 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.Wake: "wake up",
     op.ClockFromGps: "set the mount's clock by its GPS receiver",
     op.Choose: "look for an object in the mount's own library",
-    op.Goto: lambda one: f"go to {_place(one)}" + (", and track there" if one.track else "") + _limits(one),
-    op.GotoHorizontal: lambda one: f"go to {_horizon(one)}{_limits(one)}",
-    op.GotoAxes: lambda one: f"turn the motors to {one.az:g}° and {one.alt:g}°",
-    op.Sync: lambda one: f"the mount points at {_place(one)} now",
-    op.Move: lambda one: f"move {one.direction.word} {_rate(one.rate)}, until it is stopped{_limits(one)}",
-    op.MoveAxis: lambda one: f"turn {_axis(one.axis)} {_sense(one.sense)} {_rate(one.rate)}, until it is stopped",
-    op.StopAxis: lambda one: f"stop {_axis(one.axis)}",
-    op.Pulse: lambda one: f"guide {one.direction.word} for {one.ms} ms",
-    op.PulseAxis: lambda one: f"guide with {_axis(one.axis)} {_sense(one.sense)} for {one.ms} ms"
-                              + ("" if one.rate is None else f" at {one.rate:g} of the sidereal rate"),
-    op.SetTracking: lambda one: "tracking off" if not one.on else
-                                "tracking on" + (f" {_MODES[one.mode.value]}" if one.mode else ""),
-    op.TrackRate: lambda one: f"track at the {one.name} rate" if one.name else
-                              f"track at {one.factor:g} of the sidereal rate",
-    op.GuideRate: lambda one: f"how fast does {_axis(one.axis)} guide?",
-    op.SetGuideRate: lambda one: f"guide with {_axis(one.axis)} at {one.rate:g} of the sidereal rate",
-    op.Backlash: lambda one: f"take {one.value} of 99 for the backlash of {_axis(one.axis)}",
-    op.PeriodicError: lambda one: f"periodic error correction of {_axis(one.axis)} " + (
-        "the other way round" if one.on is None else "on" if one.on else "off"),
-    op.Focus: lambda one: "stop the focuser" if not one.direction else
-                          f"move the focuser {'in' if one.direction > 0 else 'out'}, speed {one.speed}",
+    op.Goto: lambda order: f"go to {_place(order)}" + (", and track there" if order.track else "") + _limits(order),
+    op.GotoHorizontal: lambda order: f"go to {_horizon(order)}{_limits(order)}",
+    op.GotoAxes: lambda order: f"turn the motors to {order.az:g}° and {order.alt:g}°",
+    op.Sync: lambda order: f"the mount points at {_place(order)} now",
+    op.Move: lambda order: f"move {order.direction.word} {_rate(order.rate)}, until it is stopped{_limits(order)}",
+    op.MoveAxis: lambda order: (
+        f"turn {_axis(order.axis)} {_sense(order.sense)} {_rate(order.rate)}, until it is stopped"),
+    op.StopAxis: lambda order: f"stop {_axis(order.axis)}",
+    op.Pulse: lambda order: f"guide {order.direction.word} for {order.ms} ms",
+    op.PulseAxis: lambda order: f"guide with {_axis(order.axis)} {_sense(order.sense)} for {order.ms} ms"
+                              + ("" if order.rate is None else f" at {order.rate:g} of the sidereal rate"),
+    op.SetTracking: lambda order: "tracking off" if not order.on else
+                                "tracking on" + (f" {_MODES[order.mode.value]}" if order.mode else ""),
+    op.TrackRate: lambda order: f"track at the {order.name} rate" if order.name else
+                              f"track at {order.factor:g} of the sidereal rate",
+    op.GuideRate: lambda order: f"how fast does {_axis(order.axis)} guide?",
+    op.SetGuideRate: lambda order: f"guide with {_axis(order.axis)} at {order.rate:g} of the sidereal rate",
+    op.Backlash: lambda order: f"take {order.value} of 99 for the backlash of {_axis(order.axis)}",
+    op.PeriodicError: lambda order: f"periodic error correction of {_axis(order.axis)} " + (
+        "the other way round" if order.on is None else "on" if order.on else "off"),
+    op.Focus: lambda order: "stop the focuser" if not order.direction else
+                          f"move the focuser {'in' if order.direction > 0 else 'out'}, speed {order.speed}",
     op.SetSite: _site,
     op.SetClock: _clock,
-    op.SetZone: lambda one: f"this program reads the time in the zone UTC{one.offset:+g} h",
-    op.ToEquinoxOfDate: lambda one: f"where is J2000 {_place(one)} today?",
-    op.ToJ2000: lambda one: f"where is {_place(one)} of today by J2000?",
-    op.PlanetPlace: lambda one: f"where is {one.name} now?",
+    op.SetZone: lambda order: f"this program reads the time in the zone UTC{order.offset:+g} h",
+    op.ToEquinoxOfDate: lambda order: f"where is J2000 {_place(order)} today?",
+    op.ToJ2000: lambda order: f"where is {_place(order)} of today by J2000?",
+    op.PlanetPlace: lambda order: f"where is {order.name} now?",
     op.MoonPlace: _moon,
-    op.PassThrough: lambda one: f"hand {one.command} to the mount as it is",
-    op.Own: lambda one: f"what does the mount itself answer to {one.command}?",
+    op.PassThrough: lambda order: f"hand {order.command} to the mount as it is",
+    op.Own: lambda order: f"what does the mount itself answer to {order.command}?",
 }  # fmt: skip

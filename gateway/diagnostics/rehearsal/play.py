@@ -102,8 +102,8 @@ def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> boo
     forms = [form for answer, form in command.replies if answer.fault]
     if not reply:
         return False
-    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
-    return told or reply == no_form(surface, frame)
+    recognised = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
+    return recognised or reply == no_form(surface, frame)
 
 
 def no_form(surface: Surface, frame: bytes) -> bytes:
@@ -124,8 +124,8 @@ def looks(protocol: CommandSet) -> frozenset[str]:
 
 
 def is_look(protocol: CommandSet, data: bytes) -> bool:
-    found = protocol.find(data)
-    return found is not None and found[0].name in looks(protocol)
+    match = protocol.find(data)
+    return match is not None and match[0].name in looks(protocol)
 
 
 def stage(

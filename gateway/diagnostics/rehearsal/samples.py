@@ -51,8 +51,8 @@ def example(command: Command) -> bytes:
 
 def value(command: Command, name: str, field: Codec) -> object:
     """Return a value that the field can encode and decode."""
-    words = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
-    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING, *words)
+    choices = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
+    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING, *choices)
     for value in (value for value in wanted if value is not None):
         try:
             field.decode(field.encode(value))

@@ -83,13 +83,13 @@ class _Gathering:
 
     def _of_mount(self, event: Event, time: float) -> None:
         if event.arrow in "!v^":
-            words = event.data.decode("latin-1")
+            text = event.data.decode("latin-1")
             if event.arrow == "v":
-                words = f"the mount's port was lost: {words}" if words else "the mount's port was lost"
+                text = f"the mount's port was lost: {text}" if text else "the mount's port was lost"
                 self._given_up(len(self._asked))
                 self._speaking.pop(MOUNT, None)
-            if words and len(self.night.remarks) < MOST:
-                self.night.remarks.append(Incident(time, MOUNT, words))
+            if text and len(self.night.remarks) < MOST:
+                self.night.remarks.append(Incident(time, MOUNT, text))
             return
         side = self._side(MOUNT)
         if event.arrow == ">":
@@ -133,10 +133,10 @@ class _Gathering:
 
     def _site(self, fields: Mapping[str, Any], time: float) -> None:
         self._told |= {name: (time, fields[name]) for name in ("latitude", "longitude") if name in fields}
-        told = [self._told.get(name) for name in ("latitude", "longitude")]
-        if None in told or (self.night.site is not None and self.night.site.source != "the mount"):
+        values = [self._told.get(name) for name in ("latitude", "longitude")]
+        if None in values or (self.night.site is not None and self.night.site.source != "the mount"):
             return
-        latitude, longitude = (found[1] for found in told if found is not None)
+        latitude, longitude = (value[1] for value in values if value is not None)
         if abs(latitude) <= 90.0:
             self.night.site = SiteOfNight(latitude, wrap180(longitude * self._rows.east), "the mount")
 

@@ -23,20 +23,20 @@ NAMED, ROWS = 8, 200
 def page(night: Night, source: str) -> str:
     """Return the HTML; ``source`` is the recording's name."""
     sky = Sky()  # its closed forms are good to a second of arc
-    seen = track(night, sky)
-    said = "".join(f"<p>{html.escape(words)}</p>" for words in sentences(night, seen))
+    points = track(night, sky)
+    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in sentences(night, points))
     site = (
         f", {night.site.latitude:.2f}°, {night.site.longitude:.2f}° as {night.site.source} told" if night.site else ""
     )
     parts = [_section("", "", f'<div class="summary">{said}</div>')]
-    if seen:
+    if points:
         parts.append(_section(
             "Where it pointed", "North is up and east is left, as one looks up. The thick line: it tracked or rested; "
-            "the thin one: it was on its way.", f'<div class="round">{plots.all_sky(seen, night)}</div>',
+            "the thin one: it was on its way.", f'<div class="round">{plots.all_sky(points, night)}</div>',
         ))  # fmt: skip
         parts.append(_section(
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: a program was refused "
-            "something. Dashed: the limits.", _wide(plots.altitude(seen, light(night, sky), night)),
+            "something. Dashed: the limits.", _wide(plots.altitude(points, light(night, sky), night)),
         ))  # fmt: skip
     if night.took:
         parts.append(_section(
@@ -85,7 +85,7 @@ def table_of_programs(night: Night) -> str:
     """Return the table of programs, the busiest first."""
     rows = []
     busiest = max((program.sent for program in night.programs.values()), default=1) or 1
-    for program in sorted(night.programs.values(), key=lambda one: -one.sent):
+    for program in sorted(night.programs.values(), key=lambda listed: -listed.sent):
         named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(NAMED)]
         more = len(program.commands) - NAMED
         share = program.sent / busiest * 100.0
@@ -99,18 +99,18 @@ def table_of_programs(night: Night) -> str:
     return table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
-def table_of_remarks(found: Sequence[Incident], none: str, of_programs: bool) -> str:
+def table_of_remarks(remarks: Sequence[Incident], none: str, of_programs: bool) -> str:
     """Return a table with each remark once: how often it occurred, first and last; the most frequent first."""
     same: dict[tuple[str, str], list[float]] = {}
-    for remark in found:
+    for remark in remarks:
         same.setdefault((remark.words, remark.who), []).append(remark.time)
     if not same:
         return f"<p>{html.escape(none)}</p>"
     rows = []
-    for (words, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:ROWS]:
+    for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:ROWS]:
         when = clock(times[0], seconds=True)
         when += f" – {clock(times[-1], seconds=True)}" if len(times) > 1 else ""
-        rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if of_programs else []), html.escape(words)])
+        rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if of_programs else []), html.escape(text)])
     heads = ("how often", "when", *(["to whom"] if of_programs else []), "what")
     left = f"<p>{len(same) - ROWS:,} others are not shown.</p>" if len(same) > ROWS else ""
     return table(heads, rows) + left
@@ -121,12 +121,12 @@ def title(night: Night) -> str:
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
 
-def sentences(night: Night, seen: list[TrackPoint]) -> list[str]:
+def sentences(night: Night, points: list[TrackPoint]) -> list[str]:
     """Describe what happened, the most important first."""
     return [
         f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
         f"{night.mount}.",
-        _pointing(night, seen),
+        _pointing(night, points),
         _answering(night),
         _programs(night),
         _refusals(night),
@@ -146,13 +146,13 @@ def counted(number: int, thing: str) -> str:
     return f"{number:,} {thing}{'s' * (number != 1)}"
 
 
-def _pointing(night: Night, seen: list[TrackPoint]) -> str:
+def _pointing(night: Night, points: list[TrackPoint]) -> str:
     if not night.pointings:
         return "The mount never told where it pointed."
     gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It was sent nowhere"
-    if not seen:
+    if not points:
         return f"{gotos}. Neither the settings nor the mount tell a site, so altitudes are not known."
-    lowest, highest = min(place.alt for place in seen), max(place.alt for place in seen)
+    lowest, highest = min(place.alt for place in points), max(place.alt for place in points)
     return f"{gotos}; the telescope was between {lowest:.0f}° and {highest:.0f}° high."
 
 

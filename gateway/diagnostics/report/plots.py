@@ -38,12 +38,12 @@ def spreads(night: Night) -> list[Spread]:
     parts: dict[int, list[float]] = {}
     for time, took in zip(night.asked, night.took, strict=True):
         parts.setdefault(int((time - night.began) / width), []).append(took)
-    found = []
+    marks = []
     for number, times in sorted(parts.items()):
         times.sort()
         time = night.began + (number + 0.5) * width
-        found.append(Spread(time, at(0.05, times), at(0.5, times), at(0.95, times), times[-1]))
-    return found
+        marks.append(Spread(time, at(0.05, times), at(0.5, times), at(0.95, times), times[-1]))
+    return marks
 
 
 def _longest(night: Night) -> float:
@@ -67,29 +67,31 @@ def over_time(night: Night) -> str:
     frame = PlotFrame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _round(reach)
     drawn = [frame.axes((step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1))]
-    found = spreads(night)
-    for piece in _unbroken(found, night):
-        band = [(frame.x(one.time), frame.y(one.high * 1000.0)) for one in piece]
-        band += [(frame.x(one.time), frame.y(one.low * 1000.0)) for one in reversed(piece)]
+    measured = spreads(night)
+    for piece in _unbroken(measured, night):
+        band = [(frame.x(spread.time), frame.y(spread.high * 1000.0)) for spread in piece]
+        band += [(frame.x(spread.time), frame.y(spread.low * 1000.0)) for spread in reversed(piece)]
         drawn.append(path(band, "spread", closed=True))
-        drawn.append(path(((frame.x(one.time), frame.y(one.middle * 1000.0)) for one in piece), "middle"))
-    for one in found:
-        if one.longest > 1.5 * one.high:
-            drawn.append(tag("circle", cx=frame.x(one.time), cy=frame.y(one.longest * 1000.0), r=1.8, class_="longest"))
+        drawn.append(path(((frame.x(spread.time), frame.y(spread.middle * 1000.0)) for spread in piece), "middle"))
+    for spread in measured:
+        if spread.longest > 1.5 * spread.high:
+            drawn.append(
+                tag("circle", cx=frame.x(spread.time), cy=frame.y(spread.longest * 1000.0), r=1.8, class_="longest")
+            )
     for remark in night.remarks:
         x = frame.x(remark.time)
         drawn.append(tag("line", x1=x, x2=x, y1=TOP, y2=frame.foot, class_="fault"))
     return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over the time")
 
 
-def _unbroken(found: list[Spread], night: Night) -> list[list[Spread]]:
+def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
     """Split into stretches without a gap."""
     gap = 3.5 * (night.ended - night.began) / PARTS
     parts: list[list[Spread]] = []
-    for one in found:
-        if not parts or one.time - parts[-1][-1].time > gap:
+    for spread in measured:
+        if not parts or spread.time - parts[-1][-1].time > gap:
             parts.append([])
-        parts[-1].append(one)
+        parts[-1].append(spread)
     return parts
 
 
@@ -147,21 +149,21 @@ def track(night: Night, sky: Sky) -> list[TrackPoint]:
     if night.site is None:
         return []
     latitude, longitude, _ = night.site
-    found: list[TrackPoint] = []
+    points: list[TrackPoint] = []
     for time, ra, dec in night.pointings:
         if night.equinox == "j2000":
             ra, dec = sky.to_of_date(ra, dec, time)
         az, alt = sky.horizon(ra, dec, latitude, longitude, time)
-        joined = bool(found) and time - found[-1].time <= GAP
-        slewing = joined and separation(az, alt, found[-1].az, found[-1].alt) > FAST * (time - found[-1].time)
-        found.append(TrackPoint(time, alt, az, slewing, joined))
-    return found
+        joined = bool(points) and time - points[-1].time <= GAP
+        slewing = joined and separation(az, alt, points[-1].az, points[-1].alt) > FAST * (time - points[-1].time)
+        points.append(TrackPoint(time, alt, az, slewing, joined))
+    return points
 
 
-def pieces(seen: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
+def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
     """Split into stretches of one kind, each beginning at the end of the one before."""
     piece: list[TrackPoint] = []
-    for place in seen:
+    for place in points:
         if piece and (not place.joined or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
             yield piece
             piece = [piece[-1]] if place.joined else []
@@ -183,16 +185,16 @@ def light(night: Night, sky: Sky) -> list[Light]:
     if night.site is None or night.ended <= night.began:
         return []
     step = max(LOOK, (night.ended - night.began) / LOOKS)
-    found: list[Light] = []
+    lights: list[Light] = []
     time = night.began
     while time < night.ended:
         end, kind = min(time + step, night.ended), _daylight(night, sky, time)
-        if found and found[-1].kind == kind:
-            found[-1] = found[-1]._replace(ended=end)
+        if lights and lights[-1].kind == kind:
+            lights[-1] = lights[-1]._replace(ended=end)
         else:
-            found.append(Light(time, end, kind))
+            lights.append(Light(time, end, kind))
         time = end
-    return found
+    return lights
 
 
 def _daylight(night: Night, sky: Sky, time: float) -> str:
@@ -201,7 +203,7 @@ def _daylight(night: Night, sky: Sky, time: float) -> str:
     return "day" if alt > SET else "twilight" if alt > DARK else "dark"
 
 
-def all_sky(seen: list[TrackPoint], night: Night) -> str:
+def all_sky(points: list[TrackPoint], night: Night) -> str:
     """Draw the sky in stereographic projection: zenith in the middle, north up, east to the left."""
     middle = SIDE / 2
     drawn = [tag("circle", cx=middle, cy=middle, r=RADIUS, class_="sky")]
@@ -217,9 +219,9 @@ def all_sky(seen: list[TrackPoint], night: Night) -> str:
     for azimuth, letter in ((0, "N"), (90, "E"), (180, "S"), (270, "W")):
         x, y = _point(azimuth, 0.0, RADIUS + 14)
         drawn.append(text(letter, x, y + 5, "compass"))
-    for piece in pieces(seen):
+    for piece in pieces(points):
         drawn.append(path((_point(place.az, place.alt) for place in piece), _kind(piece)))
-    drawn += _times(seen)
+    drawn += _times(points)
     return picture(SIDE, SIDE, "".join(drawn), "Where the telescope pointed, over the whole sky")
 
 
@@ -237,11 +239,11 @@ def _kind(piece: list[TrackPoint]) -> str:
     return "slew" if piece[-1].slewing else "track"
 
 
-def _times(seen: Iterable[TrackPoint]) -> list[str]:
+def _times(points: Iterable[TrackPoint]) -> list[str]:
     """Draw a dot and the time where the tube tracks or rests, if there is room."""
     drawn: list[str] = []
     taken: list[Point] = []
-    for place in seen:
+    for place in points:
         x, y = _point(place.az, place.alt)
         if place.slewing or not place.joined or any(abs(x - a) < WIDE and abs(y - b) < HIGH for a, b in taken):
             continue
@@ -251,7 +253,7 @@ def _times(seen: Iterable[TrackPoint]) -> list[str]:
     return drawn
 
 
-def altitude(seen: list[TrackPoint], lights: list[Light], night: Night) -> str:
+def altitude(points: list[TrackPoint], lights: list[Light], night: Night) -> str:
     """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
     frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
@@ -259,7 +261,7 @@ def altitude(seen: list[TrackPoint], lights: list[Light], night: Night) -> str:
     for limit in {night.lowest, night.highest} - {0.0, 90.0}:
         y = frame.y(limit)
         drawn.append(tag("line", x1=frame.x(night.began), x2=frame.x(night.ended), y1=y, y2=y, class_="limit"))
-    for piece in pieces(seen):
+    for piece in pieces(points):
         drawn.append(path(((frame.x(place.time), frame.y(place.alt)) for place in piece), _kind(piece)))
     for remark in night.refusals:
         x = frame.x(remark.time)

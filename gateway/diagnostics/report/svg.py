@@ -18,17 +18,19 @@ Point = tuple[float, float]
 
 def tag(name: str, content: str = "", /, **attributes: object) -> str:
     """Return an element, as in ``tag("line", x1=1, class_="axis")``; the content is SVG already."""
-    told = "".join(f' {key.rstrip("_").replace("_", "-")}="{_attribute(value)}"' for key, value in attributes.items())
-    return f"<{name}{told}>{content}</{name}>"
+    written = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{_attribute(value)}"' for key, value in attributes.items()
+    )
+    return f"<{name}{written}>{content}</{name}>"
 
 
 def _attribute(value: object) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else html.escape(str(value))
 
 
-def text(words: str, x: float, y: float, class_: str = "", anchor: str = "middle") -> str:
+def text(content: str, x: float, y: float, class_: str = "", anchor: str = "middle") -> str:
     """Return a text element; the words are escaped."""
-    return tag("text", html.escape(words), x=x, y=y, class_=class_, text_anchor=anchor)
+    return tag("text", html.escape(content), x=x, y=y, class_=class_, text_anchor=anchor)
 
 
 def path(points: Iterable[Point], class_: str, closed: bool = False) -> str:
