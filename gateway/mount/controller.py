@@ -95,7 +95,7 @@ class MountController:
         watch.must_stop.connect(reconciler.begin_stop)
         self.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(lambda _: reconciler.want(arrived(reconciler.wanted)))
-        reader.goto_missed.connect(lambda words: reconciler.want(ended_short(reconciler.wanted, words)))
+        reader.goto_missed.connect(lambda reason: reconciler.want(ended_short(reconciler.wanted, reason)))
         reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
         # Supervision of motions, identification, polling.
         TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)

@@ -98,10 +98,10 @@ class Identification:
             )
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
 
-    def _stop_owed(self, words: list[bytes]) -> None:
+    def _stop_owed(self, commands: list[bytes]) -> None:
         """Add the stop commands if a stop is owed, or no position shows yet that the last one was heard."""
         if (self._reconciler.wanted.owed or self._ends.pending) and self._context.known.is_set():
-            words += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
+            commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()
@@ -123,10 +123,10 @@ class Identification:
                 await self._reconciler.stop()
         elif self._left is not None and self._context.known.is_set():
             await self._judge(self._left)
-        found = False
+        identified = False
         while self._cache.value(op.GetIdentity) is None:
-            found = found or await self._find()
-            if found:
+            identified = identified or await self._find()
+            if identified:
                 await self.learn(op.GetIdentity())
             if self._link.state != "up":
                 return  # identification begins again when the line is up
@@ -150,8 +150,8 @@ class Identification:
         await self.learn(op.GetClock())
         self._sync.resume()
         self._context.settled.set()
-        if words := contradiction_warning(self._context):
-            self._context.note_once(words)
+        if message := contradiction_warning(self._context):
+            self._context.note_once(message)
 
     async def _find(self) -> bool:
         """Return whether a mount is there, and take the position that it may report with its first reply."""
@@ -232,9 +232,9 @@ class Identification:
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
         status = self._status or self._cache.value(op.GetStatus)
-        here = axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
+        start = axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
         if left.goal is None:
-            return here, 0.0
+            return start, 0.0
         goal = astrometry.from_mount(op.Equatorial(*left.goal))
         site = context.sources.site()
         if self._driver.german and site is not None and told_by_axes(context):
@@ -245,9 +245,9 @@ class Identification:
             ends = [geometry.axes(hour_angle, goal.dec, side) for side in sides]
             ways = [(geometry.travel(1, axes.az, end[0]), geometry.travel(2, axes.alt, end[1])) for end in ends]
         else:
-            there = axis_sample(astrometry, status, False, context.now(), goal).axes
-            ways = [(wrap180(there[0] - here.axes[0]), wrap180(there[1] - here.axes[1]))]
-        return here, min(max(abs(first), abs(second)) for first, second in ways)
+            goal_axes = axis_sample(astrometry, status, False, context.now(), goal).axes
+            ways = [(wrap180(goal_axes[0] - start.axes[0]), wrap180(goal_axes[1] - start.axes[1]))]
+        return start, min(max(abs(first), abs(second)) for first, second in ways)
 
     def _has_wrong_hemisphere(self) -> bool:
         """Whether its status was read as northern tracking before the mount reported a southern site."""

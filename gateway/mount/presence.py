@@ -52,11 +52,11 @@ class Presence:
         now = self._now()
         if now - self._swept > FORGOTTEN_AFTER:
             self._swept = now
-            kept = {
+            remaining = {
                 who: [one for one in there if one.closed is None or now - one.closed <= FORGOTTEN_AFTER]
                 for who, there in self._hosts.items()
             }
-            self._hosts = {who: there for who, there in kept.items() if there}
+            self._hosts = {who: there for who, there in remaining.items() if there}
         activity = HostActivity(host, now, surface)
         self._hosts.setdefault(host, []).append(activity)
         return activity

@@ -196,11 +196,11 @@ def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_o
     waited = before_all if motions >= IN_A_ROW else WAITED
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
 
-    def turn(one: QueuedCommand) -> tuple[float, int, int]:
-        if one.chosen and one.priority in READS:
-            return POSITION - 0.5, one.priority, one.number
-        aged = now - one.asked > AGED.get(one.priority, 1e9)
-        return min(one.priority, risen[one.priority]) if aged else one.priority, one.priority, one.number
+    def turn(queued: QueuedCommand) -> tuple[float, int, int]:
+        if queued.chosen and queued.priority in READS:
+            return POSITION - 0.5, queued.priority, queued.number
+        aged = now - queued.asked > AGED.get(queued.priority, 1e9)
+        return min(queued.priority, risen[queued.priority]) if aged else queued.priority, queued.priority, queued.number
 
     return sorted(waiting, key=turn)
 
@@ -215,6 +215,6 @@ def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rt
     return max(0.0, urgent - now) + AFTER_DUE
 
 
-def too_late(one: QueuedCommand, now: float) -> bool:
+def too_late(command: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return one.command.prompt and now - one.asked > MAX_START_DELAY
+    return command.command.prompt and now - command.asked > MAX_START_DELAY

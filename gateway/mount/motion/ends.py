@@ -90,12 +90,12 @@ def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step
     """Return what to do about an end now."""
     if not visible(ending):
         return Step.DONE
-    seen = speed(ending, samples)
-    if seen is not None and seen < max(SLOW, ending.speed * PART):
+    measured = speed(ending, samples)
+    if measured is not None and measured < max(SLOW, ending.speed * PART):
         return Step.DONE
     times = len(ending.sent)
     pause = AGAIN[times - 1] if times <= len(AGAIN) else THEN_EVERY
-    if seen is None or now - ending.sent[-1] < pause:
+    if measured is None or now - ending.sent[-1] < pause:
         return Step.LOOK
     return Step.SEND if times < TIMES else Step.ALARM
 

@@ -52,9 +52,9 @@ class RunOn(Struct, frozen=True):
 
 def drift(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
     """Return the motion between two positions beyond what a drive explains that is on or off, degrees."""
-    kept = separation(before.ra, before.dec, after.ra, after.dec)
+    distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
-    return min(kept, passed) - DRIVES * elapsed
+    return min(distance, passed) - DRIVES * elapsed
 
 
 def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
@@ -63,20 +63,20 @@ def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float
     return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
 
 
-def seen(run_on: RunOn, here: TimedPosition, equatorial: bool, digit: float) -> RunOn | None:
+def seen(run_on: RunOn, position: TimedPosition, equatorial: bool, digit: float) -> RunOn | None:
     """Return the run-on after a position; None if the mount is at rest. ``digit`` is the position's resolution."""
-    if here.asked < run_on.since:
-        return replace(run_on, heard=here.at)
-    older = [place for place in run_on.places if here.at - place.at >= APART]
+    if position.asked < run_on.since:
+        return replace(run_on, heard=position.at)
+    older = [place for place in run_on.places if position.at - place.at >= APART]
     if older:
-        before, elapsed = older[-1], here.at - older[-1].at
-        moved = drift(before.sky, here.sky, elapsed)
+        before, elapsed = older[-1], position.at - older[-1].at
+        moved = drift(before.sky, position.sky, elapsed)
         if equatorial:
-            moved = max(moved, turned(before.sky, here.sky, elapsed))
+            moved = max(moved, turned(before.sky, position.sky, elapsed))
         if moved <= DIGITS * digit:
             return None
-    places = (*older[-1:], *run_on.places[len(older) :], here)
-    return replace(run_on, heard=here.at, places=places)
+    places = (*older[-1:], *run_on.places[len(older) :], position)
+    return replace(run_on, heard=position.at, places=places)
 
 
 class RunOnWatch:
@@ -143,10 +143,10 @@ class RunOnWatch:
         """Note that a motion has begun, or that the mount sleeps: nothing runs on. Pulses wait as before."""
         self.value = None
 
-    def position(self, here: TimedPosition, equatorial: bool, digit: float) -> None:
+    def position(self, position: TimedPosition, equatorial: bool, digit: float) -> None:
         """Take a position that the mount has reported."""
         if self.value is not None:
-            self.value = seen(self.value, here, equatorial, digit)
+            self.value = seen(self.value, position, equatorial, digit)
             if self.value is None:
-                self._rested_at, self.rested = self.sent.count, here.at
+                self._rested_at, self.rested = self.sent.count, position.at
                 self.changed.emit(0.0)

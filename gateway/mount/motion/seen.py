@@ -78,20 +78,20 @@ class Seen(Struct, frozen=True):
         return self.last.at - self.before.at if self.last is not None and self.before is not None else 0.0
 
 
-def begin(seen: Seen, now: float, ordered_speed: float, at_rest: bool) -> Seen:
+def begin(observed: Seen, now: float, ordered_speed: float, at_rest: bool) -> Seen:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
-    last = replace(seen.last, at=now) if seen.last is not None and at_rest else seen.last
-    return replace(seen, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
+    last = replace(observed.last, at=now) if observed.last is not None and at_rest else observed.last
+    return replace(observed, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
 
 
-def first(seen: Seen, sample: PositionSample) -> Seen:
+def first(observed: Seen, sample: PositionSample) -> Seen:
     """Add a position that cannot be compared with the one before it."""
-    return replace(seen, before=None, last=sample, farthest=sample.suns)
+    return replace(observed, before=None, last=sample, farthest=sample.suns)
 
 
-def see(seen: Seen, sample: PositionSample) -> Seen:
+def see(observed: Seen, sample: PositionSample) -> Seen:
     """Add a position that can be compared with the last one, and calculate the speeds."""
-    before = seen.last
+    before = observed.last
     assert before is not None
     elapsed = sample.at - before.at
     across = separation(before.place.ra, before.place.dec, sample.place.ra, sample.place.dec) / elapsed
@@ -99,27 +99,29 @@ def see(seen: Seen, sample: PositionSample) -> Seen:
         tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
         tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
     )
-    return replace(seen, before=before, last=sample, changes=changes, earlier=seen.changes, across=across)
+    return replace(observed, before=before, last=sample, changes=changes, earlier=observed.changes, across=across)
 
 
-def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
+def lifted(observed: Seen, equatorial: bool, speed: float) -> Seen:
     """Update ``upright``: whether the second motor lifts the tube as it should. A mount that does not report its axes
     may be beyond the pole or the zenith. ``speed`` is that of the motor in degrees a second.
     """
-    before, last = seen.before, seen.last
+    before, last = observed.before, observed.last
     if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
-        return seen
-    was, now = (one.place.dec if equatorial else one.altitude or 0.0 for one in (before, last))
+        return observed
+    was, now = (sample.place.dec if equatorial else sample.altitude or 0.0 for sample in (before, last))
     if max(abs(was), abs(now)) > NEAR_POLE:
-        return seen
+        return observed
     rose = now - was
-    if abs(rose) > RISEN and 0.4 < abs(rose) / (speed * seen.elapsed) < 2.0:  # otherwise something else moved the tube
-        return replace(seen, upright=rose * last.lifting.sense > 0)
-    return seen
+    if (
+        abs(rose) > RISEN and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0
+    ):  # otherwise something else moved the tube
+        return replace(observed, upright=rose * last.lifting.sense > 0)
+    return observed
 
 
 def passed(
-    seen: Seen,
+    observed: Seen,
     last: PositionSample | None,
     sample: PositionSample,
     astrometry: SiteAstrometry,
@@ -127,10 +129,10 @@ def passed(
 ) -> Seen:
     """Update ``upright`` after a motion that is no goto: the pole, or the zenith, may lie between two positions."""
     if last is None or status is None:
-        return seen
-    before, after = (axis_sample(astrometry, status, False, one.at, one.place).axes for one in (last, sample))
+        return observed
+    before, after = (axis_sample(astrometry, status, False, each.at, each.place).axes for each in (last, sample))
     passes = abs(wrap180(after[0] - before[0])) > HALF_CIRCLE and min(abs(before[1]), abs(after[1])) > PASSES
-    return replace(seen, upright=not seen.upright) if passes else seen
+    return replace(observed, upright=not observed.upright) if passes else observed
 
 
 def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
@@ -148,5 +150,5 @@ def axis_sample(
     digit = COARSE_DIGIT if coarse else DIGIT
     if status is None or status.equatorial or astrometry.site_clock.site() is None:
         return AxisSample(now, (place.ra, place.dec), digit)
-    there = astrometry.horizon(place)
-    return AxisSample(now, (there.az, there.alt), digit)
+    horizon = astrometry.horizon(place)
+    return AxisSample(now, (horizon.az, horizon.alt), digit)

@@ -42,7 +42,7 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     waiting = unbegun(wanted, release)
     if waiting:
         return _held_until(wanted, waiting, release) if over(wanted, axis) and not _late(waiting[-1], release) else None
-    if any(one.held is not None and _arrow_of(release, one) for one in wanted.pending):
+    if any(order.held is not None and _arrow_of(release, order) for order in wanted.pending):
         return wanted  # a program that releases an arrow twice
     begun = motion_of(wanted, axis)
     if begun is None or over(wanted, axis) or not _same(begun.by, release.by):
@@ -63,9 +63,9 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
     newest = waiting[-1]
     first = waiting[0] if waiting[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
-    taps = {one.number: _held(one, max(0.0, end.since - one.since)) for one, end in spans}
-    kept = (one for one in wanted.pending if one not in waiting or one.number in taps)
-    wanted = replace(wanted, pending=tuple(taps.get(one.number, one) for one in kept))
+    taps = {order.number: _held(order, max(0.0, end.since - order.since)) for order, end in spans}
+    remaining = (order for order in wanted.pending if order not in waiting or order.number in taps)
+    wanted = replace(wanted, pending=tuple(taps.get(order.number, order) for order in remaining))
     last = taps[spans[-1][0].number]
     if at_guide_rate(last.operation) and last.number != wanted.active:
         return _as_pulse(wanted, last)
@@ -74,14 +74,14 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
 
 def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Give a tap at guide rate as a guide pulse; keep one for the next tap that the mount would lengthen too much."""
-    before = sum(one.held or 0.0 for one in wanted.kept if one.operation == tap.operation)
-    kept = tuple(one for one in wanted.kept if axis_of(one) != axis_of(tap))
+    before = sum(other.held or 0.0 for other in wanted.kept if other.operation == tap.operation)
+    others_kept = tuple(other for other in wanted.kept if axis_of(other) != axis_of(tap))
     tap = replace(_held(tap, before + (tap.held or 0.0)), at=0.0)
-    others = tuple(one for one in wanted.pending if one.number != tap.number)
+    others = tuple(other for other in wanted.pending if other.number != tap.number)
     if (tap.held or 0.0) < tap.arrow.shortest:
-        return replace(wanted, pending=others, kept=(*kept, tap))
+        return replace(wanted, pending=others, kept=(*others_kept, tap))
     pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
-    return replace(wanted, pending=(*others, pulse), kept=kept)
+    return replace(wanted, pending=(*others, pulse), kept=others_kept)
 
 
 def at_guide_rate(operation: op.Operation) -> bool:
@@ -92,19 +92,19 @@ def at_guide_rate(operation: op.Operation) -> bool:
 def _joined(wanted: Wanted, tap: Order) -> Wanted:
     """Join a tap with an equal one before it that has not ended, so that a slow line carries out both in time."""
     axis, begun = axis_of(tap), motion_of(wanted, axis_of(tap))
-    others = tuple(one for one in wanted.pending if one is not tap)
-    before = next((one for one in reversed(others) if _arrow_of(tap, one) and one.number < tap.number), None)
+    others = tuple(other for other in wanted.pending if other is not tap)
+    before = next((other for other in reversed(others) if _arrow_of(tap, other) and other.number < tap.number), None)
     if before is not None:
         held = (before.held or 0.0) + (tap.held or 0.0)
         if before.operation == tap.operation and tap.number != wanted.active and held <= LONGEST_HELD:
             joined = replace(_held(before, held), since=tap.since)
-            return replace(wanted, pending=tuple(joined if one is before else one for one in others))
+            return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
     ):
-        longer = [replace(one, until=one.until + (tap.held or 0.0)) for one in wanted.taps if one.axis == axis]
+        longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
         if _same(begun.by, tap.by) and longer[0].until - begun.sent <= LONGEST_HELD:
-            taps = (*(one for one in wanted.taps if one.axis != axis), *longer)
+            taps = (*(other for other in wanted.taps if other.axis != axis), *longer)
             return replace(wanted, pending=others, taps=taps)
     return wanted
 
@@ -119,7 +119,9 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
     joined = order.held is not None and begun is not None and _same(begun.by, order.by)
-    return axis is not None and (joined or any(_arrow_of(order, one) for one in (*wanted.pending, *wanted.kept)))
+    return axis is not None and (
+        joined or any(_arrow_of(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.kept))
+    )
 
 
 def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
@@ -175,7 +177,7 @@ def without_presses(wanted: Wanted) -> Wanted:
 
 def unbegun(wanted: Wanted, release: Order) -> list[Order]:
     """Return the arrows of an axis that this client holds and whose motion has not begun, in their order."""
-    return [one for one in wanted.pending if one.held is None and _arrow_of(release, one)]
+    return [order for order in wanted.pending if order.held is None and _arrow_of(release, order)]
 
 
 def holder(wanted: Wanted, axis: int) -> HostActivity | None:
@@ -221,9 +223,9 @@ def _late(press: Order, release: Order) -> bool:
     return release.since - press.since > LONGEST_HELD
 
 
-def _arrow_of(order: Order, one: Order) -> bool:
-    """Whether ``one`` is an arrow of the axis and the client of another arrow, or of a release."""
-    return axis_moved(one.operation) == axis_of(order) and _same(one.by, order.by)
+def _arrow_of(order: Order, other: Order) -> bool:
+    """Whether ``other`` is an arrow of the axis and the client of another arrow, or of a release."""
+    return axis_moved(other.operation) == axis_of(order) and _same(other.by, order.by)
 
 
 def _same(press: HostActivity | None, release: HostActivity | None) -> bool:

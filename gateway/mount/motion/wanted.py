@@ -256,13 +256,13 @@ class Wanted(Struct, frozen=True):
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
         """The motions by hand, by axis."""
-        motion, found = self.motion, {}
+        motion, motions = self.motion, {}
         if isinstance(motion, ByHand):  # without a loop, because every position calls this a dozen times
             if motion.first is not None:
-                found[1] = motion.first.operation
+                motions[1] = motion.first.operation
             if motion.second is not None:
-                found[2] = motion.second.operation
-        return found
+                motions[2] = motion.second.operation
+        return motions
 
     @property
     def waiting_gotos(self) -> list[Order]:

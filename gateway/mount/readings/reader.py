@@ -245,8 +245,8 @@ class Reader:
         kind, answer = type(operation), NOT_CACHED
         for _ in range(TRIES):
             if (source := self.source(kind)) is not None:
-                seen = self.peek(source)
-                value = self._calculate(kind, await self.answer(source()) if seen is NOT_CACHED else seen)
+                known = self.peek(source)
+                value = self._calculate(kind, await self.answer(source()) if known is NOT_CACHED else known)
                 if value is not NOT_CACHED:
                     return value
             answer = await self._shared_answer(operation)
@@ -297,8 +297,8 @@ class Reader:
 
     def shared(self, operation: op.Operation) -> asyncio.Task[object]:
         """Return the task that reads this now, or start one. It is shared: no caller may cancel it."""
-        own = isinstance(operation, op.Own)
-        key = (operation, self._cache.orders) if own else type(operation)
+        is_own = isinstance(operation, op.Own)
+        key = (operation, self._cache.orders) if is_own else type(operation)
         task = self._sharing.get(key)
         if task is None:
             work = self._ask_own(operation) if isinstance(operation, op.Own) else self._ask(operation)
@@ -345,8 +345,8 @@ class Reader:
                 await self._settled()
             entry.value = entry.value or gotos != self._wanted.gotos  # another goto may have begun meanwhile
         elif kind is op.HorizontalPosition and entry.value is None:
-            seen = await self.read(op.Position())
-            entry = CachedAnswer(self._astrometry.horizon(seen), source=op.Position)
+            position = await self.read(op.Position())
+            entry = CachedAnswer(self._astrometry.horizon(position), source=op.Position)
         self._publish(kind, entry)
         return entry.value
 
@@ -394,8 +394,8 @@ class Reader:
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.value is not None:
-            here = TimedPosition(self._now(), entry.asked, entry.value)
-            context.run_on.position(here, equatorial(context), self._driver.resolution)
+            present = TimedPosition(self._now(), entry.asked, entry.value)
+            context.run_on.position(present, equatorial(context), self._driver.resolution)
         if last is not None and last.reading is not None:
             near = min(entry.reading.at) - min(last.reading.at) < SOONEST
             entry.before, last.before = last.before if near else last, None
@@ -404,8 +404,8 @@ class Reader:
         """Calculate the axis readings for a mount that does not report them."""
         if not (await self.read(op.GetStatus())).equatorial:  # the axes of a fork are azimuth and altitude
             return CachedAnswer(await self.read(op.HorizontalPosition()), source=op.HorizontalPosition)
-        seen = await self.read(op.Position())
-        return CachedAnswer(self._astrometry.axes(seen, wedge=not self._driver.german), source=op.Position)
+        position = await self.read(op.Position())
+        return CachedAnswer(self._astrometry.axes(position, wedge=not self._driver.german), source=op.Position)
 
     async def _while_it_rests(self, operation: op.Operation) -> CachedAnswer:
         """Return the answer, or none once the mount moves: then two positions of two requests each take too long."""
@@ -426,27 +426,29 @@ class Reader:
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self.outdate()
         await self.answer(op.Position())
-        here = self._cache.value(op.Position)  # None if the mount has not told a new one
+        position = self._cache.value(op.Position)  # None if the mount has not told a new one
         after = self._wanted.value
         if ends or self._wanted.ending or (before.stops, before.gotos) != (after.stops, after.gotos):
             return  # a client has ended or replaced it, and knows
-        if here is None or not isinstance(slew, Slew) or self._wanted.axes:
+        if position is None or not isinstance(slew, Slew) or self._wanted.axes:
             return
-        if words := await self._missed(slew.operation, here):
-            self._context.note(words)
-            self.goto_missed.emit(words)
+        if miss := await self._missed(slew.operation, position):
+            self._context.note(miss)
+            self.goto_missed.emit(miss)
 
-    async def _missed(self, goto: op.Operation, here: op.Equatorial) -> str:
-        """Return the log line for a goto that ended ``here``, away from its goal; an empty text if none is known."""
+    async def _missed(self, goto: op.Operation, position: op.Equatorial) -> str:
+        """Return the log line for a goto that ended at ``position``, off its goal; empty if no goal is known."""
         if isinstance(goto, op.Goto):
-            return missed(self._astrometry.from_mount(op.Equatorial(goto.ra, goto.dec)), here)
+            return missed(self._astrometry.from_mount(op.Equatorial(goto.ra, goto.dec)), position)
         goal = self._driver.destination(goto) if isinstance(goto, op.Park) else goto
         if not isinstance(goal, op.GotoAxes | op.GotoHorizontal):
             return ""
         kind = op.AxisPosition if isinstance(goal, op.GotoAxes) else op.HorizontalPosition
         await self.answer(kind())
-        there = self._cache.value(kind)
-        return "" if there is None else missed(op.Equatorial(goal.az, goal.alt), op.Equatorial(there.az, there.alt))
+        reached = self._cache.value(kind)
+        return (
+            "" if reached is None else missed(op.Equatorial(goal.az, goal.alt), op.Equatorial(reached.az, reached.alt))
+        )
 
     async def tube_side(self) -> str | None:
         """Return the pier side (E, W) of the tube of a German mount; None if it is unknown."""
@@ -458,10 +460,10 @@ class Reader:
             return None
 
 
-def missed(goal: op.Equatorial, here: op.Equatorial) -> str:
+def missed(goal: op.Equatorial, position: op.Equatorial) -> str:
     """Return the log line for a goto that ended away from its goal; an empty text if it reached it. Both positions are
     in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """
-    away = separation(goal.ra, goal.dec, here.ra, here.dec)
+    away = separation(goal.ra, goal.dec, position.ra, position.dec)
     why = "the mount or a person at its keys ended it"
     return "" if away <= AT_GOAL else f"the goto ended {away:.1f} degrees from its goal: {why}"

@@ -145,7 +145,7 @@ class CheckedPath:
         So many degrees below them the goto is ``lost``.
         """
         self.ways, self.clear = ways if clear else [], clear
-        self.floor = min(0.0, 90.0 - max(separation(*one, *zenith) for one in ways) - lost)
+        self.floor = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in ways) - lost)
 
 
 class View(Struct, frozen=True):

@@ -123,22 +123,22 @@ class AltitudeAxis:
             await ask.read_now(op.AxisPosition())
         return self.tilt or 0.0
 
-    def take_reading(self, axes: op.Horizontal, seen: Seen, now: float, moves: bool) -> tuple[float, float] | None:
+    def take_reading(self, axes: op.Horizontal, observed: Seen, now: float, moves: bool) -> tuple[float, float] | None:
         """Take an axis reading and return by how many degrees the differences of azimuth and altitude have changed.
 
         None if the status must be read again first: it may be too old, and on a mount that was put on a wedge meanwhile
         the axes give neither.
         """
-        last, before, turned = seen.last, self.tilt or 0.0, self.turn or 0.0
+        last, before, turned = observed.last, self.tilt or 0.0, self.turn or 0.0
         if last is None or last.altitude is None or not self.available:
             return 0.0, 0.0
-        there = self._mount.astrometry.horizon(last.place)
+        axes_then = self._mount.astrometry.horizon(last.place)
         if moves:
-            drift, climb = _rates(self._mount, seen)
-            calculated, azimuth = last.altitude + climb * (now - last.at), there.az + drift * (now - last.at)
+            drift, climb = _rates(self._mount, observed)
+            calculated, azimuth = last.altitude + climb * (now - last.at), axes_then.az + drift * (now - last.at)
         else:
-            calculated, azimuth = there.alt + before, there.az
-        speed, speed_factor = (seen.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
+            calculated, azimuth = axes_then.alt + before, axes_then.az
+        speed, speed_factor = (observed.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
         tilt = corrected(self.tilt, altitude_of(axes.alt) - calculated, speed, speed_factor)
         read, height = fold_declination(axes.az, axes.alt)  # an axis beyond the zenith points the other way
         turn = corrected_azimuth(self.turn, wrap180(read - azimuth - turned), height, speed, speed_factor)
@@ -151,28 +151,28 @@ class AltitudeAxis:
         self._mount.frame.measured = turn, tilt
         return change
 
-    def _lasts(self, found: tuple[float, float], doubtful: bool) -> bool:
+    def _lasts(self, rates: tuple[float, float], doubtful: bool) -> bool:
         """Whether a difference counts. During a goto two readings in a row must show it: position and axes are read at
         two instants, and a simulated mount may slew many times faster than the gateway knows.
         """
-        before, self._found = self._found, found if doubtful else None
+        before, self._found = self._found, rates if doubtful else None
         return not doubtful or (
-            before is not None and all(abs(wrap180(a - b)) <= TOLERANCE for a, b in zip(before, found, strict=True))
+            before is not None and all(abs(wrap180(a - b)) <= TOLERANCE for a, b in zip(before, rates, strict=True))
         )
 
     def words(self, turned: float, tilted: float) -> Iterator[str]:
         """Yield what to tell the user of these changes."""
-        reads, told = "axis reads {:+.1f} degrees from the", "that position, site and clock give"
+        reads, given = "axis reads {:+.1f} degrees from the", "that position, site and clock give"
         if tilted:
-            yield f"the altitude {reads.format(self.tilt)} altitude {told}; the altitude limits use the axis"
+            yield f"the altitude {reads.format(self.tilt)} altitude {given}; the altitude limits use the axis"
         if turned:
-            yield f"the azimuth {reads.format(self.turn or 0.0)} azimuth {told}; the Sun is avoided by the axis"
+            yield f"the azimuth {reads.format(self.turn or 0.0)} azimuth {given}; the Sun is avoided by the axis"
 
 
-def _rates(mount: Context, seen: Seen) -> tuple[float, float]:
+def _rates(mount: Context, observed: Seen) -> tuple[float, float]:
     """Return how fast azimuth and altitude change between the last two positions, degrees a second."""
-    before, last = seen.before, seen.last
+    before, last = observed.before, observed.last
     if before is None or last is None or before.altitude is None or last.altitude is None:
         return 0.0, 0.0
-    then, now = (mount.astrometry.horizon(one.place).az for one in (before, last))
-    return wrap180(now - then) / seen.elapsed, (last.altitude - before.altitude) / seen.elapsed
+    then, now = (mount.astrometry.horizon(sample.place).az for sample in (before, last))
+    return wrap180(now - then) / observed.elapsed, (last.altitude - before.altitude) / observed.elapsed

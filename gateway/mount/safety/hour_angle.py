@@ -124,7 +124,7 @@ class HourAngleWatch:
         if turned is not None and not self._mount.movement.slewing:
             self._add(now, turned)
 
-    def look(self, seen: Seen) -> PastNow | None:
+    def look(self, observed: Seen) -> PastNow | None:
         """Return how far the tube is past the meridian at the last position; None if unknown or during a goto."""
         mount = self._mount
         if not self.watched:
@@ -134,8 +134,8 @@ class HourAngleWatch:
             if mount.cache.value(op.PierSide) is not None:
                 mount.cache.forget(op.PierSide)  # it is that of the goal
             return None
-        if not told_by_axes(mount) and seen.last is not None:
-            self._follow(seen.last)
+        if not told_by_axes(mount) and observed.last is not None:
+            self._follow(observed.last)
         return _by_readings(self._readings, mount.now())
 
     def turned(self, hour_angle: float, side: str | None) -> float | None:

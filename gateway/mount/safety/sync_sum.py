@@ -71,11 +71,11 @@ NO_SYNC = SyncSum()
 
 def _different(sums: Iterable[Pair]) -> list[Pair]:
     """Return the sums that are not the same as an earlier one."""
-    kept: list[Pair] = []
-    for one in sums:
-        if not any(max(abs(wrap180(a - b)) for a, b in zip(one, other, strict=True)) < SAME for other in kept):
-            kept.append(one)
-    return kept[:MOST]
+    distinct: list[Pair] = []
+    for pair in sums:
+        if not any(max(abs(wrap180(a - b)) for a, b in zip(pair, other, strict=True)) < SAME for other in distinct):
+            distinct.append(pair)
+    return distinct[:MOST]
 
 
 class SyncTotal:
@@ -123,7 +123,7 @@ def check_sync(
     if not by_day:
         return then
     turn = max(abs(wrap180(now - old)) for before, after in steps for old, now in zip(before, after, strict=True))
-    total = max(abs(one) for _, after in steps for one in after)
+    total = max(abs(change) for _, after in steps for change in after)
     if max(turn, total) > limit:
         may = "may turn" if len(steps) > 1 else "turns"
         since = "" if turn > limit else " with those since the alignment"

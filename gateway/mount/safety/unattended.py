@@ -92,16 +92,16 @@ class Supervisor:
 
 def supervised(wanted: Wanted) -> list[Supervised]:
     """Return the motions that need an active client."""
-    found = []
+    moments = []
     if isinstance(wanted.motion, ByHand):
-        found += [
+        moments += [
             Supervised(op.StopAxis(axis), motion.by, motion.since)
             for axis, motion in wanted.motion
             if motion.by is not None and motion.speed > TRACKING_SPEED
         ]
     if wanted.focus is not None and wanted.focus.by is not None:
-        found.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
-    return found
+        moments.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
+    return moments
 
 
 def abandoned(
@@ -111,7 +111,7 @@ def abandoned(
 
     ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
     """
-    found = []
+    moments = []
     for motion in motions:
         activities = presence.connections_for(motion.by)
         for one in activities:
@@ -119,10 +119,10 @@ def abandoned(
                 one.sent_data, one.last = False, now
         left = [one.closed for one in activities if one.closed is not None]
         if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
-            found.append((motion, "has disconnected"))
+            moments.append((motion, "has disconnected"))
         elif now - max(motion.since, *(one.last for one in activities)) >= silence:
-            found.append((motion, f"has sent nothing for {silence:g} s"))
-    return found
+            moments.append((motion, f"has sent nothing for {silence:g} s"))
+    return moments
 
 
 class TrackingAtLimit:
@@ -189,7 +189,7 @@ class SunAhead:
         self._next = float("-inf")
         self.words = ""
 
-    def check(self, seen: op.Equatorial) -> None:
+    def check(self, position: op.Equatorial) -> None:
         """Examine a position of the mount, twice a minute."""
         mount, now = self._mount, self._mount.now()
         if now < self._next or not mount.suns.limit:
@@ -198,7 +198,7 @@ class SunAhead:
         before, self.words = self.words, ""
         if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
             return
-        resting, tracking = self._find(seen, tracks=False), self._find(seen, tracks=True)
+        resting, tracking = self._find(position, tracks=False), self._find(position, tracks=True)
         if not (resting or tracking):
             return
         status, age = mount.cache.value(op.GetStatus), mount.cache.age(op.GetStatus, now)
@@ -211,20 +211,20 @@ class SunAhead:
         if self.words and not before:
             mount.note(f"WARNING: {self.words}")
 
-    def _find(self, seen: op.Equatorial, tracks: bool) -> str:
+    def _find(self, position: op.Equatorial, tracks: bool) -> str:
         """Return what to tell of the first Sun that comes near a tube that rests, or that tracks; or an empty text."""
         suns = self._mount.suns
         up = {(sun.shift, sun.own) for sun in suns.up()}
         for minute in range(round(AHEAD / STEP) + 1):
             for sun in suns.suns(self._mount.frame(), minute * STEP):
-                distance = self._distance(seen, sun, 0.0 if tracks else minute * STEP)
+                distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)
                 if distance < suns.limit:
                     return self._words(sun, distance, minute, (sun.shift, sun.own) not in up, tracks)
         return ""
 
-    def _distance(self, seen: op.Equatorial, sun: Sun, seconds: float) -> float:
+    def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
         """How far a Sun of that time is from a tube that rests so long: the sky turns over it."""
-        tube = self._mount.suns.tube(seen, sun.shift)
+        tube = self._mount.suns.tube(position, sun.shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 
     def _words(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:

@@ -113,11 +113,11 @@ class LimitWatch:
             return False
         if self.seen.across < GUIDES:
             return False
-        then, there = (self._axes(one.at, one.place) for one in (before, last))
-        least = max(FASTER_THAN_TRACKING * self.seen.elapsed, DIGITS * there.digit)
+        then, at_then = (self._axes(one.at, one.place) for one in (before, last))
+        least = max(FASTER_THAN_TRACKING * self.seen.elapsed, DIGITS * at_then.digit)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
-        turned = [abs(wrap180(there.axes[one - 1] - then.axes[one - 1])) for one in axes]
+        turned = [abs(wrap180(at_then.axes[one - 1] - then.axes[one - 1])) for one in axes]
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
 
     @property
@@ -137,7 +137,7 @@ class LimitWatch:
         moving = self._mount.movement.now()
         if moving.slewing:
             return self.seen.across or self._mount.fastest
-        return max((self._mount.speed(one) for one in moving.by_hand.values()), default=0.0)
+        return max((self._mount.speed(motion) for motion in moving.by_hand.values()), default=0.0)
 
     @property
     def on_clear_path(self) -> bool:
@@ -175,7 +175,7 @@ class LimitWatch:
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
-            speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
+            speed = sum(mount.speed(motion) for motion in {**moving.by_hand, operation.axis: operation}.values())
             self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
@@ -262,12 +262,12 @@ class LimitWatch:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         mount.frame.upright = self.seen.upright
-        here = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        (altitude, hour_angle), shifts = astrometry.overhead(here), self.altitude_axis.shifts
+        position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
+        (altitude, hour_angle), shifts = astrometry.overhead(position), self.altitude_axis.shifts
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0
-        unsynced = () if altitude is None else tuple(mount.suns.altitude(here, shift) for shift in shifts)
-        suns, lifting = tuple(mount.suns.distances(here)), mount.wanted.by_hand.get(2)
+        unsynced = () if altitude is None else tuple(mount.suns.altitude(position, shift) for shift in shifts)
+        suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
         return PositionSample(now, place, altitude, hour_angle, suns, lifting, (mount.suns.era, shifts), unsynced)
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
@@ -289,8 +289,8 @@ class LimitWatch:
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
         """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
-        here = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
-        return all(separation(*here, *one) > ASTRAY for one in self._ways)
+        sun = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
+        return all(separation(*sun, *way) > ASTRAY for way in self._ways)
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
@@ -323,11 +323,11 @@ class LimitWatch:
         if self._ends.ending is None and not by_hand:
             self._stalls.clear()
             return
-        status, here = mount.cache.value(op.GetStatus), self._axes(now, place)
-        self._ends.look(here)
+        status, axes = mount.cache.value(op.GetStatus), self._axes(now, place)
+        self._ends.look(axes)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
-        ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
-        stalled = self._stalls.find_stalled(here, ordered, mount.link.typical_rtt * mount.timing.reads)
+        ordered = {axis: mount.speed(motion) for axis, motion in by_hand.items()} if judged else {}
+        stalled = self._stalls.find_stalled(axes, ordered, mount.link.typical_rtt * mount.timing.reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} was told to move, but its position does not change; check the "
@@ -360,9 +360,9 @@ class LimitWatch:
         else:
             self.carried_to_limit.emit(reason)
 
-    def _stop(self, words: str) -> None:
-        self._mount.note(words)
-        self.must_stop.emit(words)
+    def _stop(self, reason: str) -> None:
+        self._mount.note(reason)
+        self.must_stop.emit(reason)
 
 
 def blind(moving: Moving, age: float, since_stop: float) -> str:

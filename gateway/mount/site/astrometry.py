@@ -49,29 +49,29 @@ class SiteAstrometry:
         """Local apparent sidereal time, degrees."""
         return self.sky.sidereal_time(self.site_clock.unix(), self.place().longitude)
 
-    def overhead(self, seen: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
+    def overhead(self, position: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
         """Return the altitude and the hour angle of a position now, degrees; None for both if the site is unknown."""
         place = self.site_clock.site()
         if place is None:
             return None, None
         unix = self.site_clock.unix()
-        altitude = self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix)[1]
-        return altitude, self.sky.sidereal_time(unix, place.longitude) - seen.ra
+        altitude = self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
+        return altitude, self.sky.sidereal_time(unix, place.longitude) - position.ra
 
-    def horizon(self, seen: op.Equatorial) -> op.Horizontal:
+    def horizon(self, position: op.Equatorial) -> op.Horizontal:
         """Return azimuth and altitude of a position (equinox of date)."""
         place, unix = self.place(), self.site_clock.unix()
-        return op.Horizontal(*self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix))
+        return op.Horizontal(*self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix))
 
-    def equatorial(self, seen: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
+    def equatorial(self, position: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
         """Return the position (equinox of date) that is at an azimuth and altitude now."""
         place, unix = self.place(), self.site_clock.unix()
-        return op.Equatorial(*self.sky.equatorial(seen.az, seen.alt, place.latitude, place.longitude, unix))
+        return op.Equatorial(*self.sky.equatorial(position.az, position.alt, place.latitude, place.longitude, unix))
 
-    def axes(self, seen: op.Equatorial, wedge: bool = False) -> op.Horizontal:
+    def axes(self, position: op.Equatorial, wedge: bool = False) -> op.Horizontal:
         """Return the axis readings of an equatorial mount for a position; a fork on its ``wedge`` reads from north."""
         geometry = Geometry(Build.WEDGE if wedge else Build.GERMAN, self.place().latitude)
-        first, second = geometry.axes(self.sidereal_time() - seen.ra, seen.dec, False)
+        first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
@@ -87,11 +87,11 @@ class SiteAstrometry:
         ra, dec = self.sky.to_j2000(operation.ra, operation.dec, self.site_clock.unix())
         return replace(operation, ra=ra, dec=dec)
 
-    def from_mount(self, seen: op.Equatorial) -> op.Equatorial:
+    def from_mount(self, position: op.Equatorial) -> op.Equatorial:
         """Convert a position from the mount's equinox to the equinox of date."""
         if self.equinox != "j2000":
-            return seen
-        return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.site_clock.unix()))
+            return position
+        return op.Equatorial(*self.sky.to_of_date(position.ra, position.dec, self.site_clock.unix()))
 
 
 class Shift(NamedTuple):
@@ -142,14 +142,16 @@ class TubeFrame:
         polar = self._polar or self._driver.emulates_sync
         measured = self.measured if not self._polar else None
         if measured is not None:
-            found = [Shift(-one[0] if measured[0] is None else measured[0], measured[1], False) for one in total.axes]
+            found = [
+                Shift(-shift[0] if measured[0] is None else measured[0], measured[1], False) for shift in total.axes
+            ]
         else:
             place = self._sources.site() if polar else None
             sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
             found = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
             if (polar and self._driver.german) or not self.upright:  # the other way on the other side of the pier
-                found += [one._replace(second=-one.second) for one in found if one.second]
-        shifts = tuple(dict.fromkeys(one for one in found if max(abs(one.first), abs(one.second)) > OFF))
+                found += [shift._replace(second=-shift.second) for shift in found if shift.second]
+        shifts = tuple(dict.fromkeys(shift for shift in found if max(abs(shift.first), abs(shift.second)) > OFF))
         if not shifts:
             return plain
         return PointingFrame(self._polar, shifts, None if measured is None else shifts[0])
@@ -222,32 +224,32 @@ class SunAvoidance:
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._up
 
-    def tube(self, seen: op.Equatorial, shift: Shift | None) -> op.Equatorial:
-        """Return where the tube is, in the mount's coordinates, while the mount believes to point at ``seen``."""
+    def tube(self, position: op.Equatorial, shift: Shift | None) -> op.Equatorial:
+        """Return where the tube is, in the mount's coordinates, while the mount believes to point at ``position``."""
         if shift is None:
-            return seen
+            return position
         if shift.polar:
-            return op.Equatorial(*fold_declination(seen.ra - shift.first, seen.dec + shift.second))
-        here = self._astrometry.horizon(seen)
-        there = fold_declination(here.az + shift.first, here.alt + shift.second)
-        return self._astrometry.equatorial(op.Horizontal(*there))
+            return op.Equatorial(*fold_declination(position.ra - shift.first, position.dec + shift.second))
+        horizon = self._astrometry.horizon(position)
+        shifted = fold_declination(horizon.az + shift.first, horizon.alt + shift.second)
+        return self._astrometry.equatorial(op.Horizontal(*shifted))
 
-    def altitude(self, seen: op.Equatorial, shift: Shift) -> float:
-        """Return the altitude of the tube while the mount believes to point at ``seen``. It needs a site."""
-        return self._astrometry.horizon(self.tube(seen, shift)).alt
+    def altitude(self, position: op.Equatorial, shift: Shift) -> float:
+        """Return the altitude of the tube while the mount believes to point at ``position``. It needs a site."""
+        return self._astrometry.horizon(self.tube(position, shift)).alt
 
     def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
         """Return where the mount believes to point when the tube is there: the inverse of ``tube``."""
         return self.tube(tube, shift._replace(first=-shift.first, second=-shift.second))
 
-    def distance(self, seen: op.Equatorial, sun: Sun) -> float:
-        """Return how far the tube is from a Sun while the mount believes to point at ``seen``, degrees."""
-        tube = self.tube(seen, sun.shift)
+    def distance(self, position: op.Equatorial, sun: Sun) -> float:
+        """Return how far the tube is from a Sun while the mount believes to point at ``position``, degrees."""
+        tube = self.tube(position, sun.shift)
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
-    def distances(self, seen: op.Equatorial) -> list[float]:
+    def distances(self, position: op.Equatorial) -> list[float]:
         """Return the distances from every Sun to be avoided, degrees; those from the mount's own come first."""
-        return [self.distance(seen, sun) for sun in self.up()]
+        return [self.distance(position, sun) for sun in self.up()]
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
         """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
@@ -259,15 +261,15 @@ class SunAvoidance:
         up = [one for time, place in zip(times, places, strict=True) for one in self._risen(sites, time, place)]
         if not up:
             return []
-        own = up[0] if up[0].time is times[0] and up[0].site is sites[0] else None
-        found = [Sun(*places[0], own is not None, up[0].time, up[0].site)]
+        known = up[0] if up[0].time is times[0] and up[0].site is sites[0] else None
+        suns = [Sun(*places[0], known is not None, up[0].time, up[0].site)]
         for time, place in zip(times[1:], places[1:], strict=True):
-            found += [Sun(*place, False, time, one.site) for one in up if one.time is time][:1]
+            suns += [Sun(*place, False, time, one.site) for one in up if one.time is time][:1]
         for one in up:
-            for shift in frame.shifts or ((None,) if one is not own else ()):
-                there = self._in_own_coordinates(one, frame.polar, sites[0].place, times[0].unix)
-                found.append(Sun(*there, one is own, one.time, one.site, shift))
-        return _different(sorted(found, key=lambda sun: not sun.own))
+            for shift in frame.shifts or ((None,) if one is not known else ()):
+                direction = self._in_own_coordinates(one, frame.polar, sites[0].place, times[0].unix)
+                suns.append(Sun(*direction, one is known, one.time, one.site, shift))
+        return _different(sorted(suns, key=lambda sun: not sun.own))
 
     def _risen(self, sites: list[Site], time: Time, place: Pair) -> Iterator[_Risen]:
         """Yield the sites over whose horizon a Sun is up at a time."""
@@ -276,12 +278,12 @@ class SunAvoidance:
             if over[1] >= SUN_IS_UP:
                 yield _Risen(time, site, place, over)
 
-    def _in_own_coordinates(self, one: _Risen, polar: bool, here: op.Place, unix: float) -> Pair:
-        """Return where the mount, by its own site ``here`` and time, points the axes at a Sun of another source."""
+    def _in_own_coordinates(self, risen: _Risen, polar: bool, place: op.Place, unix: float) -> Pair:
+        """Return where the mount, by its own site ``place`` and time, points the axes at a Sun of another source."""
         if not polar:
-            return self._sky.equatorial(*one.over, here.latitude, here.longitude, unix)
-        turned = self._sky.sidereal_time(one.time.unix, one.site.place.longitude)
-        return one.place[0] + self._sky.sidereal_time(unix, here.longitude) - turned, one.place[1]
+            return self._sky.equatorial(*risen.over, place.latitude, place.longitude, unix)
+        turned = self._sky.sidereal_time(risen.time.unix, risen.site.place.longitude)
+        return risen.place[0] + self._sky.sidereal_time(unix, place.longitude) - turned, risen.place[1]
 
 
 class _Risen(NamedTuple):
@@ -295,11 +297,11 @@ class _Risen(NamedTuple):
 
 def _different(suns: list[Sun]) -> list[Sun]:
     """Return the Suns that are not at the place of an earlier one."""
-    kept: list[Sun] = []
+    distinct: list[Sun] = []
     for sun in suns:
-        if not any(sun.shift == one.shift and separation(*sun[:2], *one[:2]) < SAME for one in kept):
-            kept.append(sun)
-    return kept
+        if not any(sun.shift == other.shift and separation(*sun[:2], *other[:2]) < SAME for other in distinct):
+            distinct.append(sun)
+    return distinct
 
 
 def _continues(before: list[Sun], now: list[Sun]) -> bool:

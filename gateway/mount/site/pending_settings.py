@@ -138,14 +138,15 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place)
 
     Each half is as it was before or as the gateway sent it; the mount may have received only one of them.
     """
-    values = [one.value for one in sent if isinstance(one.value, SetSite)]
+    values = [setting.value for setting in sent if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]
     longitudes = [value.longitude for value in values if value.longitude is not None]
     if before is None or not values:
         return False
     return (
-        min(abs(reported.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
-        and min(abs(wrap180(reported.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL
+        min(abs(reported.latitude - latitude) for latitude in (before.latitude, *latitudes)) <= SITE_EQUAL
+        and min(abs(wrap180(reported.longitude - longitude)) for longitude in (before.longitude, *longitudes))
+        <= SITE_EQUAL
     )
 
 

@@ -31,10 +31,10 @@ def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
     name = wanted.name.capitalize()
     if name not in PARTS[1:]:
         raise Invalid(f"There is no planet {wanted.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")
-    seen = astrometry.sky.planet(name, astrometry.site_clock.unix())
-    if seen is None:
+    position = astrometry.sky.planet(name, astrometry.site_clock.unix())
+    if position is None:
         raise Unsupported("The positions of the planets are not available yet.")
-    return op.Equatorial(*seen)
+    return op.Equatorial(*position)
 
 
 def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:

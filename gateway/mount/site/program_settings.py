@@ -74,10 +74,10 @@ class ProgramSettings:
     def of(self, program: ProgramId) -> OwnSettings:
         return self._own.get(program, NOTHING)
 
-    def put(self, program: ProgramId, own: OwnSettings) -> None:
+    def put(self, program: ProgramId, settings: OwnSettings) -> None:
         self._own.pop(program, None)
-        if own != NOTHING:
-            self._own[program] = own
+        if settings != NOTHING:
+            self._own[program] = settings
         if len(self._own) > REMEMBERED:
             del self._own[next(iter(self._own))]
         self.half = any(one.half is not None for one in self._own.values())
@@ -97,8 +97,8 @@ class ProgramSettings:
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
-        for one, own in list(self._own.items()):
-            if program in (None, one):
-                self.put(one, replace(own, site=None) if kind == "site" else replace(own, clock=None))
+        for program_, own in list(self._own.items()):
+            if program in (None, program_):
+                self.put(program_, replace(own, site=None) if kind == "site" else replace(own, clock=None))
         if kind == "site" and (program is None or (self.newest is not None and self.newest.host == program.host)):
             self.newest = None

@@ -26,8 +26,8 @@ class ReadBy:
 
     def site(self) -> Place | None:
         """Return the site that the program has set, else that of the best source; None if there is none."""
-        own = self.own
-        place, half = own.site or self._known.best_site(), own.half
+        settings = self.own
+        place, half = settings.site or self._known.best_site(), settings.half
         if half is None:
             return place
         latitude = half.latitude if half.latitude is not None else (place.latitude if place else None)
@@ -38,9 +38,9 @@ class ReadBy:
         """Return the clock that the program has set, running, else the mount's; None if there is neither. A zone that
         it has set alone replaces the offset.
         """
-        own = self.own
-        moment = self._known.running(own.clock or self._known.mount_clock)
-        return moment if moment is None or own.zone is None else Moment(moment.unix, own.zone)
+        settings = self.own
+        moment = self._known.running(settings.clock or self._known.mount_clock)
+        return moment if moment is None or settings.zone is None else Moment(moment.unix, settings.zone)
 
     def unix(self) -> float:
         """UTC by that clock, else by the best source, Unix seconds."""
@@ -56,13 +56,13 @@ class ReadBy:
         return self.clock() if kind is GetClock else None
 
     def has_own_site(self) -> bool:
-        own = self.own
-        return own.site is not None or own.half is not None
+        settings = self.own
+        return settings.site is not None or settings.half is not None
 
     def has_own_clock(self) -> bool:
         """Whether the program has set a clock or a zone of its own."""
-        own = self.own
-        return own.clock is not None or own.zone is not None
+        settings = self.own
+        return settings.clock is not None or settings.zone is not None
 
     # --- setting ----------------------------------------------------------------------------------------------------
 
@@ -104,6 +104,6 @@ class ReadBy:
         self._known.programs.forget("site", self._program)
         self._put(replace(self.own, half=None))
 
-    def _put(self, own: OwnSettings) -> None:
-        self._known.programs.put(self._program, own)
+    def _put(self, settings: OwnSettings) -> None:
+        self._known.programs.put(self._program, settings)
         self._known.changed.emit(None)

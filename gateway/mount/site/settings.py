@@ -95,12 +95,12 @@ class SiteAndClock:
     async def _get_gps(self, operation: op.GetGps, _: ProgramId) -> op.Gps:
         await self._first_answers()
         async with self._reading_gps:
-            seen = self._site_clock.gps()
-            if seen is None:
+            gps = self._site_clock.gps()
+            if gps is None:
                 reported: op.Gps = await self._runner.perform(operation, READ)
                 self._site_clock.take_gps(reported)
                 return reported
-        return seen
+        return gps
 
     # --- setting ----------------------------------------------------------------------------------------------------
 
@@ -130,15 +130,15 @@ class SiteAndClock:
             return f"nobody: this mount {why}, and the site told by {sites[0].source} counts"
         return "everyone, as long as neither the mount nor the configuration tells one"
 
-    async def _has_own_site(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
-        """Whether the mount still has its ``own`` site, from before clients selected ``others``, or it is unknown."""
-        if own.latitude is None or own.longitude is None:
+    async def _has_own_site(self, site: op.SetSite, others: Sequence[op.SetSite]) -> bool:
+        """Whether the mount still has ``site``, its site before clients selected ``others``, or reports none."""
+        if site.latitude is None or site.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
-        if self._site_clock.mount_site is None or kind_of(own) in self.sync.pending:
+        if self._site_clock.mount_site is None or kind_of(site) in self.sync.pending:
             return False
-        return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
+        return self._site_clock.same_site(site) or not self._site_clock.has_one_of(others)
 
     def complete(self, program: ProgramId) -> None:
         """Send the site of which this program has set a half or both."""
@@ -173,9 +173,9 @@ class SiteAndClock:
         """Wait until this queued setting was sent, given up or kept, but not long. Raises Refused if it was refused."""
         ours, why = self.sync.pending.get(kind_of(operation)), ""
 
-        def refused(told: tuple[Setting, str]) -> None:
+        def refused(setting: tuple[Setting, str]) -> None:
             nonlocal why
-            why = told[1] if told[0] is ours else why
+            why = setting[1] if setting[0] is ours else why
 
         self.sync.refused.connect(refused)
         try:
@@ -198,12 +198,12 @@ class SiteAndClock:
                 await self._runner.perform(operation, SETTING)
                 await self.renew(op.GetClock)
                 return
-        seen = await self._get_gps(op.GetGps(), program)
-        if not seen.linked or seen.unix is None:
+        gps = await self._get_gps(op.GetGps(), program)
+        if not gps.linked or gps.unix is None:
             raise NoDevice("The GPS is not linked.")
         present = self._read_by(program).clock()
         self._read_by(program).keep_clock(
-            op.SetClock(seen.unix, present.offset, present.dst) if present else op.SetClock(seen.unix, 0.0)
+            op.SetClock(gps.unix, present.offset, present.dst) if present else op.SetClock(gps.unix, 0.0)
         )
         self._context.note_once("the clock that was set by the GPS is kept in the gateway")
 

@@ -131,8 +131,8 @@ class SiteClock:
         here, known = self.mount_site, self._former
         if here is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(here, known[0]) <= FAR:
             return None
-        others = [one for one in (self.gps_site, self.configured, self.confirmed) if one is not None]
-        return None if any(far_apart(here, one) <= CONFIRMS for one in others) else known[0]
+        others = [place for place in (self.gps_site, self.configured, self.confirmed) if place is not None]
+        return None if any(far_apart(here, place) <= CONFIRMS for place in others) else known[0]
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return what a clock that was read some time ago shows now."""
@@ -183,12 +183,12 @@ class SiteClock:
         self.changed.emit(None)
         return changed
 
-    def take_gps(self, seen: Gps) -> None:
+    def take_gps(self, gps: Gps) -> None:
         """Take what the mount's GPS reports; without a fix only the state of the receiver is kept."""
-        self._gps = seen, self.now()
-        if seen.linked:
-            self.gps_site = seen.place or self.gps_site
-            self.gps_clock = (Moment(seen.unix, 0.0), self.now()) if seen.unix else self.gps_clock
+        self._gps = gps, self.now()
+        if gps.linked:
+            self.gps_site = gps.place or self.gps_site
+            self.gps_clock = (Moment(gps.unix, 0.0), self.now()) if gps.unix else self.gps_clock
         self.changed.emit(None)
 
     def gps(self) -> Gps | None:
@@ -225,10 +225,10 @@ class SiteClock:
 
     def has_one_of(self, places: Sequence[SetSite]) -> bool:
         """Whether the mount's site matches one of these in latitude or longitude."""
-        here = self.mount_site
-        return here is not None and any(
-            (one.latitude is not None and abs(here.latitude - one.latitude) <= SITE_EQUAL)
-            or (one.longitude is not None and abs(wrap180(here.longitude - one.longitude)) <= SITE_EQUAL)
+        site = self.mount_site
+        return site is not None and any(
+            (one.latitude is not None and abs(site.latitude - one.latitude) <= SITE_EQUAL)
+            or (one.longitude is not None and abs(wrap180(site.longitude - one.longitude)) <= SITE_EQUAL)
             for one in places
         )
 
@@ -255,14 +255,14 @@ class BestSources:
     def sites(self) -> list[Site]:
         """Return every site that counts, best first. A program's counts only if nothing else is known."""
         known = self._site_clock
-        found = [
+        sites = [
             Site(place, source, by)
             for place, source, by in (
                 (known.mount_site, MOUNT, known.site_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
-        if found or (told := known.site_of_program()) is None:
-            return found
+        if sites or (told := known.site_of_program()) is None:
+            return sites
         return [Site(told.place, told.words)]
 
     def sites_for_sun(self) -> list[Site]:
@@ -277,17 +277,17 @@ class BestSources:
         clock only if that of this computer is doubtful as well.
         """
         known = self._site_clock
-        found = [
+        times = [
             Time(moment.unix, source, by=known.clock_by if source is MOUNT else "")
             for moment, source in ((known.running(known.mount_clock), MOUNT), (known.running(known.gps_clock), GPS))
             if moment is not None
         ]
         host = known.host()
-        if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in found):
-            return [*found, Time(host, COMPUTER)]
+        if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in times):
+            return [*times, Time(host, COMPUTER)]
         program = known.running(known.programs.newest_clock)
-        told = [Time(program.unix, PROGRAM)] if program is not None else []
-        return found or [*told, Time(host, COMPUTER, doubtful=True)]
+        known_times = [Time(program.unix, PROGRAM)] if program is not None else []
+        return times or [*known_times, Time(host, COMPUTER, doubtful=True)]
 
     def site(self) -> Place | None:
         """Return the site in force for the limits; None if it is unknown."""
@@ -304,13 +304,14 @@ class BestSources:
         return self.best_time().unix
 
 
-def far_apart(one: Place, other: Place) -> float:
+def far_apart(place: Place, other: Place) -> float:
     """Return how far two sites are apart, degrees on the Earth."""
-    return separation(one.longitude, one.latitude, other.longitude, other.latitude)
+    return separation(place.longitude, place.latitude, other.longitude, other.latitude)
 
 
-def _same_place(one: Place, other: Place) -> bool:
+def _same_place(place: Place, other: Place) -> bool:
     """Whether two sites are within an arcminute, the resolution of hand controls."""
     return (
-        abs(one.latitude - other.latitude) <= SITE_EQUAL and abs(wrap180(one.longitude - other.longitude)) <= SITE_EQUAL
+        abs(place.latitude - other.latitude) <= SITE_EQUAL
+        and abs(wrap180(place.longitude - other.longitude)) <= SITE_EQUAL
     )

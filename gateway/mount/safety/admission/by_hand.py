@@ -101,18 +101,24 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
 
 
 def _check_altitudes(
-    mount: Context, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial, only_beyond: bool = False
+    mount: Context,
+    limits: Limits,
+    start: Start,
+    position: op.Equatorial,
+    soon: op.Equatorial,
+    only_beyond: bool = False,
 ) -> None:
-    """Check that the way from ``seen`` to ``soon`` leads beyond no altitude limit, whether the syncs were right or not.
+    """Check that the way from ``position`` to ``soon`` leads beyond no altitude limit, whether the syncs were right or
+    not.
 
     ``only_beyond``: it counts only if it begins beyond one. Raises BelowHorizon, TooHigh, Contradicted.
     """
-    before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
+    before, after = mount.astrometry.horizon(position).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after):
         limits.check_altitude(before if only_beyond else after)
     written = limits.written()
     for shift in start.shifts:
-        before, after = mount.suns.altitude(seen, shift), mount.suns.altitude(soon, shift)
+        before, after = mount.suns.altitude(position, shift), mount.suns.altitude(soon, shift)
         if leaving(written, before, after):
             check_synced(written, before if only_beyond else after, shift)
 
@@ -122,8 +128,8 @@ def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Eq
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.moves_by_gotos:
         return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
-    here = mount.astrometry.horizon(start.seen)
-    return mount.astrometry.equatorial(op.Horizontal(*fold_declination(here.az + first, here.alt + second)))
+    horizon = mount.astrometry.horizon(start.seen)
+    return mount.astrometry.equatorial(op.Horizontal(*fold_declination(horizon.az + first, horizon.alt + second)))
 
 
 class HandAdmission:
@@ -165,10 +171,10 @@ class HandAdmission:
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
-        seen = start.seen
-        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
+        position = start.seen
+        soon = replace(position, ra=position.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
         try:
-            _check_altitudes(mount, limits, start, seen, soon, only_beyond=True)
+            _check_altitudes(mount, limits, start, position, soon, only_beyond=True)
             if limits.hour_angle is not None:
                 now = start.past(mount, 0.0)
                 then = start.past(mount, SIDEREAL_RATE * TRACKING_AHEAD)
@@ -196,23 +202,23 @@ class HandAdmission:
         status: op.Status = readings.value(op.GetStatus) or await self._ask.read(op.GetStatus())
         if not status.aligned:
             return None
-        seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
-        if seen is None or age > OLD_POSITION:
-            seen = await self._ask.read(op.Position())
+        position, age = readings.value(op.Position), readings.age(op.Position, mount.now())
+        if position is None or age > OLD_POSITION:
+            position = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
-            seen = await self._ask.read_now(op.Position())
+            position = await self._ask.read_now(op.Position())
         axis = self._watch.altitude_axis
         tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
-        turned = await self._turned(seen) if self._watch.hour_angle.watched else None
-        return Start(seen, status, tilt, turned, tuple(mount.suns.up()), axis.shifts)
+        turned = await self._turned(position) if self._watch.hour_angle.watched else None
+        return Start(position, status, tilt, turned, tuple(mount.suns.up()), axis.shifts)
 
-    async def _turned(self, seen: op.Equatorial) -> float | None:
+    async def _turned(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""
         mount = self._mount
         if told_by_axes(mount):
             return turned_by_axes(mount, await self._ask.read(op.AxisPosition()))
         side = await self._ask.tube_side() if mount.driver.german else None
-        return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - seen.ra, side)
+        return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - position.ra, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""
@@ -234,8 +240,8 @@ async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.seen.upright
-    here: op.Horizontal = await ask.read(op.AxisPosition())
-    return abs(wrap180(here.alt)) > 90.0
+    axes: op.Horizontal = await ask.read(op.AxisPosition())
+    return abs(wrap180(axes.alt)) > 90.0
 
 
 async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool]:
@@ -253,8 +259,8 @@ async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool
     side = None if under_way else await ask.tube_side()
     if side is None:
         return {False, True}
-    told = (side == "W") == (site.latitude >= 0.0)
+    reported_west = (side == "W") == (site.latitude >= 0.0)
     if not mount.driver.implementation(op.AxisPosition):
-        return {told}
-    here: op.Horizontal = await ask.read(op.AxisPosition())
-    return {told, wrap180(here.alt - 90.0) > 0.0}
+        return {reported_west}
+    axes: op.Horizontal = await ask.read(op.AxisPosition())
+    return {reported_west, wrap180(axes.alt - 90.0) > 0.0}

@@ -79,10 +79,10 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
     try:
         limits.check_altitude(altitude)
     except Fault as fault:
-        found = next(contradictions(mount.sources.sites(), mount.sources.times()), None)
-        words = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
-        words += [_at_length(found)] if found is not None else []
-        raise type(fault)(" ".join(words), str(fault)) from None
+        contradiction = next(contradictions(mount.sources.sites(), mount.sources.times()), None)
+        text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
+        text += [_at_length(contradiction)] if contradiction is not None else []
+        raise type(fault)(" ".join(text), str(fault)) from None
 
 
 def _where(limits: Limits, altitude: float) -> str:
@@ -117,16 +117,20 @@ def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: 
         raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
-    for one in contradictions(sites, times):
-        if one.place is None:
+    for contradiction in contradictions(sites, times):
+        if contradiction.place is None:
             continue
         try:
-            altitude = sky.horizon(goal.ra, goal.dec, one.place.latitude, one.place.longitude, one.unix)[1]
+            altitude = sky.horizon(
+                goal.ra, goal.dec, contradiction.place.latitude, contradiction.place.longitude, contradiction.unix
+            )[1]
             written.check_altitude(altitude)
         except Fault as fault:
             which = "low" if isinstance(fault, BelowHorizon) else "high"
-            by = f"Too {which} by {_briefly(one)}."
-            raise Contradicted(f"Too {which}, if {one.sources[1]} is right: {_at_length(one)}", by) from None
+            by = f"Too {which} by {_briefly(contradiction)}."
+            raise Contradicted(
+                f"Too {which}, if {contradiction.sources[1]} is right: {_at_length(contradiction)}", by
+            ) from None
 
 
 def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
@@ -147,34 +151,37 @@ def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
 
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
-    words = "The way there passes too close to the Sun." if way else NearSun.words
+    text = "The way there passes too close to the Sun." if way else NearSun.words
     if sun.own and sun.shift is not None:
         off = max(abs(sun.shift.first), abs(sun.shift.second))
         return NearSun(
-            f"{words} Since a sync or the alignment its axes are {off:.0f} degrees off: align the mount again.",
+            f"{text} Since a sync or the alignment its axes are {off:.0f} degrees off: align the mount again.",
             f"The Sun, by its axes: {off:.0f} degrees off. Align it again.",
         )
     sites, times = sources.sites(), sources.times()
     others = [] if sun.site is None else [sun.site]
-    told = next(contradictions(sites[:1] + others, [times[0], sun.time._replace(doubtful=False)]), None)
-    if sun.own or told is None:
-        return NearSun(words)
-    return NearSun(f"{words} {_at_length(told)}", f"{'Past' if way else 'Near'} the Sun by {_briefly(told)}.")
+    contradiction = next(contradictions(sites[:1] + others, [times[0], sun.time._replace(doubtful=False)]), None)
+    if sun.own or contradiction is None:
+        return NearSun(text)
+    return NearSun(
+        f"{text} {_at_length(contradiction)}", f"{'Past' if way else 'Near'} the Sun by {_briefly(contradiction)}."
+    )
 
 
-def _briefly(one: Contradiction) -> str:
+def _briefly(contradiction: Contradiction) -> str:
     """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
     names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS: "the GPS", PROGRAM: "a program"}
-    best, other = (names.get(source, source) for source in one.sources)
-    return f"{other} ({one.apart} from {best})"
+    best, other = (names.get(source, source) for source in contradiction.sources)
+    return f"{other} ({contradiction.apart} from {best})"
 
 
-def _at_length(one: Contradiction) -> str:
-    return f"{one.words[0].upper()}{one.words[1:]}. Correct the one that is wrong: {_remedies(one)}."
+def _at_length(contradiction: Contradiction) -> str:
+    text = contradiction.words[0].upper() + contradiction.words[1:]
+    return f"{text}. Correct the one that is wrong: {_remedies(contradiction)}."
 
 
-def _remedies(one: Contradiction) -> str:
-    return ", or ".join(one.remedies[source] for source in one.sources)
+def _remedies(contradiction: Contradiction) -> str:
+    return ", or ".join(contradiction.remedies[source] for source in contradiction.sources)
 
 
 def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
@@ -185,14 +192,14 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
         for other in others:
             if (apart := far_apart(place, other.place)) > SITE_MATTERS:
                 hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
-                told = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
-                words = f"{sites[0].who} stands at {site_text(place)}, {told}"
-                yield Contradiction(other.place, unix, words, (sites[0].source, other.source), far, SITE_SET, told)
+                other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
+                text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
+                yield Contradiction(other.place, unix, text, (sites[0].source, other.source), far, SITE_SET, other_site)
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_MATTERS and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
-            words = f"the clocks of {times[0].who} and of {time.source} differ by {span}"
-            yield Contradiction(place_of_best, time.unix, words, (times[0].source, time.source), span, CLOCK_SET)
+            text = f"the clocks of {times[0].who} and of {time.source} differ by {span}"
+            yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_SET)
 
 
 def site_text(place: Place) -> str:
@@ -229,13 +236,13 @@ def time_unknown(best: Time) -> bool:
 
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line, with how to set each; empty if there are none."""
-    found = [
-        f"{one.words}, so correct the one that is wrong: {_remedies(one)}"
-        for one in contradictions(mount.sources.sites(), mount.sources.times())
-        if one.place is not None
+    doubts = [
+        f"{contradiction.words}, so correct the one that is wrong: {_remedies(contradiction)}"
+        for contradiction in contradictions(mount.sources.sites(), mount.sources.times())
+        if contradiction.place is not None
     ]
-    found += _park_warning(mount)
-    return f"WARNING: {'; '.join(found)}" if found else ""
+    doubts += _park_warning(mount)
+    return f"WARNING: {'; '.join(doubts)}" if doubts else ""
 
 
 def _park_warning(mount: Context) -> Iterator[str]:
@@ -243,11 +250,11 @@ def _park_warning(mount: Context) -> Iterator[str]:
     limits, status = mount.policy.limits, mount.cache.value(GetStatus)
     if not mount.driver.implementation(Park) or status is None:
         return
-    there = mount.driver.destination(Park())
+    goal = mount.driver.destination(Park())
     try:
-        if there is not None:
-            on_sky = mount.astrometry.from_axes(there, wedge=not mount.driver.german) if status.equatorial else None
-            limits.check_altitude(there.alt if on_sky is None else mount.astrometry.horizon(on_sky).alt)
+        if goal is not None:
+            on_sky = mount.astrometry.from_axes(goal, wedge=not mount.driver.german) if status.equatorial else None
+            limits.check_altitude(goal.alt if on_sky is None else mount.astrometry.horizon(on_sky).alt)
         elif not mount.policy.own_park:
             check_own_park(Park(), limits)
     except Unsupported:

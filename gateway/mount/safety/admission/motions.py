@@ -156,8 +156,8 @@ class MotionAdmission:
         goal = mount.astrometry.equatorial(operation)
         if by_axes and rests:
             east, north = mount.driver.offset
-            own = mount.astrometry.horizon(op.Equatorial(*fold_declination(goal.ra - east, goal.dec - north)))
-            return await self._admit(op.GotoAxes(own.az, own.alt, operation.fastest))
+            goal_axes = mount.astrometry.horizon(op.Equatorial(*fold_declination(goal.ra - east, goal.dec - north)))
+            return await self._admit(op.GotoAxes(goal_axes.az, goal_axes.alt, operation.fastest))
         goto = op.Goto(goal.ra, goal.dec, fastest=operation.fastest)
         if status.equatorial and status.aligned and rests:
             return await self._admit_at_rest(operation, goto)
@@ -173,16 +173,18 @@ class MotionAdmission:
             return operation
         if mount.driver.implementation(op.GotoAxes) and mount.driver.implementation(op.AxisPosition):
             await self._admit_goto(goto)
-            here: op.Equatorial = await self._ask.read_now(op.Position())
+            position: op.Equatorial = await self._ask.read_now(op.Position())
             reads: op.Horizontal = await self._ask.read_now(op.AxisPosition())
             geometry = Geometry(Build.GERMAN if mount.driver.german else Build.WEDGE, mount.astrometry.place().latitude)
             sidereal = mount.astrometry.sidereal_time()
             first, second = geometry.readings(
-                (sidereal - here.ra, here.dec), (reads.az, reads.alt), (sidereal - goto.ra, goto.dec)
+                (sidereal - position.ra, position.dec), (reads.az, reads.alt), (sidereal - goto.ra, goto.dec)
             )
             return op.GotoAxes(wrap360(first), second, operation.fastest)
-        here = await self._ask.read_now(op.Position())
-        seconds = SETTLES + separation(here.ra, here.dec, goto.ra, goto.dec) / (operation.fastest or mount.fastest)
+        position = await self._ask.read_now(op.Position())
+        seconds = SETTLES + separation(position.ra, position.dec, goto.ra, goto.dec) / (
+            operation.fastest or mount.fastest
+        )
         return await self._admit_goto(replace(goto, ra=(goto.ra + SKY * seconds) % 360.0, track=False))
 
     async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
@@ -192,13 +194,13 @@ class MotionAdmission:
             await self._status()  # the park position depends on the kind of mounting
             if mount.policy.own_park:
                 limits = limits.at_any_altitude()
-        there = mount.driver.destination(operation)
-        if there is None:
+        destination = mount.driver.destination(operation)
+        if destination is None:
             check_own_park(operation, limits)
             self._path.ways = []  # it may go anywhere
             return
         try:
-            await self._check_axes(there, limits)
+            await self._check_axes(destination, limits)
         except WayBlocked:
             raise
         except (BelowHorizon, TooHigh) as fault:
@@ -269,15 +271,15 @@ class MotionAdmission:
                 self._path.clear = limits.hour_angle is None
             return
         others = await pointing(self._mount, self._ask, self._watch)
-        here: op.Equatorial = await self._ask.read(op.Position())
+        position: op.Equatorial = await self._ask.read(op.Position())
 
         def journey(shift: Shift | None) -> Journey:
             """The journey of the tube, which may be off from where the mount believes to point."""
-            start, end = mount.suns.tube(here, shift), mount.suns.tube(believed, shift)
+            start, end = mount.suns.tube(position, shift), mount.suns.tube(believed, shift)
             return Journey(status.equatorial, start, others, end, axes if tube is None or shift == tube else None)
 
         for sun in suns:
-            allowed = min(limit, mount.suns.distance(here, sun) - 0.01)
+            allowed = min(limit, mount.suns.distance(position, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
             if not all(clear(*way, place, allowed) for way in paths_of(mount, journey(sun.shift))):
                 raise too_near(mount.sources, sun, way=True)
@@ -289,7 +291,7 @@ class MotionAdmission:
         self._path.take(
             along,
             slew_paths.zenith(astrometry, status.equatorial),
-            all(len(within(mount, written, one)) == len(paths_of(mount, one)) for one in unsynced),
+            all(len(within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
             lost,
         )
         # the hour angle on the way is not examined

@@ -46,13 +46,13 @@ class Circle(NamedTuple):
     radius: float
 
 
-def sun_reading(astrometry: SiteAstrometry, there: op.Equatorial | Sun, equatorial: bool) -> Pair:
+def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
     """Return the axis readings at which this mount points at a Sun, or at a place, in the first way."""
-    sun = op.Equatorial(there.ra, there.dec)
+    sun = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
-    seen = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
-    return seen.az, seen.alt
+    horizon = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
+    return horizon.az, horizon.alt
 
 
 def zenith(astrometry: SiteAstrometry, equatorial: bool) -> Pair:
@@ -65,23 +65,23 @@ def possible_paths(
     astrometry: SiteAstrometry,
     german: bool,
     equatorial: bool,
-    here: op.Equatorial,
+    start: op.Equatorial,
     goal: op.Equatorial,
     axes: Pair | None,
     others: set[bool],
 ) -> list[Path]:
-    """Return the paths from ``here`` to ``goal``, or to the target readings ``axes`` if they are given.
+    """Return the paths from ``start`` to ``goal``, or to the target readings ``axes`` if they are given.
 
     ``others`` says whether the axes may now point in the first of the two ways (False), the other (True), or both.
     """
     if not equatorial:
-        return [path for other in others for path in _both_directions(_fork(astrometry, here, goal, axes, other))]
+        return [path for other in others for path in _both_directions(_fork(astrometry, start, goal, axes, other))]
     german = german and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
     if german:
         flips = sides_at(astrometry, goal) if axes is None else {False}
-        return [_polar(astrometry, geometry, here, goal, axes, other, flip) for other in others for flip in flips]
-    paths = [_polar(astrometry, geometry, here, goal, axes, other, False) for other in others]
+        return [_polar(astrometry, geometry, start, goal, axes, other, flip) for other in others for flip in flips]
+    paths = [_polar(astrometry, geometry, start, goal, axes, other, False) for other in others]
     return [round_ for path in paths for round_ in _both_directions(path)]
 
 
@@ -97,12 +97,14 @@ def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     return {_geometry(astrometry, Build.GERMAN).other_side(hour_angle)}
 
 
-def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Path:
+def _fork(
+    astrometry: SiteAstrometry, origin: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool
+) -> Path:
     """The path of an alt-azimuth fork; without a site, as if on a wedge. At the zenith ``axes`` give its azimuth."""
     if astrometry.site_clock.site() is None:
-        start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
+        start, end = op.Horizontal(origin.ra, origin.dec), op.Horizontal(goal.ra, goal.dec)
     else:
-        start = astrometry.horizon(here)
+        start = astrometry.horizon(origin)
         end = op.Horizontal(*axes) if axes is not None else astrometry.horizon(goal)
     first, second = _pointing(start.az, start.alt, other)
     return (first, second), (wrap180(end.az - first), end.alt - second)
@@ -120,13 +122,13 @@ def _polar(
     """The path of an equatorial mount; ``flip``: a German one will point there in the other of the two ways."""
     begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
-        there = axes or geometry.axes(end, goal.dec, flip)
+        target = axes or geometry.axes(end, goal.dec, flip)
     elif axes is not None:
-        there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
+        target = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
     else:
-        there = geometry.pole * end, geometry.pole * goal.dec
+        target = geometry.pole * end, geometry.pole * goal.dec
     start = _pointing(geometry.pole * begin, geometry.pole * here.dec, other)
-    return start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
+    return start, (geometry.travel(1, start[0], target[0]), geometry.travel(2, start[1], target[1]))
 
 
 def _pointing(first: float, second: float, other: bool) -> Pair:
@@ -147,9 +149,9 @@ def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
     return Geometry(build, place.latitude if place is not None else 0.0)
 
 
-def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
+def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
     """Hour angle in degrees; without a site, relative to an arbitrary hour circle."""
-    return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - seen.ra)
+    return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - position.ra)
 
 
 def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
@@ -212,12 +214,12 @@ def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LO
     top = zenith(mount.astrometry, journey.equatorial)
     bottom = top[0] + 180.0, -top[1]
     circles = [Circle(top, 90.0 - limits.highest), Circle(bottom, 90.0 + limits.lowest)]
-    found = []
+    paths = []
     for start, turn in paths_of(mount, journey):
         radii = [(one.middle, min(one.radius, separation(*start, *one.middle))) for one in circles if one.radius > 0.0]
         if all(clear(start, _first(turn, stretch), middle, radius - AT_LIMIT) for middle, radius in radii):
-            found.append((start, turn))
-    return found
+            paths.append((start, turn))
+    return paths
 
 
 def _first(turn: Pair, stretch: float) -> Pair:

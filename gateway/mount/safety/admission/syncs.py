@@ -43,11 +43,11 @@ async def admit_sync(
         raise Refused(MOVING)
     status: op.Status = await ask.read(op.GetStatus())
     if status.aligned:
-        here: op.Equatorial = await ask.read(op.Position())
+        position: op.Equatorial = await ask.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
         by_day, pole = bool(mount.suns.up()), "pole" if status.equatorial else "zenith"
-        turns = await _turns(mount, ask, watch, here, wanted, status.equatorial)
-        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, here, wanted, by_day, pole)
+        turns = await _turns(mount, ask, watch, position, wanted, status.equatorial)
+        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted, by_day, pole)
     else:  # it aligns the mount
         mount.synced.coming = SyncSum()
     return mount.astrometry.to_mount(sync)
@@ -65,7 +65,7 @@ async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
 
 
 async def _turns(
-    mount: Context, ask: Readings, watch: LimitWatch, here: op.Equatorial, wanted: op.Equatorial, equatorial: bool
+    mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, wanted: op.Equatorial, equatorial: bool
 ) -> Turns:
     """Return by how many degrees a sync may turn the readings of the two axes, for each sum that is possible before it.
 
@@ -74,7 +74,7 @@ async def _turns(
     the pole, nobody knows in which one a sync leaves it.
     """
     driver, by_sky, sums = mount.driver, mount.driver.emulates_sync, mount.synced.value.axes
-    start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (here, wanted))
+    start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, wanted))
     if by_sky:  # by an offset of right ascension and declination
         return [[_turn(start, end, False, False)] for _ in sums]
     others, site = {False}, mount.astrometry.site_clock.site()
@@ -118,8 +118,8 @@ async def _wait_for_goto_end(mount: Context, ask: Readings, sync: op.Sync, by: H
         await asyncio.sleep(CHECK_EVERY)
     if by is not None and by.closed is not None:
         raise Stopped
-    here: op.Equatorial = await ask.read(op.Position())
-    if separation(here.ra, here.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET:
+    position: op.Equatorial = await ask.read(op.Position())
+    if separation(position.ra, position.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET:
         raise Refused("The goto ended elsewhere, so nothing is centred: send the mount there again.")
 
 
