@@ -169,7 +169,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a stalled motor goes unnoticed",
-        r"course\.seen < PART \* course\.speed \* elapsed",
+        r"course\.moved < PART \* course\.speed \* elapsed",
         "False",
         "tests/unit/mount/safety/test_stalled.py",
     ),

@@ -48,7 +48,7 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: fr
     if row is None:
         return MISSING
     ways = taken(row, mount, kind)
-    word = next(word for words, word in row.outcomes.items() if _fits(words, mount, kind, not ways, face))
+    word = next(word for traits, word in row.outcomes.items() if _fits(traits, mount, kind, not ways, face))
     if word != "translated":
         return word
     return ways[0].outcome if ways else MISSING

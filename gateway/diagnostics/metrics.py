@@ -136,8 +136,8 @@ class Metrics:
         mounts = [(gateway.config.name or "mount", gateway.state(), counts) for gateway, counts in self._mounts]
         yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": version(), "commit": commit()})
         for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
-            for name, words, value in rows:
-                family = kind(f"{NAME}_{name}", words, labels=["mount"])
+            for name, text, value in rows:
+                family = kind(f"{NAME}_{name}", text, labels=["mount"])
                 for mount, state, counts in mounts:
                     family.add_metric([mount], value(state, counts))
                 yield family
@@ -146,8 +146,8 @@ class Metrics:
             for fault, count in sorted(counts.faults.items()):
                 faults.add_metric([mount, fault], count)
         yield faults
-        for name, words, histogram in HISTOGRAMS:
-            times = HistogramMetricFamily(f"{NAME}_{name}", words, labels=["mount"])
+        for name, text, histogram in HISTOGRAMS:
+            times = HistogramMetricFamily(f"{NAME}_{name}", text, labels=["mount"])
             for mount, _, counts in mounts:
                 times.add_metric([mount], histogram(counts).buckets(), histogram(counts).sum)
             yield times

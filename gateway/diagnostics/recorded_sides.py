@@ -62,7 +62,7 @@ class RecordedSides:
                 yield line
                 yield from waiting
                 held[side] = []
-                if not may_change(protocol, b"".join(one.data for one in waiting)):
+                if not may_change(protocol, b"".join(event.data for event in waiting)):
                     del held[side]
                 continue
             elif waiting:

@@ -73,16 +73,16 @@ class SameMount:
 
     async def check(self) -> None:
         """Compare the mount with how it was left; forget what is kept for it if anything differs or is not known."""
-        kept, context = not self._keeps or await self._as_left(), self._context
+        keeps, context = not self._keeps or await self._as_left(), self._context
         self._checked = True
-        if kept:
+        if keeps:
             return
-        words, synced = context.driver.emulated, context.driver.emulates_sync and context.synced.value != NO_SYNC
+        emulated, synced = context.driver.emulated, context.driver.emulates_sync and context.synced.value != NO_SYNC
         with contextlib.suppress(Fault):
             await self._runner.drive(context.driver.forget_emulated(), READ)
         if context.driver.emulates_sync:
             context.synced.forget("sync again: the mount may have been switched off, and earlier syncs no longer count")
-        also = f"; {words}" if words else ""
+        also = f"; {emulated}" if emulated else ""
         context.note(f"{context.synced.doubt if synced else 'the mount may have been switched off'}{also}")
 
     async def _as_left(self) -> bool:

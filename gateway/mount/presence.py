@@ -53,10 +53,14 @@ class Presence:
         if now - self._swept > FORGOTTEN_AFTER:
             self._swept = now
             remaining = {
-                who: [one for one in there if one.closed is None or now - one.closed <= FORGOTTEN_AFTER]
-                for who, there in self._hosts.items()
+                who: [
+                    visit
+                    for visit in activities
+                    if visit.closed is None or now - visit.closed <= FORGOTTEN_AFTER
+                ]
+                for who, activities in self._hosts.items()
             }
-            self._hosts = {who: there for who, there in remaining.items() if there}
+            self._hosts = {who: activities for who, activities in remaining.items() if activities}
         activity = HostActivity(host, now, surface)
         self._hosts.setdefault(host, []).append(activity)
         return activity

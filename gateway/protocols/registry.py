@@ -65,5 +65,5 @@ def guess(sent: bytes) -> str | None:
     """Return the most probable protocol of the bytes a client has sent; None if they look like no protocol."""
     if not sent:
         return None
-    sure, name = max(((spec.recognises(sent), name) for name, spec in PROTOCOLS.items()), key=lambda found: found[0])
+    sure, name = max(((spec.recognises(sent), name) for name, spec in PROTOCOLS.items()), key=lambda match: match[0])
     return name if sure > 0.0 else None

@@ -11,7 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import READ
-from gateway.mount.motion.seen import PositionSample, Seen
+from gateway.mount.motion.seen import Observed, PositionSample
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.support.each import each
 from tests.support.fuzz_bytes import KINDS
@@ -199,10 +199,10 @@ def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_to
         async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
             guard = bridge.controller.watch
             seen = await bridge.controller.read(op.Position())
-            guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
+            guard.observed = Observed(last=PositionSample(bridge.controller.now() - 1.0, seen))
             guard._coasts_until = 0.0
             assert bridge.controller.suns.distances(seen)
             guard.check_position(seen)
-            assert guard.seen.farthest
+            assert guard.observed.farthest
 
     run(program())

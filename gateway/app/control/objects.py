@@ -73,10 +73,10 @@ def describe(text: str) -> Object:
     else:
         name, entry = _named(text)
     star = int(match[2]) if match and match[1].lower() == "hip" else names.star(text)
-    seen = supplied.doubles().get(star or 0, "")
-    kind = "double star" if seen or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
+    double = supplied.doubles().get(star or 0, "")
+    kind = "double star" if double or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
     place = Spot(entry.ra, entry.dec, j2000=True)
-    return Object(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, seen)
+    return Object(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, double)
 
 
 def completions(text: str, most: int) -> list[str]:

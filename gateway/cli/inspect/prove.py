@@ -192,9 +192,9 @@ def _prove(arguments: argparse.Namespace) -> int:
             ).run()
         over = True
 
-    here = checked(config)
-    [mount] = here.mount
-    serve = partial(serve_mounts, here, watchdog=make_watchdog(here), guest=guest, screen=terminal)
+    checked_config = checked(config)
+    [mount] = checked_config.mount
+    serve = partial(serve_mounts, checked_config, watchdog=make_watchdog(checked_config), guest=guest, screen=terminal)
     try:
         code = with_loop(False, serve)
     except MountTaken as taken:

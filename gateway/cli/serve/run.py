@@ -59,7 +59,7 @@ def add_config(commands: Commands) -> None:
     config.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     own = len(config._actions)
     add_settings(config)
-    config.elsewhere = config._actions[own:]
+    config.elsewhere = config._actions[before:]
     config.set_defaults(run=_config)
 
 

@@ -126,8 +126,8 @@ def hints(mount: FoundMount) -> list[str]:
     parts = []
     if mount.aligned is False:
         parts.append("not aligned yet: align it at the hand control, it does no gotos before")
-    if not mount.tells_model and (words := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
-        parts.append(words)
+    if not mount.tells_model and (unknown := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
+        parts.append(unknown)
     if not mount.tells_place:
         parts.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
     return parts

@@ -192,14 +192,16 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     """Return the mounts that servers at these addresses offer; None asks the whole network."""
     mounts = []
     for spec in PROTOCOLS.values():
-        for one in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
-            place = SerialPortInfo(one.where, one.where, f"{spec.title}: {one.server}")
+        for answer in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
+            place = SerialPortInfo(answer.where, answer.where, f"{spec.title}: {answer.server}")
             mount = FoundMount(
-                spec.name, one.product, "", "?", (), one.seconds, "jnow", None, None,
+                spec.name, answer.product, "", "?", (), answer.seconds, "jnow", None, None,
                 tells_model=False, tells_place=True, answers={},
             )  # fmt: skip
-            gateway = PortFinding(place, OFFERED, reason=one.product)
-            mounts.append(gateway if one.gateway else PortFinding(place, spec.name, mount=mount, seconds=one.seconds))
+            gateway = PortFinding(place, OFFERED, reason=answer.product)
+            mounts.append(
+                gateway if answer.gateway else PortFinding(place, spec.name, mount=mount, seconds=answer.seconds)
+            )
     return mounts
 
 

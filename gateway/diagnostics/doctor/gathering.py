@@ -131,7 +131,7 @@ UDEV = Path("/run/udev/data")
 def gather(state: str | None = None, almanac: str | None = None) -> Facts:
     """Collect everything that the checks need; ``state`` and ``almanac`` are what the user named. Raises UserError."""
     folder = directory(state)
-    own, active = groups()
+    granted, active = groups()
     return Facts(
         version=full_version(),
         python=sys.version_info[:3],
@@ -144,7 +144,7 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         packages=list(needed()),
         missing_extras=missing_extras(),
         ports=list(ports()),
-        groups=own,
+        groups=granted,
         active_groups=active,
         clock_synchronized=clock_synchronized(),
         meddlers=named(MEDDLERS),

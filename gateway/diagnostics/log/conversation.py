@@ -126,8 +126,8 @@ class Side:
                 for _ in range(skipped + 1):
                     self._due.popleft()
                 return self._reply(ask, *taken)
-        if (told := self._unasked(self._rest)) is not None:
-            return told
+        if (message := self._unasked(self._rest)) is not None:
+            return message
         return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._rest))
 
     def reply(self, data: bytes) -> Heard:
@@ -135,8 +135,8 @@ class Side:
 
         The words are empty if it does not fit that command.
         """
-        if (told := self._unasked(data)) is not None:
-            return told[0]._replace(data=data)
+        if (message := self._unasked(data)) is not None:
+            return message[0]._replace(data=data)
         ask = self._due[-1] if self._due else None
         self._due.clear()
         taken = self._answer(ask, data) if ask is not None else None
@@ -146,10 +146,10 @@ class Side:
 
     def _unasked(self, data: bytes) -> tuple[Heard, int] | None:
         """Describe the bytes if they are a message that is sent without being asked for."""
-        for told in self._pushed:
-            taken = self._answer(told, data)
+        for pushed in self._pushed:
+            taken = self._answer(pushed, data)
             if taken is not None:
-                heard, length = self._reply(told, *taken)
+                heard, length = self._reply(pushed, *taken)
                 return heard._replace(pushed=True), length
         return None
 

@@ -71,8 +71,8 @@ class Folding:
     are answered, "refusals" without everything that succeeds.
     """
 
-    def __init__(self, kept: str = "all") -> None:
-        self._kept = kept
+    def __init__(self, shown: str = "all") -> None:
+        self._kept = shown
         self._parties: dict[str, _Party] = {}
         self._gone: dict[str, _Party] = {}
 

@@ -67,7 +67,7 @@ class StageReporter(Protocol):
 
     before: list[Finding]
 
-    def found(self, finding: Finding) -> None: ...
+    def add(self, finding: Finding) -> None: ...
     def progress(self, done: int, of: int, what: str) -> None: ...
 
 
@@ -85,7 +85,7 @@ class Findings(Struct):
 
     def whole(self, stage: str) -> bool:
         """Whether a stage has come to its end."""
-        return stage in self.stages and all(one.what != rest_of(stage) for one in self.stages[stage])
+        return stage in self.stages and all(finding.what != rest_of(stage) for finding in self.stages[stage])
 
     def of(self, verdict: str) -> list[Finding]:
         return [finding for stage in self.stages.values() for finding in stage if finding.verdict == verdict]

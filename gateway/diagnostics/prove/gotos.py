@@ -73,7 +73,7 @@ async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
     stay_if_elsewhere(await telescope.rest(), goal)
     if why := cramped(telescope):
         raise Ended(f"{why} still")
-    report.found(Finding("goto to a better place", SAME))
+    report.add(Finding("goto to a better place", SAME))
 
 
 async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
@@ -115,14 +115,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     start, goal = places
     report.progress(2, STEPS, "goto, cancelled on the way")
     if refused := await telescope.goto(goal, CANCELLED):
-        report.found(Finding("cancelled goto", NOT_TRIED, refused))
+        report.add(Finding("cancelled goto", NOT_TRIED, refused))
         return
     position = (await telescope.rest()).sky
     if (left := apart(position, goal)) > NEAR:
-        report.found(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
+        report.add(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
         means = "A stop may not end a goto: keep a hand at the mount's switch."
-        report.found(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
+        report.add(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
     report.progress(3, STEPS, "back to where it was")
     if apart(position, start) > RESTS:
         await telescope.goto(start, inf)
@@ -139,26 +139,26 @@ async def there_and_back(
     start = (await telescope.rest()).sky
     goal, refused = await near(telescope, start)
     if goal is None:
-        report.found(Finding(names[0], NOT_TRIED, refused))
+        report.add(Finding(names[0], NOT_TRIED, refused))
         return None
     for number, (what, to) in enumerate(zip(names, (goal, start), strict=True)):
         report.progress(number, STEPS, what)
         began = telescope.now()
         refused, explanation = await go(to)
         if refused:
-            report.found(Finding(what, NOT_TRIED, refused))
+            report.add(Finding(what, NOT_TRIED, refused))
             return None
         said = await telescope.look()
         took, arrived = telescope.now() - began, await telescope.rest()
         off = apart(explanation or arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
         if off > NEAR + max(telescope.ticks):
-            report.found(Finding(what, DIFFERS, measured, "at its goal", means))
+            report.add(Finding(what, DIFFERS, measured, "at its goal", means))
         elif telescope.drift(said, arrived) > RESTS:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
-            report.found(Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", early))
+            report.add(Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", early))
         else:
-            report.found(Finding(what, SAME, measured))
+            report.add(Finding(what, SAME, measured))
         stay_if_elsewhere(arrived, to)
     return start, goal
 

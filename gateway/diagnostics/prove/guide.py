@@ -132,7 +132,7 @@ class GuidedCheck:
 
     def _resumes(self, stage: Stage) -> bool:
         """Whether a stage has been ended behind rates that are not measured again."""
-        return any(one.rate is not None for one in self._findings.stages.get(stage.name, []))
+        return any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
 
     def _where(self) -> str:
         """Return in words where it points; empty if that is not known."""
@@ -187,11 +187,11 @@ class GuidedCheck:
                     self._ends_early(stage, "prove was ended")
                     self._keep_all(stage)
                 raise
-            words, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
+            reason, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
             if telescope.mine and not (stopped or theirs or telescope.other):
                 await telescope.stop()
-            person.say(f"This stage ends: {words}.")
-            self._ends_early(stage, words)
+            person.say(f"This stage ends: {reason}.")
+            self._ends_early(stage, reason)
         finally:
             for task in (space, work):
                 task.cancel()
@@ -204,13 +204,13 @@ class GuidedCheck:
 
     def _ends_early(self, stage: Stage, reason: str) -> None:
         """Add to what was found what had been found before, and why the rest is missing."""
-        again = {rest_of(stage.name), *(one.what for one in self._here)}
-        self._here += [one for one in self.before if one.what not in again]
+        again = {rest_of(stage.name), *(finding.what for finding in self._here)}
+        self._here += [finding for finding in self.before if finding.what not in again]
         self._here.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
 
     def _keep_all(self, stage: Stage) -> None:
         stages = self._findings.stages | {stage.name: self._here}
-        self._findings.stages = {one.name: stages[one.name] for one in STAGES if one.name in stages}
+        self._findings.stages = {known.name: stages[known.name] for known in STAGES if known.name in stages}
         self._keep(self._findings)
 
     async def _answer(self, question: str, keys: str) -> str:
@@ -246,9 +246,9 @@ class GuidedCheck:
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
 
-    def found(self, finding: Finding) -> None:
+    def add(self, finding: Finding) -> None:
         self._here.append(finding)
-        if any(one is finding for one in self.before):  # a rate that was measured before the stage was ended
+        if any(earlier is finding for earlier in self.before):  # a rate that was measured before the stage was ended
             return
         self._person.say(finding.line)
         if finding.verdict == DIFFERS and finding.means:

@@ -27,12 +27,12 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     abilities = telescope.driver.can_do(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
-        report.found(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
+        report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
         return
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
     if (exchange := telescope.controller.line.typical_rtt) > SOON:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
-        report.found(Finding("guiding", NOT_MEASURABLE, reason))
+        report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
     presented = next(name for name in surfaces() if "guiding" in load(name).extra("prove.toml"))
     program, pulse = SurfaceConnection(telescope, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
@@ -62,7 +62,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
                 reason = "this computer or its line was too busy for pulses as short as these"
                 finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
-            report.found(finding)
+            report.add(finding)
     finally:
         program.close()
 

@@ -58,7 +58,7 @@ def _readable(driver: Driver) -> Iterator[str]:
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
-    report.found(_identity(identity, telescope.driver))
+    report.add(_identity(identity, telescope.driver))
     #: Seconds until the replies, by command; the commands without one, and those whose reply has not their form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()
     names = list(_readable(telescope.driver))
@@ -85,14 +85,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         took[name] = telescope.now() - began
         if heard.values and not PASSING & heard.fields.keys():
             telescope.settings[name] = repr(heard.values)
-    report.found(_forms(len(took), silent, strange))
-    report.found(_times(took, telescope.controller.line.typical_rtt))
+    report.add(_forms(len(took), silent, strange))
+    report.add(_times(took, telescope.controller.line.typical_rtt))
 
 
 async def settings(telescope: CheckedMount, report: StageReporter) -> None:
     """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
     if not telescope.settings:
-        report.found(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
+        report.add(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return
     after = dict[str, str]()
     for name in telescope.settings:
@@ -105,10 +105,10 @@ async def settings(telescope: CheckedMount, report: StageReporter) -> None:
     changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
     means = "Set it back at the hand control, and tell whoever gave you mount-gateway."
     if changed:
-        report.found(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
+        report.add(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
     else:
         answered = f"{len(after)} of {len(telescope.settings)} were told, as they were"
-        report.found(Finding("settings", SAME if after else NOT_MEASURABLE, answered))
+        report.add(Finding("settings", SAME if after else NOT_MEASURABLE, answered))
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:

@@ -30,19 +30,19 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     report.progress(0, 2, "site and clocks")
     doubts = list(contradictions(sites, times))
     for doubt in doubts:
-        report.found(
+        report.add(
             Finding(f"{doubt.sources[0]} and {doubt.sources[1]}", DIFFERS, doubt.words, "", "One of them is wrong.")
         )
     if not any(doubt.apart.endswith(" km") for doubt in doubts):
-        report.found(_site(telescope, sites))
+        report.add(_site(telescope, sites))
     by_mount = next((time for time in times if time.source == MOUNT), None)
     computer = next((time for time in times if time.source == COMPUTER), None)
     if by_mount is None or computer is None:
-        report.found(Finding("clock", NOT_MEASURABLE, "the mount tells no time"))
+        report.add(Finding("clock", NOT_MEASURABLE, "the mount tells no time"))
     elif abs(by_mount.unix - computer.unix) <= CLOCK:
-        report.found(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
+        report.add(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
     report.progress(1, 2, "altitude and azimuth")
-    report.found(await _overhead(telescope))
+    report.add(await _overhead(telescope))
 
 
 def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:

@@ -88,7 +88,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.press(Direction.WEST, 1, 1.0)
-    before = {one.what: one for one in report.before if one.rate is not None}
+    before = {item.what: item for item in report.before if item.rate is not None}
     findings = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
         what = f"rate {key} {pair[0].word}/{pair[1].word}"
@@ -96,19 +96,19 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         finding = before.get(what)
         if finding is None or finding.rate is None or finding.rate.assumed != speed:
             finding = await _measured(telescope, what, speed, key, pair)
-        report.found(finding)
+        report.add(finding)
         findings.append(finding)
-    moved = [(one, one.rate) for one in findings if one.rate is not None and one.rate.run_ons]
+    moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
     for axis, pair in enumerate(PAIRS, 1):
-        report.found(directions(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
+        report.add(directions(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), way) for _, rate in moved if abs(rate.real) >= FAST for way in rate.run_ons]
-    report.found(ran_on(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
-    report.found(await tracking(telescope))
-    even = [(rate.assumed, abs(rate.real)) for one, rate in moved if one.verdict == DIFFERS and rate.evenly]
+    report.add(ran_on(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
+    report.add(await tracking(telescope))
+    even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
     if real := {assumed: rate for assumed, rate in even if 1.0 / BELIEVED < rate / assumed < BELIEVED}:
         speeds_of = [telescope.speed(key) for key in range(1, 10)]
         rates = [round(real.get(speed, speed), 5) for speed in speeds_of]
-        report.found(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
+        report.add(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
 
 
 async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:

@@ -109,7 +109,7 @@ class CheckedMount:
         """Raise Ended if the stage cannot go on."""
         controller = self.controller
         if controller.stops != self._stops:
-            said = [one.text for one in controller.wire_log.recent if one.side != WHO]
+            said = [entry.text for entry in controller.wire_log.recent if entry.side != WHO]
             reason = controller.wanted.value.short or next(reversed(said), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")

@@ -215,7 +215,7 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
         if other != client and spec.commands.find(frame) is not None:
             return f"; it is one of {other}: write explain {other} {driven}"
     if (hint := PROTOCOLS[client].hint) is not None:
-        return f"; {words}" if (words := hint(frame)) else ""
+        return f"; {advice}" if (advice := hint(frame)) else ""
     alike = [command for command in load(client).commands.values() if command.request.prefix[:1] == frame[:1]]
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 

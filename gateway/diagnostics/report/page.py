@@ -182,10 +182,10 @@ def _programs(night: Night) -> str:
 def _refusals(night: Night) -> str:
     if not night.refusals:
         return "Nothing was refused."
-    [(words, times)] = Counter(remark.words for remark in night.refusals).most_common(1)
+    [(text, times)] = Counter(remark.words for remark in night.refusals).most_common(1)
     often = f", {'all of them' if times == len(night.refusals) else f'{times:,} of them'} because" if times > 1 else ":"
     were = "was" if len(night.refusals) == 1 else "were"
-    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{words}”."
+    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{text}”."
 
 
 def _remarks(night: Night) -> str:

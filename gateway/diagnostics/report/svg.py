@@ -87,16 +87,16 @@ class PlotFrame:
         """Like `axes`, with given labels for both scales."""
         drawn = [
             tag("line", x1=LEFT, x2=self.width - RIGHT, y1=self.y(value), y2=self.y(value), class_="grid")
-            + text(words, LEFT - 8, self.y(value) + 4, "tick", "end")
-            for value, words in values
+            + text(label, LEFT - 8, self.y(value) + 4, "tick", "end")
+            for value, label in values
         ]
-        for time, words in below:
+        for time, label in below:
             drawn.append(tag("line", x1=self.x(time), x2=self.x(time), y1=TOP, y2=self.foot, class_="grid"))
-            drawn.append(text(words, self.x(time), self.height - 8, "tick"))
+            drawn.append(text(label, self.x(time), self.height - 8, "tick"))
         return "".join(drawn)
 
     def times(self) -> list[float]:
         """Return the times of the ticks, Unix seconds."""
-        step = next((one for one in STEPS if (self.ended - self.began) / one <= TICKS), STEPS[-1])
+        step = next((length for length in STEPS if (self.ended - self.began) / length <= TICKS), STEPS[-1])
         first = -(-self.began // step) * step
         return [first + number * step for number in range(int((self.ended - first) // step) + 1)]

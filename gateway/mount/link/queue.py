@@ -161,8 +161,8 @@ class RequestQueue:
         for request in waiting:
             if request.future.done():
                 continue
-            if request.priority == STOP and (there := send(request.command)) is not None:
-                sent += there
+            if request.priority == STOP and (pending := send(request.command)) is not None:
+                sent += pending
                 request.future.set_result(({}, 0.0))
             elif busy:
                 request.fail(Busy())

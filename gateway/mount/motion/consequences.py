@@ -86,7 +86,7 @@ class Consequences:
         """Return how late a guide pulse was ended, and log it if that matters. ``asked`` and ``began``: the loop times
         at which its end was due, and was sent.
         """
-        pulse = next((one for one in self._context.wanted.value.pulses if one.axis == axis), None)
+        pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else began - pulse.until
         if pulse is not None and pulse.operation is not None and late > TOLD_FROM * pulse.operation.ms / 1000.0:
             asleep = max(0.0, asked - pulse.until)

@@ -41,7 +41,10 @@ def left_motion(
     wanted: Wanted, speed: Callable[[op.Move | op.MoveAxis], float], samples: list[AxisSample]
 ) -> LeftMotion | None:
     """Return what the gateway has set moving; None if positions could not show whether that goes on."""
-    begun = [*wanted.by_hand.values(), *(one.operation for one in wanted.pending if isinstance(one.operation, MOVING))]
+    begun = [
+        *wanted.by_hand.values(),
+        *(order.operation for order in wanted.pending if isinstance(order.operation, MOVING)),
+    ]
     if isinstance(wanted.motion, Slew):
         begun.insert(0, wanted.motion.operation)
     if not begun:

@@ -148,7 +148,7 @@ class Reconciler:
             outcome.set_exception(taps.TapDropped())
         if after.stops != self.wanted.stops:
             return self.begin_stop()
-        asked = any(one.number == order.number for one in after.pending)
+        asked = any(other.number == order.number for other in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()
         self._want(after)
@@ -298,7 +298,7 @@ class Reconciler:
                         await asyncio.sleep(0)
                     task.uncancel()
                 given_up, self._active, self._given_up = self._given_up, 0, False
-                pending = next((one for one in self.wanted.pending if one.number == order.number), None)
+                pending = next((other for other in self.wanted.pending if other.number == order.number), None)
                 order = pending or order
                 if error is None and not given_up:
                     self._has_succeeded(order, operation, value)
@@ -344,7 +344,7 @@ class Reconciler:
         steps = self._driver.perform(operation)
         answer = await self._runner.drive(steps, priority, order.since if arrow else None, check)
         self._sent = self._driver.sent_at
-        if any(one.number == order.number and one.arrow.then_stop for one in self.wanted.pending):
+        if any(other.number == order.number and other.arrow.then_stop for other in self.wanted.pending):
             await self._runner.perform(op.AbortMotion(), STOP)
             return op.AbortMotion(), None
         if isinstance(operation, op.Move) and isinstance(answer, op.Pulsed):  # a tap at guide rate
@@ -383,7 +383,7 @@ class Reconciler:
         half_begun = changes.may_have_begun(order, error) or interrupts
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
-            if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
+            if not any(isinstance(other.operation, op.Focus) for other in self.wanted.pending):
                 self.plan(Schedule(FOCUS_AGAIN, order.operation))  # no position shows it, no stop of the mount does it
         elif order.follow_up:
             self._context.note(f"{order.operation.title()}: {error}")

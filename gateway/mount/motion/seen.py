@@ -53,7 +53,7 @@ class Changes(Struct, frozen=True):
     suns: tuple[float, ...] = ()
 
 
-class Seen(Struct, frozen=True):
+class Observed(Struct, frozen=True):
     """``before`` and ``last`` are the last two positions, ``changes`` the speeds between them, ``earlier`` the speeds
     before that.
 
@@ -78,18 +78,18 @@ class Seen(Struct, frozen=True):
         return self.last.at - self.before.at if self.last is not None and self.before is not None else 0.0
 
 
-def begin(observed: Seen, now: float, ordered_speed: float, at_rest: bool) -> Seen:
+def begin(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -> Observed:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
     last = replace(observed.last, at=now) if observed.last is not None and at_rest else observed.last
     return replace(observed, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
 
 
-def first(observed: Seen, sample: PositionSample) -> Seen:
+def first(observed: Observed, sample: PositionSample) -> Observed:
     """Add a position that cannot be compared with the one before it."""
     return replace(observed, before=None, last=sample, farthest=sample.suns)
 
 
-def see(observed: Seen, sample: PositionSample) -> Seen:
+def see(observed: Observed, sample: PositionSample) -> Observed:
     """Add a position that can be compared with the last one, and calculate the speeds."""
     before = observed.last
     assert before is not None
@@ -102,7 +102,7 @@ def see(observed: Seen, sample: PositionSample) -> Seen:
     return replace(observed, before=before, last=sample, changes=changes, earlier=observed.changes, across=across)
 
 
-def lifted(observed: Seen, equatorial: bool, speed: float) -> Seen:
+def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
     """Update ``upright``: whether the second motor lifts the tube as it should. A mount that does not report its axes
     may be beyond the pole or the zenith. ``speed`` is that of the motor in degrees a second.
     """
@@ -121,12 +121,12 @@ def lifted(observed: Seen, equatorial: bool, speed: float) -> Seen:
 
 
 def passed(
-    observed: Seen,
+    observed: Observed,
     last: PositionSample | None,
     sample: PositionSample,
     astrometry: SiteAstrometry,
     status: op.Status | None,
-) -> Seen:
+) -> Observed:
     """Update ``upright`` after a motion that is no goto: the pole, or the zenith, may lie between two positions."""
     if last is None or status is None:
         return observed

@@ -135,7 +135,7 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
 
     None if the stop goes first: the motion has begun, the press is too old, or something else moves or waits.
     """
-    waiting = [one for one in wanted.pending if not one.follow_up]
+    waiting = [other for other in wanted.pending if not other.follow_up]
     moving = not isinstance(wanted.motion, NotOrdered) or wanted.owed or wanted.pulses or wanted.taps
     if moving or len(waiting) != 1:
         return None
@@ -145,13 +145,13 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
     if now - press.since > JUST_PRESSED:
         return None
     tap = replace(press, arrow=Arrow(held=0.0, then_stop=True))
-    pending = tuple(tap if one is press else one for one in wanted.pending)
+    pending = tuple(tap if other is press else other for other in wanted.pending)
     return replace(wanted, pending=pending, pressed=(), stops=wanted.stops + 1)
 
 
 def ended(wanted: Wanted, end: Halt) -> Wanted:
     """Add the end of a tap, which cancels no order that came after the tap; a goto on its way serves as the end."""
-    gotos = [one.number for one in wanted.waiting_gotos if one.number == wanted.active]
+    gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
     end = replace(end, rank=FIRST, overtakes=True, asked=wanted.asked, unless=gotos[0] if gotos else 0)
     return replace(wanted, pending=(*wanted.pending, end))
 
@@ -161,17 +161,21 @@ def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
     waiting = unbegun(wanted, release)
     if not waiting or not over(wanted, axis_of(release)) or not _late(waiting[-1], release):
         return None
-    return None if any(one.number == waiting[-1].number for one in after.pending) else waiting[-1]
+    return None if any(other.number == waiting[-1].number for other in after.pending) else waiting[-1]
 
 
 def without_presses(wanted: Wanted) -> Wanted:
     """Remove the arrows that wait for their turn; one that is being carried out stays."""
-    waiting = [one for one in wanted.pending if axis_moved(one.operation) and one.number != wanted.active]
-    tapped = {(one.by.who, axis_moved(one.operation)) for one in waiting if one.by is not None and one.held is not None}
+    waiting = [order for order in wanted.pending if axis_moved(order.operation) and order.number != wanted.active]
+    tapped = {
+        (order.by.who, axis_moved(order.operation))
+        for order in waiting
+        if order.by is not None and order.held is not None
+    }
     return replace(
         wanted,
-        pending=tuple(one for one in wanted.pending if one not in waiting),
-        pressed=tuple(one for one in wanted.pressed if (one.who, one.axis) not in tapped),
+        pending=tuple(order for order in wanted.pending if order not in waiting),
+        pressed=tuple(order for order in wanted.pressed if (order.who, order.axis) not in tapped),
     )
 
 
@@ -182,9 +186,9 @@ def unbegun(wanted: Wanted, release: Order) -> list[Order]:
 
 def holder(wanted: Wanted, axis: int) -> HostActivity | None:
     """Return the client that has pressed the newest arrow of an axis and has not released it."""
-    for one in reversed(wanted.pending):
-        if axis_moved(one.operation) == axis and one.held is None:
-            return one.by
+    for order in reversed(wanted.pending):
+        if axis_moved(order.operation) == axis and order.held is None:
+            return order.by
     begun = motion_of(wanted, axis)
     return None if begun is None or over(wanted, axis) else begun.by
 
@@ -195,7 +199,7 @@ def over(wanted: Wanted, axis: int) -> bool:
 
 
 def _halted(wanted: Wanted, axis: int) -> bool:
-    return any(isinstance(one, Halt) and one.operation == op.StopAxis(axis) for one in wanted.pending)
+    return any(isinstance(order, Halt) and order.operation == op.StopAxis(axis) for order in wanted.pending)
 
 
 def waits_for(wanted: Wanted, axis: int | None) -> bool:

@@ -292,10 +292,12 @@ class Wanted(Struct, frozen=True):
         axis = None if order.follow_up else order.pulse_axis
         if axis is None:
             return order.at
-        return max((order.at, self.rests_by, *(one.until for one in self.pulses if one.axis == axis)))
+        return max((order.at, self.rests_by, *(pulse.until for pulse in self.pulses if pulse.axis == axis)))
 
     def postponed(self, order: Order, now: float) -> Wanted:
-        pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in self.pending)
+        pending = tuple(
+            replace(other, at=now + LOOK) if other.number == order.number else other for other in self.pending
+        )
         return replace(self, pending=pending, active=0 if self.active == order.number else self.active)
 
 

@@ -87,8 +87,8 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
     at = context.now()
     if context.driver.implementation(op.AxisPosition) or not status.equatorial:
         kind = op.AxisPosition if context.driver.implementation(op.AxisPosition) else op.HorizontalPosition
-        there: op.Horizontal = await reader.read_now(kind())
-        axes = (there.az, there.alt)
+        reading: op.Horizontal = await reader.read_now(kind())
+        axes = (reading.az, reading.alt)
     else:
         axes = (position.ra, position.dec)
     tracking_speed = TRACKING_SPEED

@@ -15,7 +15,7 @@ from msgspec import Struct
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.seen import Observed
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 
@@ -157,7 +157,7 @@ class View(Struct, frozen=True):
     altitude below which it is lost.
     """
 
-    seen: Seen
+    observed: Observed
     limits: Limits
     timing: StopTiming
     moving: Moving
@@ -179,22 +179,28 @@ class View(Struct, frozen=True):
     @property
     def _second_axis_alone(self) -> float:
         """How far one of two axes moves the tube after the other has stopped, degrees; 0 if at most one moves."""
-        return self.seen.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
+        return self.observed.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
 
     def ahead(self, rate: float, earlier: float | None) -> float:
         """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
-        seen = self.seen
+        observed = self.observed
         if self.moving.slews_by_itself:
             return rate
-        assert seen.before is not None
-        assert seen.last is not None
-        return ahead(rate, earlier, seen.ordered_speed, seen.before.at - seen.began, seen.last.at - seen.began)
+        assert observed.before is not None
+        assert observed.last is not None
+        return ahead(
+            rate,
+            earlier,
+            observed.ordered_speed,
+            observed.before.at - observed.began,
+            observed.last.at - observed.began,
+        )
 
     def margin(self, rate: float) -> float:
         """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto, which brakes."""
         if self.on_checked_path or self.moving.slews_by_itself:
             return 0.0
-        return rate * self.timing.overdue(self.seen.elapsed) + self._second_axis_alone
+        return rate * self.timing.overdue(self.observed.elapsed) + self._second_axis_alone
 
     def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
         """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees.
@@ -225,14 +231,14 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     The mount must have reported a position before it can reach any limit. ``speed`` is that of all axes together,
     degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
-    here, limits, timing = view.seen.last, view.limits, view.timing
-    if here is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
+    last, limits, timing = view.observed.last, view.limits, view.timing
+    if last is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
         return Verdict()
-    rooms = [distance - view.sun for distance in here.suns]
-    rooms += [altitude - limits.lowest for altitude in here.altitudes if limits.lowest > -90.0]
-    rooms += [limits.highest - altitude for altitude in here.altitudes if limits.highest < 90.0]
+    rooms = [distance - view.sun for distance in last.suns]
+    rooms += [altitude - limits.lowest for altitude in last.altitudes if limits.lowest > -90.0]
+    rooms += [limits.highest - altitude for altitude in last.altitudes if limits.highest < 90.0]
     nearest = min((room for room in rooms if room > 0.0), default=180.0)
-    seconds = nearest / speed - timing.to_stop - (now - here.at)
+    seconds = nearest / speed - timing.to_stop - (now - last.at)
     return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
 
 
@@ -255,12 +261,12 @@ def altitude(view: View) -> Verdict:
     A goto passes the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
     written limits count.
     """
-    before, last, changes = view.seen.before, view.seen.last, view.seen.changes
+    before, last, changes = view.observed.before, view.observed.last, view.observed.changes
     if before is None or last is None or changes is None:
         return ALLOWED
-    earlier, soonest, written = view.seen.earlier, ALLOWED, view.limits.written()
+    earlier, soonest, written = view.observed.earlier, ALLOWED, view.limits.written()
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
-    beyond = (OVERSHOOT + APART * view.seen.across) * view.on_checked_path
+    beyond = (OVERSHOOT + APART * view.observed.across) * view.on_checked_path
     for number, (then, now) in enumerate(zip(before.altitudes, last.altitudes, strict=False)):
         limits = written if goes or number else view.limits
         grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
@@ -281,9 +287,9 @@ def _earlier(changes: tuple[float, ...], before: tuple[float, ...] | None, numbe
     return before[number] if before is not None and len(before) == len(changes) else None
 
 
-def _sooner(one: Verdict, other: Verdict) -> Verdict:
+def _sooner(first: Verdict, other: Verdict) -> Verdict:
     """Return the verdict with the earlier deadline."""
-    return min(one, other, key=lambda verdict: float("inf") if verdict.within is None else verdict.within)
+    return min(first, other, key=lambda verdict: float("inf") if verdict.within is None else verdict.within)
 
 
 # --- the Sun ----------------------------------------------------------------------------------------------------------
@@ -294,7 +300,7 @@ def near_sun(view: View) -> Verdict:
 
     Suns of other sources end only the arrows of programs, because a wrong source must not end a motion that is right.
     """
-    before, last, soonest = view.seen.before, view.seen.last, ALLOWED
+    before, last, soonest = view.observed.before, view.observed.last, ALLOWED
     if before is None or last is None:
         return ALLOWED
     count = len(last.suns) if view.moving.by_hand else view.own_suns
@@ -302,24 +308,24 @@ def near_sun(view: View) -> Verdict:
         rate = _rate(view, number)
         if now >= view.sun + view.margin(rate):
             soonest = _sooner(soonest, view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED)
-        elif now < view.seen.farthest[number] - NEARER:
+        elif now < view.observed.farthest[number] - NEARER:
             return Verdict(f"the Sun ({now:.0f} degrees from it)")
     return soonest
 
 
 def farthest(view: View) -> tuple[float, ...]:
     """Return, for each Sun, the greatest distance since the tube came near it, or the present one if it is not near."""
-    if view.seen.last is None:
+    if view.observed.last is None:
         return ()
     return tuple(
         now if now >= view.sun + view.margin(_rate(view, number)) or now < before - NEARER else max(now, before)
-        for number, (now, before) in enumerate(zip(view.seen.last.suns, view.seen.farthest, strict=True))
+        for number, (now, before) in enumerate(zip(view.observed.last.suns, view.observed.farthest, strict=True))
     )
 
 
 def _rate(view: View, number: int) -> float:
     """How fast the tube may approach one of the Suns, degrees a second."""
-    changes, earlier = view.seen.changes, view.seen.earlier
+    changes, earlier = view.observed.changes, view.observed.earlier
     assert changes is not None
     grew = _earlier(changes.suns, None if earlier is None else earlier.suns, number)
     return view.ahead(changes.suns[number], grew)
@@ -331,7 +337,7 @@ def _rate(view: View, number: int) -> float:
 def meridian(view: View) -> Verdict:
     """End a motion at the limit of the hour angle. Gotos are exempt, because they may change the pier side."""
     limit, past = view.limits.hour_angle, view.past
-    if limit is None or past is None or past.rate <= 0.0 or view.seen.before is None or view.moving.slewing:
+    if limit is None or past is None or past.rate <= 0.0 or view.observed.before is None or view.moving.slewing:
         return ALLOWED
     rate = view.ahead(past.rate, past.earlier)
     if past.degrees > limit - view.margin(rate):

@@ -14,7 +14,7 @@ from math import asin, cos, degrees, radians, sin
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.mount.context import Context
-from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.seen import Observed
 from gateway.mount.readings.cache import Readings
 from gateway.mount.site.astrometry import Shift
 
@@ -123,7 +123,9 @@ class AltitudeAxis:
             await ask.read_now(op.AxisPosition())
         return self.tilt or 0.0
 
-    def take_reading(self, axes: op.Horizontal, observed: Seen, now: float, moves: bool) -> tuple[float, float] | None:
+    def take_reading(
+        self, axes: op.Horizontal, observed: Observed, now: float, moves: bool
+    ) -> tuple[float, float] | None:
         """Take an axis reading and return by how many degrees the differences of azimuth and altitude have changed.
 
         None if the status must be read again first: it may be too old, and on a mount that was put on a wedge meanwhile
@@ -169,7 +171,7 @@ class AltitudeAxis:
             yield f"the azimuth {reads.format(self.turn or 0.0)} azimuth {given}; the Sun is avoided by the axis"
 
 
-def _rates(mount: Context, observed: Seen) -> tuple[float, float]:
+def _rates(mount: Context, observed: Observed) -> tuple[float, float]:
     """Return how fast azimuth and altitude change between the last two positions, degrees a second."""
     before, last = observed.before, observed.last
     if before is None or last is None or before.altitude is None or last.altitude is None:

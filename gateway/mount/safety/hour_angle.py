@@ -20,7 +20,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
 from gateway.mount.context import Context
-from gateway.mount.motion.seen import PositionSample, Seen
+from gateway.mount.motion.seen import Observed, PositionSample
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.allow import PastNow
 
@@ -124,7 +124,7 @@ class HourAngleWatch:
         if turned is not None and not self._mount.movement.slewing:
             self._add(now, turned)
 
-    def look(self, observed: Seen) -> PastNow | None:
+    def look(self, observed: Observed) -> PastNow | None:
         """Return how far the tube is past the meridian at the last position; None if unknown or during a goto."""
         mount = self._mount
         if not self.watched:

@@ -114,13 +114,13 @@ def abandoned(
     moments = []
     for motion in motions:
         activities = presence.connections_for(motion.by)
-        for one in activities:
-            if one.sent_data:
-                one.sent_data, one.last = False, now
-        left = [one.closed for one in activities if one.closed is not None]
+        for activity in activities:
+            if activity.sent_data:
+                activity.sent_data, activity.last = False, now
+        left = [activity.closed for activity in activities if activity.closed is not None]
         if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
             moments.append((motion, "has disconnected"))
-        elif now - max(motion.since, *(one.last for one in activities)) >= silence:
+        elif now - max(motion.since, *(activity.last for activity in activities)) >= silence:
             moments.append((motion, f"has sent nothing for {silence:g} s"))
     return moments
 
@@ -144,7 +144,7 @@ class TrackingAtLimit:
         watch.carried_to_limit.connect(self.switch_off)
 
     def switch_off(self, reason: str) -> None:
-        began, tracked, now = self._watch.seen.began, self._watch.tracked_at, self._context.now()
+        began, tracked, now = self._watch.observed.began, self._watch.tracked_at, self._context.now()
         drifts = self._drifts_since > max(began, tracked)
         if drifts and self._context.cache.age(op.GetStatus, now) > STATUS_AGE:
             self._reader.shared(op.GetStatus())
@@ -167,7 +167,9 @@ class TrackingAtLimit:
             context.note(f"{SWITCHED_OFF} {reason}")
         except Unsupported:
             self._refused_at = context.now()
-            sky_changed = self._watch.sky.changed_at > self._watch.seen.began  # at rest: it was not reached by tracking
+            sky_changed = (
+                self._watch.sky.changed_at > self._watch.observed.began
+            )  # at rest: it was not reached by tracking
             context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
             context.note_once("the tracking of this mount cannot be switched off at a limit")
             if not sky_changed:
@@ -214,12 +216,12 @@ class SunAhead:
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
         """Return what to tell of the first Sun that comes near a tube that rests, or that tracks; or an empty text."""
         suns = self._mount.suns
-        up = {(sun.shift, sun.own) for sun in suns.up()}
+        up = {(sun.shift, sun.confirmed) for sun in suns.up()}
         for minute in range(round(AHEAD / STEP) + 1):
             for sun in suns.suns(self._mount.frame(), minute * STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)
                 if distance < suns.limit:
-                    return self._words(sun, distance, minute, (sun.shift, sun.own) not in up, tracks)
+                    return self._words(sun, distance, minute, (sun.shift, sun.confirmed) not in up, tracks)
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
@@ -229,7 +231,7 @@ class SunAhead:
 
     def _words(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:
         source = sun.time.source if sun.site is None or sun.time.source != MOUNT else sun.site.source
-        by = "" if sun.own else f" by {source}"
+        by = "" if sun.confirmed else f" by {source}"
         tube = f"the {'tracking' if tracks else 'resting'} tube"
         when = "" if minute == 0 else f" in {minute} minute{'s' * (minute != 1)}"
         if minute and not rises:

@@ -23,7 +23,7 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
-from gateway.mount.motion.seen import NEVER, PositionSample, Seen
+from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.slew_paths import APART, sun_reading
@@ -79,7 +79,7 @@ class LimitWatch:
         self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
-        self.seen = Seen()
+        self.observed = Observed()
         self._limits = mount.policy.limits
         self.others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
         #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
@@ -106,18 +106,18 @@ class LimitWatch:
         """Whether the last two positions show that somebody else moves this axis faster than any tracking. What moves
         soon after a goto is its end. Of an alt-azimuth mount both axes follow the sky, and either counts.
         """
-        mount, before, last, now = self._mount, self.seen.before, self.seen.last, self._mount.now()
+        mount, before, last, now = self._mount, self.observed.before, self.observed.last, self._mount.now()
         if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
             return False
         if before is None or last is None or now - last.at > WATCH_CLOSELY:
             return False
-        if self.seen.across < GUIDES:
+        if self.observed.across < GUIDES:
             return False
-        then, at_then = (self._axes(one.at, one.place) for one in (before, last))
-        least = max(FASTER_THAN_TRACKING * self.seen.elapsed, DIGITS * at_then.digit)
+        then, at_then = (self._axes(sample.at, sample.place) for sample in (before, last))
+        least = max(FASTER_THAN_TRACKING * self.observed.elapsed, DIGITS * at_then.digit)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
-        turned = [abs(wrap180(at_then.axes[one - 1] - then.axes[one - 1])) for one in axes]
+        turned = [abs(wrap180(at_then.axes[sample - 1] - then.axes[sample - 1])) for sample in axes]
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
 
     @property
@@ -136,7 +136,7 @@ class LimitWatch:
         """How fast the mount may be moving on command, degrees a second; 0 if no commanded motion is under way."""
         moving = self._mount.movement.now()
         if moving.slewing:
-            return self.seen.across or self._mount.fastest
+            return self.observed.across or self._mount.fastest
         return max((self._mount.speed(motion) for motion in moving.by_hand.values()), default=0.0)
 
     @property
@@ -166,11 +166,11 @@ class LimitWatch:
         self._parked = False
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
-            self.seen = replace(self.seen, before=None, last=None, farthest=())
+            self.observed = replace(self.observed, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
             self.hour_angle.forget()
-        self.seen = fold.begin(
-            self.seen, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
+        self.observed = fold.begin(
+            self.observed, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
         )
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
@@ -183,7 +183,7 @@ class LimitWatch:
         self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
-            self.seen = replace(self.seen, upright=True)
+            self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
         """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
@@ -207,7 +207,7 @@ class LimitWatch:
 
     def check_position(self, place: op.Equatorial) -> None:
         """Compare a position with the previous one, apply the rules, and act on the verdict."""
-        now, last = self._mount.now(), self.seen.last
+        now, last = self._mount.now(), self.observed.last
         if last is not None and now - last.at < MIN_INTERVAL:
             return
         self._deadline.disarm()
@@ -220,35 +220,35 @@ class LimitWatch:
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
-            self.seen = fold.first(self.seen, last)
+            self.observed = fold.first(self.observed, last)
         sample, status = self._sample(now, place, last), self._mount.cache.value(op.GetStatus)
         near = max(abs(place.dec), sample.altitude or 0.0) > fold.PASSES
         if near and not (self._mount.movement.slewing or self.moved_by_others):
-            self.seen = fold.passed(self.seen, last, sample, self._mount.astrometry, status)
+            self.observed = fold.passed(self.observed, last, sample, self._mount.astrometry, status)
         if last is None or now < self._coasts_until or last.era != sample.era:
-            self.seen = fold.first(self.seen, sample)
+            self.observed = fold.first(self.observed, sample)
             return
         if status is not None and not status.aligned:
-            self.seen = replace(self.seen, before=None, last=sample)
+            self.observed = replace(self.observed, before=None, last=sample)
             self._mount.note_once(UNWATCHED)
             if self._status_age > STATUS_AGE:
                 self._reader.shared(op.GetStatus())
             return
-        self.seen, moving = fold.see(self.seen, sample), self._mount.movement.now()
+        self.observed, moving = fold.see(self.observed, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
         self._astray = self._astray or (moving.slewing and bool(self._ways) and self._off_its_ways(place))
         view = self._view(now, moving)
-        self.seen = replace(self.seen, farthest=farthest(view))
+        self.observed = replace(self.observed, farthest=farthest(view))
         self._apply(allow(view))
 
     def check_altitude_axis(self, axes: op.Horizontal) -> None:
         """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""
-        now, last = self._mount.now(), self.seen.last
+        now, last = self._mount.now(), self.observed.last
         self.hour_angle.take_reading(axes, now)
         if last is None or last.altitude is None or now < self._coasts_until:
             return
         change = self.altitude_axis.take_reading(
-            axes, self.seen, now, self._mount.movement.anything or self.moved_by_others
+            axes, self.observed, now, self._mount.movement.anything or self.moved_by_others
         )
         if change is None:
             self._reader.shared(op.GetStatus())
@@ -256,12 +256,12 @@ class LimitWatch:
             self._astray = self._astray or self._mount.movement.slewing  # its path was checked without this
             for word in self.altitude_axis.words(*change):
                 self._mount.note(word)
-            self.seen = fold.first(self.seen, self._sample(last.at, last.place))
+            self.observed = fold.first(self.observed, self._sample(last.at, last.place))
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
-        mount.frame.upright = self.seen.upright
+        mount.frame.upright = self.observed.upright
         position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
         (altitude, hour_angle), shifts = astrometry.overhead(position), self.altitude_axis.shifts
         if altitude is not None:
@@ -272,18 +272,18 @@ class LimitWatch:
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
-        mount, last = self._mount, self.seen.last
+        mount, last = self._mount, self.observed.last
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
-        self.others.see(now, self.seen.across > FASTER_THAN_TRACKING and not moving.ordered)
+        self.others.see(now, self.observed.across > FASTER_THAN_TRACKING and not moving.ordered)
         mount.movement.by_others_until = self.others.until
         mount.driver.moved_by_others = self.moved_by_others
         if self.others.begins and mount.driver.moved_by_others:
             mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
-        if self.seen.across > REALIGNED * mount.fastest:
+        if self.observed.across > REALIGNED * mount.fastest:
             mount.synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
-            self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
+            self.observed = fold.lifted(self.observed, status.equatorial, mount.speed(last.lifting))
         if not moving.ordered and (not self._at_own_park or self._left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
@@ -307,15 +307,15 @@ class LimitWatch:
 
     def _view(self, now: float, moving: Moving) -> View:
         mount, limits = self._mount, self._limits
-        past = None if mount.policy.limits.hour_angle is None else self.hour_angle.look(self.seen)
+        past = None if mount.policy.limits.hour_angle is None else self.hour_angle.look(self.observed)
         if self.moved_by_others and not moving.ordered:
             limits = limits.for_keys()
             if now - mount.cache.age(op.Slewing, now) < self.others.since:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns
-        seen, limit, astray, floor = self.seen, suns.limit, self._astray, self._floor
-        return View(seen, limits, mount.timing, moving, limit, status, past, astray, suns.own, floor)
+        observed, limit, astray, floor = self.observed, suns.limit, self._astray, self._floor
+        return View(observed, limits, mount.timing, moving, limit, status, past, astray, suns.confirmed, floor)
 
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
@@ -377,17 +377,17 @@ def blind(moving: Moving, age: float, since_stop: float) -> str:
 
 
 class AxisCourse(Struct, frozen=True):
-    """The motion of one axis: commanded speed, time of the first position, last position, and degrees seen since."""
+    """The motion of one axis: commanded speed, time of the first position, last position, and degrees moved since."""
 
     speed: float
     began: float
     last: AxisSample
-    seen: float = 0.0
+    moved: float = 0.0
 
     def after(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add one position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
-        return AxisCourse(self.speed, self.began, sample, self.seen + step)
+        return AxisCourse(self.speed, self.began, sample, self.moved + step)
 
 
 class StallWatch:
@@ -416,7 +416,7 @@ class StallWatch:
         self._courses = courses
         for axis, course in courses.items():
             elapsed = sample.at - course.began
-            if elapsed >= max(AFTER, 3.0 * round_trip) and course.seen < PART * course.speed * elapsed:
+            if elapsed >= max(AFTER, 3.0 * round_trip) and course.moved < PART * course.speed * elapsed:
                 return axis
         return None
 

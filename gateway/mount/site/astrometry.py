@@ -142,31 +142,31 @@ class TubeFrame:
         polar = self._polar or self._driver.emulates_sync
         measured = self.measured if not self._polar else None
         if measured is not None:
-            found = [
+            candidates = [
                 Shift(-shift[0] if measured[0] is None else measured[0], measured[1], False) for shift in total.axes
             ]
         else:
             place = self._sources.site() if polar else None
             sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
-            found = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
+            candidates = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
             if (polar and self._driver.german) or not self.upright:  # the other way on the other side of the pier
-                found += [shift._replace(second=-shift.second) for shift in found if shift.second]
-        shifts = tuple(dict.fromkeys(shift for shift in found if max(abs(shift.first), abs(shift.second)) > OFF))
+                candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
+        shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > OFF))
         if not shifts:
             return plain
         return PointingFrame(self._polar, shifts, None if measured is None else shifts[0])
 
 
 class Sun(NamedTuple):
-    """A Sun to avoid, in the mount's own coordinates (equinox of date), and the site and time by which it is there.
+    """A Sun to avoid, in the mount's coordinates (equinox of date), with the site and time of its position.
 
-    ``own``: the mount's own coordinates or axes show it, so it ends every motion. With a ``shift`` it counts for the
-    tube, not for where the mount believes to point.
+    ``confirmed``: by the mount's own data; only confirmed Suns stop a motion that is under way. With a ``shift`` its
+    distance is measured from the tube, not from the position that the mount reports.
     """
 
     ra: float
     dec: float
-    own: bool
+    confirmed: bool
     time: Time
     site: Site | None = None
     shift: Shift | None = None
@@ -195,8 +195,8 @@ class SunAvoidance:
         self._now, self._frame_now, self._settled, self._note_once = now, frame, settled, note_once
         self.frame, self._until = _ALTAZ, float("-inf")
         self._up: list[Sun] = []
-        #: How many of them are the mount's ``own``; they come first.
-        self.own = 0
+        #: How many of them are ``confirmed``; they come first.
+        self.confirmed = 0
         #: Changes when distances from now on cannot be compared with those before: a clock has jumped, the Sun rose.
         self.era = 0
         sources.changed.connect(self._outdated)
@@ -219,13 +219,13 @@ class SunAvoidance:
             self._until, self.frame = now + (CACHE_FOR if len(suns) < 2 else CACHE_SHORTLY), frame
             if not _continues(self._up, suns):
                 self.era += 1
-            self._up, self.own = suns, sum(sun.own for sun in suns)
+            self._up, self.confirmed = suns, sum(sun.confirmed for sun in suns)
             if self._settled.is_set() and self._sources.best_time().source == COMPUTER:  # before, it may still tell one
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._up
 
     def tube(self, position: op.Equatorial, shift: Shift | None) -> op.Equatorial:
-        """Return where the tube is, in the mount's coordinates, while the mount believes to point at ``position``."""
+        """Return the direction of the tube, in the mount's coordinates, while the mount reports ``position``."""
         if shift is None:
             return position
         if shift.polar:
@@ -235,7 +235,7 @@ class SunAvoidance:
         return self._astrometry.equatorial(op.Horizontal(*shifted))
 
     def altitude(self, position: op.Equatorial, shift: Shift) -> float:
-        """Return the altitude of the tube while the mount believes to point at ``position``. It needs a site."""
+        """Return the altitude of the tube while the mount reports ``position``, degrees. It needs a site."""
         return self._astrometry.horizon(self.tube(position, shift)).alt
 
     def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
@@ -243,7 +243,7 @@ class SunAvoidance:
         return self.tube(tube, shift._replace(first=-shift.first, second=-shift.second))
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
-        """Return how far the tube is from a Sun while the mount believes to point at ``position``, degrees."""
+        """Return the distance of the tube from a Sun while the mount reports ``position``, degrees."""
         tube = self.tube(position, sun.shift)
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
@@ -258,18 +258,18 @@ class SunAvoidance:
         places = [sky.sun(time.unix) for time in times]
         if not sites:
             return _different([Sun(*place, time is times[0], time) for place, time in zip(places, times, strict=True)])
-        up = [one for time, place in zip(times, places, strict=True) for one in self._risen(sites, time, place)]
+        up = [risen for time, place in zip(times, places, strict=True) for risen in self._risen(sites, time, place)]
         if not up:
             return []
         known = up[0] if up[0].time is times[0] and up[0].site is sites[0] else None
         suns = [Sun(*places[0], known is not None, up[0].time, up[0].site)]
         for time, place in zip(times[1:], places[1:], strict=True):
-            suns += [Sun(*place, False, time, one.site) for one in up if one.time is time][:1]
-        for one in up:
-            for shift in frame.shifts or ((None,) if one is not known else ()):
-                direction = self._in_own_coordinates(one, frame.polar, sites[0].place, times[0].unix)
-                suns.append(Sun(*direction, one is known, one.time, one.site, shift))
-        return _different(sorted(suns, key=lambda sun: not sun.own))
+            suns += [Sun(*place, False, time, risen.site) for risen in up if risen.time is time][:1]
+        for risen in up:
+            for shift in frame.shifts or ((None,) if risen is not known else ()):
+                direction = self._in_own_coordinates(risen, frame.polar, sites[0].place, times[0].unix)
+                suns.append(Sun(*direction, risen is known, risen.time, risen.site, shift))
+        return _different(sorted(suns, key=lambda sun: not sun.confirmed))
 
     def _risen(self, sites: list[Site], time: Time, place: Pair) -> Iterator[_Risen]:
         """Yield the sites over whose horizon a Sun is up at a time."""
@@ -307,6 +307,6 @@ def _different(suns: list[Sun]) -> list[Sun]:
 def _continues(before: list[Sun], now: list[Sun]) -> bool:
     """Whether distances from the Suns can be compared with those a moment ago: only the sky has turned."""
     return len(before) == len(now) and all(
-        then.own == sun.own and then.shift == sun.shift and separation(*then[:2], *sun[:2]) < JUMPS
+        then.confirmed == sun.confirmed and then.shift == sun.shift and separation(*then[:2], *sun[:2]) < JUMPS
         for then, sun in zip(before, now, strict=True)
     )

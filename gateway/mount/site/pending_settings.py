@@ -88,13 +88,13 @@ class IncomingSettings:
 
     def holds_up(self, now: float, calculating: bool = False) -> Busy | None:
         """Return the refusal of a goto that could not wait any longer; None if it need not wait."""
-        coming = [one for (kind, _), one in self.pending.items() if kind in SKY]
+        coming = [setting for (kind, _), setting in self.pending.items() if kind in SKY]
         self.unfinished = {program: until for program, until in self.unfinished.items() if until > now}
         if not (coming or self.unfinished):
             return None
-        what = "site" if coming and all(isinstance(one.value, SetSite) for one in coming) else "clock"
+        what = "site" if coming and all(isinstance(setting.value, SetSite) for setting in coming) else "clock"
         wait = max([SOON, *(CALCULATING,) * calculating, *(until - now for until in self.unfinished.values()),
-                    *(one.due - now for one in coming)])  # fmt: skip
+                    *(setting.due - now for setting in coming)])  # fmt: skip
         return Busy(f"The mount is taking a new {what}. Try again in {ceil(wait)} seconds.")
 
 
@@ -105,12 +105,12 @@ def added(pending: Pending, setting: Setting) -> Pending:
 
 def without(pending: Pending, setting: Setting) -> Pending:
     """Remove a setting, unless a newer one has replaced it."""
-    return {kind: one for kind, one in pending.items() if one is not setting}
+    return {kind: other for kind, other in pending.items() if other is not setting}
 
 
 def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
     """Postpone a setting that was not sent because the mount was busy or not reachable."""
-    return {kind: replace(one, due=due) if one is setting else one for kind, one in pending.items()}
+    return {kind: replace(other, due=due) if other is setting else other for kind, other in pending.items()}
 
 
 def tried(pending: Pending, setting: Setting, now: float) -> Pending:
@@ -119,7 +119,7 @@ def tried(pending: Pending, setting: Setting, now: float) -> Pending:
         return without(pending, setting)
     wait = RETRY_AFTER[min(TRIES - setting.left, len(RETRY_AFTER) - 1)]
     again = replace(setting, left=setting.left - 1, due=now + wait)
-    return {kind: again if one is setting else one for kind, one in pending.items()}
+    return {kind: again if other is setting else other for kind, other in pending.items()}
 
 
 def next_setting(pending: Pending, now: float) -> Setting | float | None:
@@ -127,10 +127,10 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 
     The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
-    due = [one for one in pending.values() if one.due <= now]
+    due = [setting for setting in pending.values() if setting.due <= now]
     if due:
-        return min(due, key=lambda one: (isinstance(one.value, SetClock), one.since))
-    return min((one.due for one in pending.values()), default=None)
+        return min(due, key=lambda setting: (isinstance(setting.value, SetClock), setting.since))
+    return min((setting.due for setting in pending.values()), default=None)
 
 
 def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place) -> bool:
@@ -152,7 +152,7 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place)
 
 def clock_is_ours(sent: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
     """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
-    values = [value for one in sent if isinstance(value := one.running(now), SetClock)]
+    values = [value for setting in sent if isinstance(value := setting.running(now), SetClock)]
     if before is None or not values:
         return False
     times = (before.unix, *(value.unix for value in values))

@@ -88,7 +88,11 @@ class ProgramSettings:
     @property
     def newest_clock(self) -> Clock | None:
         """The clock that a program has set last, if the mount has not taken it."""
-        return max((own.clock for own in self if own.clock is not None), key=lambda clock: clock[1], default=None)
+        return max(
+            (settings.clock for settings in self if settings.clock is not None),
+            key=lambda clock: clock[1],
+            default=None,
+        )
 
     def set_site(self, program: ProgramId, place: Place, unix: float) -> None:
         """Set a whole site at a time of this computer, Unix seconds."""
@@ -97,8 +101,8 @@ class ProgramSettings:
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
-        for program_, own in list(self._own.items()):
+        for program_, settings in list(self._own.items()):
             if program in (None, program_):
-                self.put(program_, replace(own, site=None) if kind == "site" else replace(own, clock=None))
+                self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))
         if kind == "site" and (program is None or (self.newest is not None and self.newest.host == program.host)):
             self.newest = None

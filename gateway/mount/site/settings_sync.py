@@ -111,7 +111,7 @@ class SyncSettings:
 
     async def now_or_later(self, operation: op.Operation) -> None:
         """Send a setting at once. If the mount is not reachable, also send it later. Raises Fault."""
-        self.pending = {kind: one for kind, one in self.pending.items() if kind != kind_of(operation)}
+        self.pending = {kind: setting for kind, setting in self.pending.items() if kind != kind_of(operation)}
         sent = self._reachable()
         try:
             await self._runner.perform(operation, SETTING)
@@ -176,7 +176,7 @@ class SyncSettings:
         while self._ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
-            pending: Pending = {kind: one for kind, one in self.pending.items() if kind[0] not in SKY}
+            pending: Pending = {kind: setting for kind, setting in self.pending.items() if kind[0] not in SKY}
             held_back = len(pending) < len(self.pending) and self._in_motion()
             pending = pending if held_back else self.pending
             step = pending_settings.next_setting(pending, now)

@@ -120,19 +120,19 @@ class SiteClock:
     def best_site(self) -> Place | None:
         """Return the site of the best source; None if none is known."""
         place = self.mount_site or self.gps_site or self.configured
-        if place is None and (told := self.site_of_program()) is not None:
-            place = told.place
+        if place is None and (site := self.site_of_program()) is not None:
+            place = site.place
         return place
 
     def former_site(self) -> Place | None:
         """Return the mount's site before a program changed it by more than 2 degrees, for 12 h at most, and until the
         owner, GPS or the configuration confirms the new one.
         """
-        here, known = self.mount_site, self._former
-        if here is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(here, known[0]) <= FAR:
+        site, known = self.mount_site, self._former
+        if site is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(site, known[0]) <= FAR:
             return None
         others = [place for place in (self.gps_site, self.configured, self.confirmed) if place is not None]
-        return None if any(far_apart(here, place) <= CONFIRMS for place in others) else known[0]
+        return None if any(far_apart(site, place) <= CONFIRMS for place in others) else known[0]
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return what a clock that was read some time ago shows now."""
@@ -195,9 +195,9 @@ class SiteClock:
         """Return the last GPS reading, its time running on; None if it is too old."""
         if self._gps is None:
             return None
-        seen, at = self._gps
+        gps, at = self._gps
         age = self.now() - at
-        return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
+        return replace(gps, unix=gps.unix + age) if age < (GPS_FIX if gps.linked else GPS_SEARCH) else None
 
     def mount_asked(self) -> None:
         """Note that the mount was asked for its site: if it told none, one of an earlier run counts."""
@@ -227,9 +227,9 @@ class SiteClock:
         """Whether the mount's site matches one of these in latitude or longitude."""
         site = self.mount_site
         return site is not None and any(
-            (one.latitude is not None and abs(site.latitude - one.latitude) <= SITE_EQUAL)
-            or (one.longitude is not None and abs(wrap180(site.longitude - one.longitude)) <= SITE_EQUAL)
-            for one in places
+            (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_EQUAL)
+            or (place.longitude is not None and abs(wrap180(site.longitude - place.longitude)) <= SITE_EQUAL)
+            for place in places
         )
 
     def forget(self, operation: Operation) -> None:
@@ -261,9 +261,9 @@ class BestSources:
                 (known.mount_site, MOUNT, known.site_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
-        if sites or (told := known.site_of_program()) is None:
+        if sites or (site := known.site_of_program()) is None:
             return sites
-        return [Site(told.place, told.words)]
+        return [Site(site.place, site.words)]
 
     def sites_for_sun(self) -> list[Site]:
         """Return every site over whose horizon the Sun is avoided: also the one before a program changed it far."""

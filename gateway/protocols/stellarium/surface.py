@@ -88,10 +88,10 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
     assert pushed.pushed is not None
     template = pushed.replies[0][1]
 
-    def message(seen: Equatorial) -> bytes:
+    def message(position: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
         status = ENDED_SHORT if session.client.short and not session.client.status else session.client.status
-        return template.encode({"time": now, "ra": seen.ra, "dec": seen.dec, "status": status})
+        return template.encode({"time": now, "ra": position.ra, "dec": position.dec, "status": status})
 
     def note(moves: Activity) -> bytes:
         session.client.short = bool(moves.short)

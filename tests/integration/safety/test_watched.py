@@ -12,7 +12,7 @@ from gateway.app.mount_state import mount_state
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.seen import Observed
 from gateway.mount.policy import Limits
 from gateway.mount.readings.poller import OWN_AGE
 from gateway.mount.readings.rest import come_to_rest
@@ -113,7 +113,7 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
             await polled(bridge, client, b":GR#", 8.0)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.seen.upright
+            assert not bridge.controller.watch.observed.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
             await asyncio.sleep(0.9)
             while bridge.controller.reader._sharing:
@@ -126,10 +126,10 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
                 op.Slewing()
             )  # the end of the goto is seen while the stop is on its way
             await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.seen.upright
+            assert not bridge.controller.watch.observed.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
             await ready(bridge, client, b":GR#")
-            assert bridge.controller.watch.seen.upright
+            assert bridge.controller.watch.observed.upright
 
     run(program())
 
@@ -200,7 +200,7 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
             await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
             look = bridge.controller.watch.check_position
             bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
-            bridge.controller.watch.seen = Seen()
+            bridge.controller.watch.observed = Observed()
             for step in range(3):
                 seen = bridge.controller.astrometry.equatorial(
                     op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step)

@@ -45,7 +45,7 @@ def _one_frame(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
 
 
 def _own(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
-    return [sun for sun in suns(self, frame, ahead) if sun.own]
+    return [sun for sun in suns(self, frame, ahead) if sun.confirmed]
 
 
 check_sync, suns = syncs.check_sync, SunAvoidance.suns

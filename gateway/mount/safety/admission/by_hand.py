@@ -37,14 +37,14 @@ TRACKING_AHEAD = 60.0
 
 
 class Start(NamedTuple):
-    """Where a stretch begins.
+    """The start of a stretch of motion.
 
-    ``tilt`` is by how many degrees the altitude axis differs from the calculated altitude; ``shifts`` are what syncs
-    have turned where the axes do not tell. ``turned`` is how far the first axis is turned west from its middle, None if
-    that is unknown or no hour angle is limited. ``suns`` are those to avoid.
+    ``tilt`` is the altitude axis minus the calculated altitude, degrees. ``shifts`` are the rotations by syncs, if the
+    axes do not report them. ``turned`` is the angle of the first axis west of its middle, degrees; None if it is
+    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid.
     """
 
-    seen: op.Equatorial
+    position: op.Equatorial
     status: op.Status
     tilt: float = 0.0
     turned: float | None = None
@@ -84,20 +84,20 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
     if not all(abs(degrees) <= LONGEST for degrees in turns.values()):
         raise Invalid("It would turn an axis by more than three whole turns.")
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STEP))
-    here, turned = start.seen, 0.0
+    position, turned = start.position, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
-        _check_altitudes(mount, limits, start, here, soon)
+        _check_altitudes(mount, limits, start, position, soon)
         for sun in start.suns:
             distance = mount.suns.distance(soon, sun)
-            if distance < mount.suns.limit and distance < mount.suns.distance(here, sun):
+            if distance < mount.suns.limit and distance < mount.suns.distance(position, sun):
                 raise too_near(mount.sources, sun)
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
             now, then = start.past(mount, turned), start.past(mount, west)
             if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
                 raise PastMeridian
-        here, turned = soon, west
+        position, turned = soon, west
 
 
 def _check_altitudes(
@@ -127,8 +127,8 @@ def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Eq
     """Return the position after the axes have turned by ``turns``, degrees."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.moves_by_gotos:
-        return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
-    horizon = mount.astrometry.horizon(start.seen)
+        return op.Equatorial(*fold_declination(start.position.ra - first, start.position.dec + second))
+    horizon = mount.astrometry.horizon(start.position)
     return mount.astrometry.equatorial(op.Horizontal(*fold_declination(horizon.az + first, horizon.alt + second)))
 
 
@@ -162,7 +162,7 @@ class HandAdmission:
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
-            start = start._replace(suns=tuple(sun for sun in start.suns if sun.own))
+            start = start._replace(suns=tuple(sun for sun in start.suns if sun.confirmed))
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
@@ -171,7 +171,7 @@ class HandAdmission:
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
-        position = start.seen
+        position = start.position
         soon = replace(position, ra=position.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
         try:
             _check_altitudes(mount, limits, start, position, soon, only_beyond=True)
@@ -239,7 +239,7 @@ class HandAdmission:
 async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
-        return not watch.seen.upright
+        return not watch.observed.upright
     axes: op.Horizontal = await ask.read(op.AxisPosition())
     return abs(wrap180(axes.alt)) > 90.0
 

@@ -93,11 +93,11 @@ def _where(limits: Limits, altitude: float) -> str:
 
 def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
     """Yield when a goal comes above the lowest altitude, in the mount's local time if it tells its zone."""
-    here, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
+    latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
     hour_angle = mount.astrometry.sidereal_time() - goal.ra
     if mount.astrometry.horizon(goal).alt > limits.lowest:
         return
-    half = (sin(height) - sin(here) * sin(dec)) / max(1e-9, cos(here) * cos(dec))
+    half = (sin(height) - sin(latitude) * sin(dec)) / max(1e-9, cos(latitude) * cos(dec))
     if half >= 1.0:
         yield "It does not rise here."
         return
@@ -152,7 +152,7 @@ def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
     text = "The way there passes too close to the Sun." if way else NearSun.words
-    if sun.own and sun.shift is not None:
+    if sun.confirmed and sun.shift is not None:
         off = max(abs(sun.shift.first), abs(sun.shift.second))
         return NearSun(
             f"{text} Since a sync or the alignment its axes are {off:.0f} degrees off: align the mount again.",
@@ -161,7 +161,7 @@ def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     sites, times = sources.sites(), sources.times()
     others = [] if sun.site is None else [sun.site]
     contradiction = next(contradictions(sites[:1] + others, [times[0], sun.time._replace(doubtful=False)]), None)
-    if sun.own or contradiction is None:
+    if sun.confirmed or contradiction is None:
         return NearSun(text)
     return NearSun(
         f"{text} {_at_length(contradiction)}", f"{'Past' if way else 'Near'} the Sun by {_briefly(contradiction)}."
@@ -208,13 +208,13 @@ def site_text(place: Place) -> str:
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
 
 
-def likely_mistake(one: Place, other: Place) -> str:
+def likely_mistake(site: Place, other: Place) -> str:
     """Return the likely mistake that turns one site into the other; empty if none fits."""
     written = {
-        "the sign of a longitude looks wrong, east is positive": Place(one.latitude, -one.longitude),
-        "the sign of a latitude looks wrong, north is positive": Place(-one.latitude, one.longitude),
-        "both signs look wrong, north and east are positive": Place(-one.latitude, -one.longitude),
-        "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
+        "the sign of a longitude looks wrong, east is positive": Place(site.latitude, -site.longitude),
+        "the sign of a latitude looks wrong, north is positive": Place(-site.latitude, site.longitude),
+        "both signs look wrong, north and east are positive": Place(-site.latitude, -site.longitude),
+        "latitude and longitude look swapped, latitude comes first": Place(site.longitude, site.latitude),
     }
     for words, place in written.items():
         if abs(place.latitude) <= 90.0 and far_apart(place, other) <= SITE_MATTERS:

@@ -265,8 +265,8 @@ class MotionAdmission:
         lost = 180.0 if doubted else LOST
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
             if mount.sources.site() is not None:
-                seen, ends = self._watch.seen.last, astrometry.horizon(goal).alt
-                begins = ends if seen is None or seen.altitude is None else seen.altitude
+                last, ends = self._watch.observed.last, astrometry.horizon(goal).alt
+                begins = ends if last is None or last.altitude is None else last.altitude
                 self._path.floor = min(0.0, begins - lost, ends - lost)
                 self._path.clear = limits.hour_angle is None
             return

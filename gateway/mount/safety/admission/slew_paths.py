@@ -113,21 +113,21 @@ def _fork(
 def _polar(
     astrometry: SiteAstrometry,
     geometry: Geometry,
-    here: op.Equatorial,
+    position: op.Equatorial,
     goal: op.Equatorial,
     axes: Pair | None,
     other: bool,
     flip: bool,
 ) -> Path:
     """The path of an equatorial mount; ``flip``: a German one will point there in the other of the two ways."""
-    begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
+    begin, end = _hour_angle(astrometry, position), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
         target = axes or geometry.axes(end, goal.dec, flip)
     elif axes is not None:
         target = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
     else:
         target = geometry.pole * end, geometry.pole * goal.dec
-    start = _pointing(geometry.pole * begin, geometry.pole * here.dec, other)
+    start = _pointing(geometry.pole * begin, geometry.pole * position.dec, other)
     return start, (geometry.travel(1, start[0], target[0]), geometry.travel(2, start[1], target[1]))
 
 
@@ -202,9 +202,9 @@ class Journey(NamedTuple):
 
 
 def paths_of(mount: Context, journey: Journey) -> list[Path]:
-    equatorial, here, others, goal, axes = journey
+    equatorial, position, others, goal, axes = journey
     german = mount.driver.german is True
-    return possible_paths(mount.astrometry, german, equatorial, here, goal, axes, others)
+    return possible_paths(mount.astrometry, german, equatorial, position, goal, axes, others)
 
 
 def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
@@ -216,7 +216,11 @@ def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LO
     circles = [Circle(top, 90.0 - limits.highest), Circle(bottom, 90.0 + limits.lowest)]
     paths = []
     for start, turn in paths_of(mount, journey):
-        radii = [(one.middle, min(one.radius, separation(*start, *one.middle))) for one in circles if one.radius > 0.0]
+        radii = [
+            (circle.middle, min(circle.radius, separation(*start, *circle.middle)))
+            for circle in circles
+            if circle.radius > 0.0
+        ]
         if all(clear(start, _first(turn, stretch), middle, radius - AT_LIMIT) for middle, radius in radii):
             paths.append((start, turn))
     return paths
@@ -233,9 +237,9 @@ def check_ways(mount: Context, limits: Limits, journey: Journey) -> list[Path]:
 
     Its text has at most 60 characters, because LX200 programs show no more.
     """
-    found, stretch = within(mount, limits, journey), mount.timing.reaction * mount.fastest
-    if found and len(within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):
-        return found
+    paths, stretch = within(mount, limits, journey), mount.timing.reaction * mount.fastest
+    if paths and len(within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):
+        return paths
     where = "low" if within(mount, replace(limits, lowest=-90.0), journey) else "high"
     for azimuth, altitude in BETWEEN:
         place = mount.astrometry.equatorial(op.Horizontal(float(azimuth), float(altitude)))

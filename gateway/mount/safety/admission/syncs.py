@@ -91,9 +91,9 @@ async def _turns(
             doubtful = len({way, reads, *others}) > 1 and not (driver.german and site is None)
         elif driver.german:  # one that does not tell its side has chosen it by the hour angle
             way = wrap180(start[0]) < 0.0 if len(others) > 1 else True in others
-            doubtful = not watch.seen.upright
+            doubtful = not watch.observed.upright
         else:
-            way = doubtful = not watch.seen.upright
+            way = doubtful = not watch.observed.upright
         ways = (way, not way) if doubtful or driver.told_beyond else (way,)
         turns.append([_turn(start, end, way, then) for then in ways])
     return turns
@@ -102,7 +102,7 @@ async def _turns(
 def _turn(start: Pair, end: Pair, before: bool, after: bool) -> Pair:
     """Return the turn of both axes between two places: before and after it they point in the first or the other way."""
     (first, second), (then_first, then_second) = (
-        (one[0] + 180.0, 180.0 - one[1]) if other else one for one, other in ((start, before), (end, after))
+        (axes[0] + 180.0, 180.0 - axes[1]) if other else axes for axes, other in ((start, before), (end, after))
     )
     return wrap180(then_first - first), wrap180(then_second - second)
 

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
+from gateway.mount.motion.seen import Observed, PositionSample, begin, first, see
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
@@ -31,20 +31,20 @@ TIMING = StopTiming(0.05, 1, 0.4)
 EQUATORIAL = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
 
 
-def seen(*samples: PositionSample) -> Seen:
+def seen(*samples: PositionSample) -> Observed:
     """One position a second, long after the motion began."""
-    now = first(Seen(), samples[0])
+    now = first(Observed(), samples[0])
     for sample in samples[1:]:
         now = see(now, sample)
     return now
 
 
-def sinking(start: float, rate: float, step: float = 0.5) -> Seen:
+def sinking(start: float, rate: float, step: float = 0.5) -> Observed:
     """Two looks at a tube that sinks by so many degrees a second."""
     return seen(PositionSample(100.0, HERE, start), PositionSample(100.0 + step, HERE, start - rate * step))
 
 
-def view(now: Seen, limits: Limits, moving: Moving = Moving(False, {2: DOWN})) -> View:
+def view(now: Observed, limits: Limits, moving: Moving = Moving(False, {2: DOWN})) -> View:
     return View(now, limits, TIMING, moving, limits.sun, EQUATORIAL)
 
 
