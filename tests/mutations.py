@@ -143,7 +143,7 @@ MUTATIONS = [
         "tests/unit/mount/motion tests/integration/motion/test_goto_whole.py",
     ),
     Mutation(
-        "a motion needs no client", r"found\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py", places=2
+        "a motion needs no client", r"moments\.append(\(\(motion)", r"\g<1>", f"{SAFETY}/test_dead_man.py", places=2
     ),
     Mutation(
         "the mount is reported at rest without a reading",
@@ -325,8 +325,8 @@ MUTATIONS = [
     ),
     Mutation(
         "what a connection has left is inherited for ever",
-        r"kept if self\.controller\.now\(\) - at <= INHERIT_FOR else None",
-        "kept",
+        r"state if self\.controller\.now\(\) - at <= INHERIT_FOR else None",
+        "state",
         "tests/unit/protocols/lx200/surface/test_sessions.py",
     ),
     Mutation(

@@ -163,9 +163,9 @@ class BrokerPresence:
             self._report_conflict(other, description)
         return True
 
-    def _report_conflict(self, other: str, description: str) -> None:
+    def _report_conflict(self, other: str, owner: str) -> None:
         self.conflict = (
-            f"another gateway ({description}) has ID {self._topics.id!r} on the broker, too: only stop is obeyed until "
+            f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: only stop is obeyed until "
             "one of them has another one (--mqtt-id)"
         )
         if other not in self._answered and len(self._answered) < MOST:

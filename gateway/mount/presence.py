@@ -53,11 +53,7 @@ class Presence:
         if now - self._swept > FORGOTTEN_AFTER:
             self._swept = now
             remaining = {
-                who: [
-                    visit
-                    for visit in activities
-                    if visit.closed is None or now - visit.closed <= FORGOTTEN_AFTER
-                ]
+                who: [visit for visit in activities if visit.closed is None or now - visit.closed <= FORGOTTEN_AFTER]
                 for who, activities in self._hosts.items()
             }
             self._hosts = {who: activities for who, activities in remaining.items() if activities}

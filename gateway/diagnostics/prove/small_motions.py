@@ -41,7 +41,7 @@ STEPS = 10.0
 MORE = 0.3
 #: Degrees a second by which tracking may be off.
 DRIFT = 3.0 / 3600.0
-#: How many times a rate may differ from the assumed one and be believed; the run-on in seconds that can be configured.
+#: A measured rate outside 1/4 to 4 times the assumed rate is a measurement error; the longest configurable run-on, s.
 BELIEVED, RUN_ONS = 4.0, (0.5, 10.0)
 MEANS = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
 PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))

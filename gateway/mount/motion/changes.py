@@ -84,7 +84,7 @@ def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
 
 
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
-    """Return the pending equal halt that serves for this one as well; None if there is none.
+    """Return a pending halt that makes this one redundant; None if there is none.
 
     A halt that waits behind a goto serves only if no other order came between the two.
     """

@@ -113,9 +113,8 @@ def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
     if max(abs(was), abs(now)) > NEAR_POLE:
         return observed
     rose = now - was
-    if (
-        abs(rose) > RISEN and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0
-    ):  # otherwise something else moved the tube
+    # otherwise something else moved the tube
+    if abs(rose) > RISEN and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0:
         return replace(observed, upright=rose * last.lifting.sense > 0)
     return observed
 

@@ -167,9 +167,8 @@ class TrackingAtLimit:
             context.note(f"{SWITCHED_OFF} {reason}")
         except Unsupported:
             self._refused_at = context.now()
-            sky_changed = (
-                self._watch.sky.changed_at > self._watch.observed.began
-            )  # at rest: it was not reached by tracking
+            # at rest: the mount has not reached it by tracking
+            sky_changed = self._watch.sky.changed_at > self._watch.observed.began
             context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
             context.note_once("the tracking of this mount cannot be switched off at a limit")
             if not sky_changed:

@@ -106,9 +106,9 @@ class Shift(NamedTuple):
 
 
 class PointingFrame(NamedTuple):
-    """What the mount's coordinates hang on: whether its first axis is ``polar``, and how far the tube may be off.
+    """How the mount derives axes from coordinates (``polar`` or alt-az), and the pointing errors of syncs.
 
-    ``measured`` is how far it is off if its axes tell.
+    ``measured`` is the pointing error by the axis readings; None if the mount does not report its axes.
     """
 
     polar: bool = False
@@ -120,11 +120,11 @@ _POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
 
 
 class TubeFrame:
-    """Tells, when called, what the mount's coordinates hang on, and how far the tube may be off from them.
+    """Returns, when called, the present ``PointingFrame``.
 
-    ``measured`` is by how many degrees the axes read more than the calculated azimuth (None: unknown) and altitude; it
-    is None if they do not tell (``safety/altitude_axis.py``). Axes that cannot be read are off by what syncs turned. If
-    the tube was driven over the pole or the zenith (not ``upright``), the second one may be off the other way.
+    ``measured`` is the axis readings minus the calculated azimuth (None: unknown) and altitude, degrees; None if the
+    mount does not report its axes (``safety/altitude_axis.py``). Then the syncs give the error. After the tube was
+    driven over the pole or the zenith (not ``upright``), the error of the second axis may have the other sign.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
