@@ -57,7 +57,7 @@ def add_config(commands: Commands) -> None:
                "  mount-gateway config gateway.toml\n  mount-gateway config gateway.toml --lowest 15",
     )  # fmt: skip
     config.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
-    own = len(config._actions)
+    before = len(config._actions)
     add_settings(config)
     config.elsewhere = config._actions[before:]
     config.set_defaults(run=_config)
