@@ -1,12 +1,13 @@
 """Legitimate evenings: gotos that an observer sends, four tenths of them low on purpose, and Hamlib's park.
 
-What becomes of each is compared with the way that the mount alone would take. *Harmless* has two measures. Old: this
-way keeps altitude 0 and 20 degrees from the risen Sun. New: it keeps the Sun's distance, and an altitude only where
-somebody wrote one.
+What becomes of each is compared with the way that the mount alone would take. It is *harmless* if this way keeps 20
+degrees from the risen Sun, and an altitude where somebody wrote one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Coroutine, Iterator
+from itertools import product
 from random import Random
 from typing import Any
 
@@ -16,33 +17,23 @@ from gateway.astro.spherical import separation
 from tests.support.instrument.rules import rule_of
 from tests.support.instrument.worlds import CIRCLE, KINDS, NOTHING, SITES, SLIPS, World, on_date
 
-#: Gotos of one world, and the altitude that divides the low goals from the others.
-GOTOS, LOW = 10, 12.0
+#: Gotos of one world.
+GOTOS = 10
 #: Degrees from its goal at which a goto has arrived; degrees beyond a limit that are rounding and running on.
 ARRIVED, SLACK = 1.0, 0.4
 
 
 class Told(Struct, frozen=True):
-    """One goto. ``lit``: some source has the Sun up; ``low``: the goal; ``up``: it is, by the mount's own clock.
-    ``outcome``: done, refused, short, by ``rule``. ``through``: D1 or D2 if the tube really came there.
+    """One goto. ``up``: its goal is, by the mount's own clock. ``lost``: refused or ended short, by ``rule``.
+    ``through``: D1 or D2 if the tube really came there.
     """
 
-    kind: str
-    slip: str
-    day: bool
-    lit: bool
-    low: bool
     up: bool
-    outcome: str
+    lost: bool
     words: str
     rule: str
-    old: bool
-    new: bool
+    harmless: bool
     through: str
-
-    @property
-    def lost(self) -> bool:
-        return self.outcome != "done"
 
 
 def goal_for(world: World, dice: Random, lowest: float, park: bool) -> tuple[float, float]:
@@ -68,7 +59,7 @@ async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | No
             if number == 1 and settings.syncs[0]:
                 await synced(world, dice, *settings.syncs)
             there = goal_for(world, dice, lowest or 0.0, park and number % 2 == 1)
-            told = await one_goto(world, there, slip, day, park and number % 2 == 1)
+            told = await one_goto(world, there, park and number % 2 == 1)
             found += [told] if number % 2 == 1 or not park else []
     return found
 
@@ -79,23 +70,23 @@ async def synced(world: World, dice: Random, times: int, degrees: float) -> None
         await world.sync(ra, max(-89.0, min(89.0, dec + degrees * (1 if dec < 0 else -1) * dice.choice((1, 1, -1)))))
 
 
-async def one_goto(world: World, there: tuple[float, float], slip: str, day: bool, horizontal: bool) -> Told:
+async def one_goto(world: World, there: tuple[float, float], horizontal: bool) -> Told:
     """Send one goto; return what became of it."""
     goal = world.place(*there)
     believed = world.believed(goal)
     alone = world.alone(goal, there if horizontal else None)
-    lit, first = world.lit(), len(world.looks)
+    first = len(world.looks)
     world.look()
     words = await world.goto(*(there if horizontal else goal), horizontal)
-    outcome = "refused" if words else "done"
-    if not words:
+    lost = bool(words)
+    if not lost:
         await world.rest()
         here, off = world.looks[-1], separation(*alone.end, *world.sim.truth())
         if horizontal:  # it may track there, or not
             off = min(off, separation(here.azimuth, here.altitude, *there))
         if off > ARRIVED:
             notes = world.notes()
-            outcome, words = "short", next((note for note in notes if "stopped" in note), f"{off:.0f} degrees short")
+            lost, words = True, next((note for note in notes if "stopped" in note), f"{off:.0f} degrees short")
     elif world.notes():
         words += f" | {world.notes()[-1]}"
     looks = world.looks[first:]
@@ -104,16 +95,13 @@ async def one_goto(world: World, there: tuple[float, float], slip: str, day: boo
     through = "D1" if near < min(CIRCLE, looks[0].sun) - SLACK else ""
     through = "D2" if min(look.altitude for look in looks) < min(world.lowest, looks[0].altitude) - SLACK else through
     return Told(
-        world.kind, slip, day, lit, there[1] < LOW + max(0.0, world.lowest), believed >= max(0.0, world.lowest) - 1e-3,
-        outcome, words, rule_of(words) if words else "", alone.keeps(max(0.0, world.lowest), 0.01),
+        believed >= max(0.0, world.lowest) - 1e-3, lost, words, rule_of(words) if words else "",
         alone.keeps(world.lowest, 0.1), through,
     )  # fmt: skip
 
 
-def cells(slips: list[str], gotos: int, seed: int, lowest: float | None, park: bool) -> list[tuple[Any, ...]]:
-    """Return the evenings of these slips with so many gotos by night and by day, all kinds of mount in turn."""
-    worlds = -(-gotos // (len(KINDS) * GOTOS))
-    return [
-        (kind, slip, day, seed + number, lowest, park)
-        for number in range(worlds) for slip in slips for day in (False, True) for kind in KINDS
-    ]  # fmt: skip
+def evenings(gotos: int, seed: int) -> Iterator[Coroutine[Any, Any, list[Told]]]:
+    """Yield the evenings of all slips with so many gotos by night and by day, all kinds of mount in turn."""
+    for number in range(-(-gotos // (len(KINDS) * GOTOS))):
+        for slip, day, kind in product(SLIPS, (False, True), KINDS):
+            yield evening(kind, slip, day, seed + number, None, False)

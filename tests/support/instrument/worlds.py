@@ -21,6 +21,7 @@ from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun
+from tests.support.faces import dms, hms
 
 #: Degrees: the Sun is up from here on, and no tube comes nearer to it than the circle.
 RISEN, CIRCLE = -0.9, 20.0
@@ -186,14 +187,6 @@ class World:
         unix = self.now + ground.ahead + self.slip.told
         return altitude_at((ground.latitude, ground.longitude), *place, unix)
 
-    def lit(self) -> bool:
-        """Whether any source that counts has the Sun up, now or in a quarter of an hour."""
-        ground, sites = self.mechanics.sky, [self.site]
-        sites += [(ground.latitude, ground.longitude)] + [one for one in [self.slip.config(self.site)] if one]
-        ahead = {0.0, ground.ahead + self.slip.told} | ({self.slip.computer} if not self.slip.doubtful else set())
-        times = [self.now + seconds + soon for seconds in ahead for soon in (0.0, 900.0)]
-        return any(altitude_at(site, *sun(unix), unix) > -1.5 for site in sites for unix in times)
-
     # --- the mount ----------------------------------------------------------------------------------------------------
 
     def alone(self, goal: Pair, horizontal: Pair | None = None) -> Way:
@@ -242,12 +235,7 @@ class World:
         await asyncio.sleep(0.3)
 
     async def target(self, ra: float, dec: float) -> None:
-        seconds, arcseconds = round(ra * 240.0) % 86400, round(abs(dec) * 3600.0)
-        await self.ask(
-            f":Sr{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}#:Sd{'-' if dec < 0 else '+'}"
-            f"{arcseconds // 3600:02}*{arcseconds // 60 % 60:02}:{arcseconds % 60:02}#".encode(),
-            b"11",
-        )
+        await self.ask(f":Sr{hms(ra)}#:Sd{dms(dec)}#".encode(), b"11")
 
     async def goto(self, ra: float, dec: float, horizontal: bool = False) -> str:
         """Send a goto, also to azimuth and altitude; return the refusal, empty if it has begun."""
