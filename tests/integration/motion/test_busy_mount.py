@@ -1,4 +1,4 @@
-"""What is asked of a mount that is busy with itself: a goto waits for it, what moves it by hand never does."""
+"""What moves by hand a mount that is busy with itself, or not heard, is dropped: nothing is begun seconds later."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 
-GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
-
 
 def meade(model: str) -> Bridge:
     return Bridge(model, driven="lx200", surface=model)
@@ -30,48 +28,9 @@ async def calculating(bridge: Bridge) -> None:
     await asyncio.sleep(1.5)
 
 
-@pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-def test_a_goto_waits_until_a_classic_has_calculated(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            client = bridge.client()
-            await calculating(bridge)
-            await asyncio.sleep(1.0)
-            began = bridge.controller.now()
-            assert await client.ask(GOTO, 30.0, until=b"0") == b"110"
-            assert 2.4 < bridge.controller.now() - began < 3.5, "longer than the driver itself tries"
-            assert bridge.sim.slewing
-
-    run(program())
-
-
-@pytest.mark.parametrize("how", ["a stop", "its client is gone", "half closed"])
-def test_a_goto_that_waits_ends_with_a_stop_and_with_its_client(how: str) -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            await calculating(bridge)
-            client.tell(GOTO)
-            await asyncio.sleep(1.0)
-            if how == "a stop":
-                other.tell(b":Q#")
-            elif how == "half closed":
-                client.guest.peer_closed()
-            else:
-                client.close()
-            await asyncio.sleep(4.0)
-            if how != "its client is gone":
-                assert client.heard.startswith(b"111")
-            await asyncio.sleep(30.0)
-            assert b":MS#" not in bridge.sent()
-            assert not bridge.sim.slewing
-
-    run(program())
-
-
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
 @pytest.mark.parametrize("by_hand", [b":Mn#", b":RS#:Me#", b":Mgn1000#"])
-def test_what_moves_it_by_hand_never_waits(model: str, by_hand: bytes) -> None:
+def test_order_by_hand_to_a_busy_mount_is_not_begun_later(model: str, by_hand: bytes) -> None:
     async def program() -> None:
         async with meade(model) as bridge:
             client = bridge.client()
@@ -108,9 +67,7 @@ async def look(bridge: Bridge) -> None:
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])
 @pytest.mark.parametrize("by_hand", [b":RS#:Me#", b":Mgw3000#"])
 @pytest.mark.parametrize("asks", [True, False])
-def test_what_was_asked_for_on_a_silent_line_is_not_begun_seconds_later(
-    mount: str, driven: str, by_hand: bytes, asks: bool
-) -> None:
+def test_order_by_hand_on_a_silent_line_is_not_begun_later(mount: str, driven: str, by_hand: bytes, asks: bool) -> None:
     """``asks``: it waits behind a question of its own program."""
 
     async def program() -> None:

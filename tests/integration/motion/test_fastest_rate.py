@@ -53,6 +53,14 @@ def test_the_fastest_rate_is_the_one_that_was_set(mount: tuple[str, str, float],
 
 
 @pytest.mark.parametrize(
+    ("rate", "degrees"), [(b":RC#", 8 * 15.041 / 3600.0), (b":RM#", 1.0), (b":RS#", 5.0), (b":RE02.0#", 2.0)]
+)
+def test_rate_of_an_lx200_program_is_that_of_the_key_of_a_cge(rate: bytes, degrees: float) -> None:
+    """Keys 4, 7 and 9 of a CGE: 8 times sidereal, 1 and 5 degrees a second."""
+    assert turns(MOUNTS[1], rate + b":Ms#")[0] == pytest.approx(degrees, rel=0.1)
+
+
+@pytest.mark.parametrize(
     ("mount", "commands", "words"),
     [
         (MOUNTS[0], b":Sw8#:Ms#", "a motion at 8 degrees a second is done at 5:"),

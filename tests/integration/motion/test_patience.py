@@ -99,8 +99,8 @@ def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("how", [b":Q#", b":Qe#", b""])
-def test_a_stop_or_the_end_of_its_connection_ends_a_goto_that_waits(how: bytes) -> None:
+@pytest.mark.parametrize("how", [b":Q#", b":Qe#", b"", None])
+def test_stop_or_end_of_its_connection_ends_a_goto_that_waits(how: bytes | None) -> None:
     async def program() -> None:
         async with bridge_to("lx200") as bridge:
             await calculates(bridge, 1.5)
@@ -111,6 +111,8 @@ def test_a_stop_or_the_end_of_its_connection_ends_a_goto_that_waits(how: bytes) 
                 bridge.client("10.0.0.4").tell(how)
                 await asyncio.sleep(0.5)
                 assert client.heard == b"111Stopped.#"
+            elif how is None:
+                client.guest.peer_closed()
             else:
                 client.close()
             await asyncio.sleep(60.0)

@@ -92,18 +92,6 @@ async def test_m_ends_a_goto(bridge: Bridge) -> None:
     assert bridge.sim.tracking
 
 
-@on_a_bridge()
-async def test_abort_as_indi_does_it(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    await client.ask(precise(b"r", *up(bridge, 60.0)))
-    await asyncio.sleep(2)
-    for frame in (HALT[2], HALT[2], HALT[1], HALT[1], b"M"):
-        assert await client.ask(frame) == b"#"
-    await settled(client, 2)
-    assert not bridge.sim.slewing
-
-
 @on_a_bridge(aligned=False)
 async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
     client = bridge.client()

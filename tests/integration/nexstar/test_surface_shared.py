@@ -127,25 +127,6 @@ async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge
 # --- a Meade behind it, which is another gateway's surface -----------------------------------------------------------
 
 
-def test_a_goto_of_a_meade() -> None:
-    async def goto() -> None:
-        async with TwoGateways(Bridge(), "lx200", "nexstar", "6-8se") as chain:
-            client, bridge = chain.client(), chain.inner
-            await polled(client)
-            for east in (20.0, -20.0):
-                ra, dec = up(bridge, east)
-                assert await client.ask(precise(b"r", ra, dec)) == b"#"
-                heard = []
-                while off(bridge, ra, dec) > 0.1:
-                    heard.append(await client.ask(b"L"))
-                    await asyncio.sleep(0.5)
-                assert set(heard) == {b"1#"}
-                await settled(client)
-                assert off(bridge, ra, dec) < 15 * ARCSECOND, "a Meade is told whole seconds"
-
-    run(goto())
-
-
 def test_a_meade_presented_as_a_german_mount() -> None:
     """Asked at every poll: a silence would cost the program seconds each time."""
 
@@ -156,18 +137,3 @@ def test_a_meade_presented_as_a_german_mount() -> None:
             assert len(await client.ask(b"z", 2.0)) == 18
 
     run(asked())
-
-
-def test_the_zones_sign_is_the_other_one_on_a_meade() -> None:
-    """Five hours west with an hour of daylight saving: a Meade adds four to local time."""
-
-    async def told() -> None:
-        async with TwoGateways(Bridge(), "lx200", "nexstar", "6-8se") as chain:
-            client = chain.client()
-            assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"
-            await asyncio.sleep(3)
-            (frame,) = (frame for frame in chain.sent() if frame.startswith(b":SG"))
-            assert float(frame[3:-1]) == 4.0
-            assert (await client.ask(b"h"))[3:] == b"\4\6\x1a\xfb\1#"
-
-    run(told())

@@ -32,39 +32,6 @@ def swallow(
     return lost
 
 
-def test_a_stop_is_owed_until_it_was_acknowledged() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=0.05) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(1)
-            swallow(bridge, lambda data: data == RATE_0)
-            client.tell(b":Q#")
-            await asyncio.sleep(8)
-            still = bridge.sim.truth()
-            await asyncio.sleep(10)
-            assert bridge.sim.truth() == pytest.approx(still, abs=0.01)
-            assert bridge.sim.tracking
-
-    run(program())
-
-
-def test_a_stop_given_while_the_line_is_down_is_sent_when_it_is_back() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=0.05) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(1)
-            swallow(bridge, lambda data: True, times=8)
-            client.tell(b":Q#")
-            await asyncio.sleep(60)
-            still = bridge.sim.truth()
-            await asyncio.sleep(5)
-            assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
-
-    run(program())
-
-
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])
 def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount: str) -> None:
     """One wire is broken, or a bridge swallows what the mount says: a stop must not wait until that is mended."""

@@ -52,6 +52,8 @@ def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: in
             client.tell(b":Q#")
             assert await seconds_to_rest(bridge, 30.0) < {1: 6.0, 3: 9.0 if mount in MEADES else 15.0}[times]
             assert missed
+            await asyncio.sleep(10.0)
+            assert bridge.sim.tracking
 
     run(program())
 

@@ -18,6 +18,7 @@ SIDEREAL_ALONE = [
     ("nexstar-gps", "1.2"),
     ("nexstar-gps", "2.2"),
     ("evolution", "5.31"),
+    ("6-8se", "4.21"),
 ]
 
 
