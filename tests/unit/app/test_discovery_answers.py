@@ -88,12 +88,7 @@ def test_skysafari_is_answered_until_the_end() -> None:
             assert told == []
             await second.answer([EVERYWHERE], "127.0.0.1", announcement.skyfi_port)  # another gateway
             assert (
-                second.skyfi_port == 0
-                and len(told) == 1
-                and told[0].endswith(
-                    f"UDP port {announcement.skyfi_port} is in use by another program (another mount-gateway?); type "
-                    "address and port into it"
-                )
+                second.skyfi_port == 0 and len(told) == 1 and f"UDP port {announcement.skyfi_port} is in use" in told[0]
             )
             await announcement.close()
             await asyncio.sleep(0)
@@ -239,7 +234,7 @@ def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, An
 
 def test_a_port_for_serial_programs_is_for_other_computers() -> None:
     offer = Offer("lx200", "autostar", "rfc2217", "0.0.0.0", 4030)
-    assert phone_line(offer, ["192.168.1.23"]) == "on another computer: rfc2217://192.168.1.23:4030"
+    assert "rfc2217://192.168.1.23:4030" in phone_line(offer, ["192.168.1.23"])
 
 
 def test_it_stands_before_the_ready_lines(started: list[Running]) -> None:

@@ -145,9 +145,7 @@ def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -
         async with Bridge(state=tmp_path) as first:
             assert await _order(first, HoldIt()) == HELD
         async with Bridge(state=tmp_path, on=first) as second:
-            assert second.warned == [
-                "nexstar@bridge: the mount is held: no program moves it until mount-gateway stop --release"
-            ]
+            assert len(second.warned) == 1 and "stop --release" in second.warned[0]
             second.client().tell(b":RS#:Mn#")
             assert await _rests(second)
             assert await _order(second, ReleaseHoldRequest()) == RELEASED
@@ -171,11 +169,7 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
             monkeypatch.setattr(on_disk, "hold_folder", full)
             answer = await _order(bridge, HoldIt())
             assert not answer.done
-            assert answer.words == (
-                "it is stopped and held, but a restart of the gateway forgets that: "
-                f"{tmp_path}/hold cannot be written (No space left on device; make room on that disk (df -h shows "
-                "which is full), or choose a folder on another one)"
-            )
+            assert "a restart of the gateway forgets" in answer.words and f"{tmp_path}/hold" in answer.words
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)
             assert await _order(bridge, ReleaseHoldRequest()) == RELEASED

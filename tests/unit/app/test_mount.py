@@ -297,7 +297,7 @@ def test_who_waits_for_the_arrival_is_told_of_a_stop(way: str, tmp_path: Path) -
     async def program() -> None:
         async with opened(way, tmp_path) as (mount, bridge):
             await mount.perform(op.Goto(20.0, 80.0))
-            with pytest.raises(TimeoutError, match=r"The motion has not ended within 0\.5 s; it goes on\."):
+            with pytest.raises(TimeoutError, match=r"within 0\.5 s; it goes on"):
                 await mount.arrived(0.5)
             waiting = asyncio.ensure_future(mount.arrived())
             await asyncio.sleep(1.0)
@@ -357,13 +357,13 @@ def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
     async def program() -> None:
         mount = Mount("pier", send, "a program")
         await mount.goto(20.0, 80.0)
-        with pytest.raises(TimeoutError, match=r"within 0\.5 s, and it is not known whether it goes on: no such port"):
+        with pytest.raises(TimeoutError, match=r"within 0\.5 s, .* not known"):
             await mount.arrived(0.5)
-        with pytest.raises(NoAnswer, match="not known whether the motion goes on: no such port"):
+        with pytest.raises(NoAnswer, match=r"not known .*: no such port"):
             await mount.arrived()
         with pytest.raises(NoAnswer, match="not known whether the mount moves"):
             await mount.moving()
-        with pytest.raises(NoAnswer, match=r"pier has not answered within 3 s\. Is it switched on"):
+        with pytest.raises(NoAnswer, match=r"pier has not answered within 3 s"):
             await mount.ready(3.0)
 
     run(program())

@@ -215,7 +215,7 @@ def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path)
                 await mount.move(op.Direction.NORTH, 5, 0.1)
                 await mount.stop()
             async with open_gateway("lx200@sim", name="west"):
-                with pytest.raises(UserError, match="2 mounts run here; say which one is meant: pier, west"):
+                with pytest.raises(UserError, match=r"2 mounts .*: pier, west"):
                     connect()
         assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
         with pytest.raises(NoAnswer):
@@ -233,9 +233,7 @@ def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
 def test_a_mount_that_does_not_answer_is_told_in_words() -> None:
     async def waits() -> None:
         async with open_gateway(SIM, [SURFACE], latency=3.0) as running:
-            with pytest.raises(
-                NoAnswer, match=r"nexstar@sim has not answered within 0\.05 s\. Is it switched on, .* detect"
-            ):
+            with pytest.raises(NoAnswer, match=r"not answered within 0\.05 s"):
                 await running.ready(0.05)
 
     asyncio.run(waits())
@@ -244,7 +242,7 @@ def test_a_mount_that_does_not_answer_is_told_in_words() -> None:
 def test_a_port_that_does_not_exist_is_told_at_once() -> None:
     async def waits() -> None:
         async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
-            with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: cannot open /dev/ttyNONE: no such port"):
+            with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: .*no such port"):
                 await running.ready(60)
 
     asyncio.run(waits())

@@ -77,7 +77,7 @@ def test_a_person_types_any_of_them() -> None:
 
 def test_without_the_list_a_person_is_told_what_to_do(installed: Path) -> None:
     installed.unlink()
-    with pytest.raises(NotSupplied, match=r"HD39801: the list of SAO, HD and HR numbers is not installed\.") as told:
+    with pytest.raises(NotSupplied, match=r"HD39801: .* is not installed") as told:
         find("HD 39801")
     assert "pip" not in str(told.value) and " fchart3 " in told.value.remedy
 

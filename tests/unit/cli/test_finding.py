@@ -50,11 +50,8 @@ def test_only_where_nothing_ever_came_the_cable_is_doubted() -> None:
     async def program() -> None:
         found, said, words = await met(Bridge("lx200", driven="lx200"), "lx200@/dev/ttyUSB0", b"")
         assert not found
-        assert said == ["lx200@/dev/ttyUSB0: waiting for the mount's first answer; a classic LX200 may take 9 s"]
-        assert words == (
-            "lx200@/dev/ttyUSB0: no mount answers (is it switched on, and the cable in the hand "
-            "control?); mount-gateway detect tries every port, --wait keeps trying"
-        )
+        assert len(said) == 1 and "may take 9 s" in said[0]
+        assert words.startswith("lx200@/dev/ttyUSB0: ") and "is it switched on" in words and "--wait" in words
 
     run(program())
 
@@ -64,11 +61,10 @@ def test_what_was_asked_and_what_came_is_said() -> None:
         began = asyncio.get_running_loop().time()
         found, _, words = await met(Bridge("lx200", driven="lx200"), "lx200@socket://10.0.0.2:4030", b"hello\r\n")
         assert not found
-        assert words == (
-            "lx200@socket://10.0.0.2:4030: something is there, and no Meade LX200 was found. The last question that "
-            "went wrong was :GR#: it answered hello\\x0d\\x0a. So the cable carries bytes; the baud rate may be "
-            "another one, or the mount speaks another protocol; mount-gateway detect socket://10.0.0.2:4030 looks "
-            "closer, --wait keeps trying"
+        assert (
+            ":GR#: it answered hello\\x0d\\x0a" in words
+            and "baud rate" in words
+            and "detect socket://10.0.0.2:4030" in words
         )
         assert asyncio.get_running_loop().time() - began < 12.0
 
@@ -82,7 +78,7 @@ def test_it_is_said_what_a_mount_is_waited_for(at: str) -> None:
         found, said, _ = await met(bridge, at, None)
         assert found
         seconds = 4 if "lx200:" in at else 9
-        assert said == [f"{at}: waiting for the mount's first answer; a classic LX200 may take {seconds} s"]
+        assert len(said) == 1 and said[0].startswith(at) and f"may take {seconds} s" in said[0]
 
     run(program())
 
@@ -92,9 +88,7 @@ def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None
         bridge = Bridge("lx200", driven="lx200")
         bridge.controller.start()
         await asyncio.sleep(2.0)
-        assert waiting_message(gateway_of(bridge, "lx200@-")) == (
-            "lx200@-: a mount answers, and programs get its position; its model may take some seconds more"
-        )
+        assert "a mount answers" in waiting_message(gateway_of(bridge, "lx200@-"))
         await bridge.controller.close()
 
     run(program())
@@ -149,10 +143,7 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
         bridge.controller.start()
         await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
         assert 25.0 < now() - began < 30.0
-        assert slow.said[-1] == (
-            "nexstar@/dev/ttyUSB0: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            "gateway asks for 40 s, because some hand controls take 25 s to start; --no-wait gives up sooner"
-        )
+        assert "asks for 40 s" in slow.said[-1] and "--no-wait" in slow.said[-1]
         assert 4.0 < slow.times[-1] < 4.5
         assert await bridge.client().ask(b":GR#", until=b"#")
         await bridge.controller.close()
@@ -187,7 +178,7 @@ def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monk
         bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
         began, slow = now(), Slow(bridge, 1000.0)
         bridge.controller.start()
-        with pytest.raises(UserError, match="Celestron's AUX protocol: that is not supported"):
+        with pytest.raises(UserError, match="AUX protocol"):
             await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
         assert 8.5 < now() - began < 9.5
         assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)

@@ -67,7 +67,7 @@ def test_a_port_that_is_taken_is_to_be_left_or_ended(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
-    assert said.endswith("in use by another program (another mount-gateway?); write another port, or end that program")
+    assert "another mount-gateway?" in said
 
 
 def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> None:
@@ -75,10 +75,7 @@ def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> N
     where = first.ready()
     said = refused("run", *PLAIN[:3], f"lx200@{where}", "--state", str(tmp_path))
     first.end()
-    assert said.endswith(
-        f"the port is in use by another mount-gateway (process {first.process.pid}): end it, with Ctrl-C in its "
-        "terminal, or write another port"
-    )
+    assert f"another mount-gateway (process {first.process.pid})" in said and "write another port" in said
 
 
 def test_a_run_that_fails_does_not_warn_of_what_it_does_not_serve(tmp_path: Path) -> None:
@@ -114,8 +111,8 @@ def test_a_name_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPat
 
 def test_what_is_behind_an_address_is_no_port_of_this_computer() -> None:
     for where in ("socket://127.0.0.1:9", "rfc2217://pier:4000"):
-        assert port_advice(where) == ("is it switched on, in the same network, and is the number of its port right?")
-    assert port_advice("/dev/ttyUSB9") == "mount-gateway detect shows which ports there are"
+        assert "is it switched on" in port_advice(where)
+    assert "mount-gateway detect" in port_advice("/dev/ttyUSB9")
 
 
 def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,7 +122,7 @@ def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: py
     out, err = capsys.readouterr()
     assert out == ""
     assert "noise.bin" in err
-    assert err.endswith("are commands; if it is in the other protocol, name that with --protocol\n")
+    assert "name that with --protocol" in err
 
 
 def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:
@@ -134,19 +131,13 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     gateway.ready()
     number = gateway.process.pid
     assert not processes.suspended(number)
-    assert explain_no_answer(number) == (
-        f"the gateway (process {number}) does not answer: end it with kill -9 {number}, then "
-        "mount-gateway stop stops its mount without it"
-    )
+    assert f"kill -9 {number}" in (words := explain_no_answer(number)) and "stop" in words and "-CONT" not in words
     os.kill(number, signal.SIGSTOP)
     try:
         until = time.monotonic() + PATIENCE
         while not processes.suspended(number):  # the signal takes a moment
             assert time.monotonic() < until
-        assert explain_no_answer(number) == (
-            f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} "
-            f"resumes it; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"
-        )
+        assert f"kill -CONT {number}" in (words := explain_no_answer(number)) and f"kill -9 {number}" in words
     finally:
         os.kill(number, signal.SIGCONT)
     assert gateway.end() == 0
@@ -159,7 +150,7 @@ def test_those_that_run_are_named_where_another_was_asked_for(
     started.append(gateway)
     gateway.ready()
     assert main(["park", "--mount", "pier", "--state", str(tmp_path)]) == 1
-    assert capsys.readouterr().err == ("mount-gateway: no gateway runs here for pier; write --mount nexstar@sim\n")
+    assert "no gateway runs here for pier" in capsys.readouterr().err
     assert gateway.end() == 0
 
 
@@ -169,7 +160,4 @@ def test_a_state_folder_that_is_a_file_is_said_to_be_one(tmp_path: Path, capsys:
         where = f"lx200@tcp://127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--mount", "nexstar@sim", "--surface", where, "--state", str(tmp_path / "file")]) == 2
     told = capsys.readouterr().err.splitlines()
-    assert told[0].startswith(
-        f"mount-gateway: {tmp_path / 'file'} cannot be written to (there is a file of that name, "
-        "where a folder is needed): what a hand control keeps"
-    )
+    assert f"{tmp_path / 'file'} cannot be written to" in told[0] and "folder" in told[0]

@@ -58,7 +58,7 @@ def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
     ):
         code, out, err = say(*words, "--state", str(tmp_path))
         assert (code, out) == (1, "")
-        assert err.startswith("mount-gateway: no gateway runs here; mount-gateway run starts one")
+        assert "no gateway runs here" in err
     assert say("status", "--json", "--state", str(tmp_path))[:2] == (1, "[]")
 
 
@@ -84,7 +84,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     code, out, err = say("status", *which)
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "6-8se (nexstar@sim)"
-    assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
+    assert "NexStar, 6-8se, version 4.21" in out
     assert "  orders    none: no motion" in out
     assert f"  served    lx200:autostar {where}; this computer only" in out
     assert f"  state     {tmp_path}" in out
@@ -178,10 +178,7 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     running.ready()
     which = ("--state", str(tmp_path))
     told = say("unpark", *which)
-    assert (told[0], told[2]) == (
-        2,
-        "mount-gateway: 2 mounts run here; say which one is meant: --mount dome or --mount pier",
-    )
+    assert told[0] == 2 and "--mount dome or --mount pier" in told[2]
     assert say("unpark", "--mount", "dome", *which)[0] == 0
     code, out, _ = say("status", *which)
     assert (code, "pier (nexstar@sim)" in out, "dome (lx200@sim)" in out) == (0, True, True)
@@ -190,7 +187,7 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     assert say("status", "--mount", "dom", *which)[::2] == (1, unknown)
     stopped = f"{unknown.removeprefix('mount-gateway: ')}. Nothing was stopped"
     assert say("stop", "--mount", "dom", *which)[::2] == (1, stopped)
-    assert say("status", "--mount", "attic", *which)[2].startswith("mount-gateway: no gateway runs here for attic; ")
+    assert "no gateway runs here for attic" in say("status", "--mount", "attic", *which)[2]
 
 
 def test_of_two_mounts_with_the_same_text_the_processes_are_told(

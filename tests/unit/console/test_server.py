@@ -165,9 +165,7 @@ def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
             for _ in range(3):
                 async with there.http.get(there.where) as response:
                     assert response.status == 403
-            assert told(there.gateway) == [
-                "127.0.0.1: request from 127.0.0.1 over HTTP refused: it is not in the console's allow"
-            ]
+            assert len(told(there.gateway)) == 1 and "not in the console's allow" in told(there.gateway)[0]
 
     play(work())
 
@@ -178,10 +176,7 @@ def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_path: Pat
             for name in ("pier.example", "other.example"):  # not repeated: a flood of names would hide all else
                 async with there.http.get(there.where, headers={"Host": name}) as response:
                     assert response.status == 403
-            assert told(there.gateway) == [
-                "127.0.0.1: request from 127.0.0.1 over HTTP refused: "
-                "it calls this computer by a name that is not in names"
-            ]
+            assert len(told(there.gateway)) == 1 and "not in names" in told(there.gateway)[0]
 
     play(work())
 
@@ -361,14 +356,11 @@ def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
             low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
             for wider in ({"lowest": 5.0}, {"highest": 80.0, "hour_angle": 60.0}):
                 refused = await page.ask("narrow", **wider)
-                assert (
-                    not refused["ok"]
-                    and "The configuration allows altitude 10° to 90°, no more than 3 h past" in refused["words"]
-                )
+                assert not refused["ok"] and "10° to 90°, no more than 3 h" in refused["words"]
             assert not (await page.ask("narrow", lowest=60.0, highest=60.0))["ok"]
             assert (await page.ask("narrow", lowest=80.0))["ok"]
             refused = await page.ask("goto", **low)
-            assert not refused["ok"] and "A page of the console has narrowed the limits" in refused["words"]
+            assert not refused["ok"] and "narrowed the limits" in refused["words"]
             await page.until(
                 lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"].startswith("altitude 10")
             )

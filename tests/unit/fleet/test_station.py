@@ -169,7 +169,7 @@ def test_a_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_it(tm
                 there.broker.say(COMMAND, b"x" * (LARGEST + 1))
                 there.broker.say("mount-gateway/all/command", b"stop")
             await until(lambda: there.happened("done"))
-            assert there.happened("refused") == [f"{'x' * 20}…: no order is longer than 100 characters"]
+            assert len(told := there.happened("refused")) == 1 and "100 characters" in told[0]
 
     play(work())
 
@@ -201,7 +201,7 @@ def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_pa
             await until(lambda: len(broker.payloads(topic)) == 2)
             broker.say(COMMAND, b"park")
             await until(lambda: there.happened("refused"))
-            assert "park: another gateway (dome, process 7) has the ID 'pier'" in there.happened("refused")[0]
+            assert "another gateway (dome, process 7)" in there.happened("refused")[0]
             broker.say(COMMAND, b"stop")
             await until(lambda: "stop: stopped" in there.happened("done"))
             assert broker.payloads(topic) == [own, own], "the other one is answered once"

@@ -216,7 +216,7 @@ def test_a_link_of_another_user_that_leads_somewhere_is_left_alone(base: Path) -
     path.symlink_to(os.ttyname(slave))
     os.lchown(path, 1, 1)
     link = DeviceLink(str(path))
-    with pytest.raises(UserError, match=f"cannot make {path}: the user daemon has a link of that name to /dev/pts/"):
+    with pytest.raises(UserError, match=f"cannot make {path}: the user daemon"):
         link.point("/dev/pts/99999")
     os.close(master)
     os.close(slave)

@@ -200,6 +200,6 @@ def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
             for data in (b":XY12#", b":XY12#", b":Q#", b":GR#"):
                 await connection.ask(data)
         notes = [entry for entry in entries if entry.arrow == "!"]
-        assert [entry.note for entry in notes] == ["no reply to :XY12#: lx200 has no such command"] * 2
+        assert len(notes) == 2 and all(":XY12#" in entry.note for entry in notes)
 
     run(story())

@@ -149,7 +149,7 @@ def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[s
     if not full.exists():
         pytest.skip("no such device here")
     mode = _mode(full)
-    with pytest.raises(UserError, match="cannot record to /dev/full: this is a pipe or a device"):
+    with pytest.raises(UserError, match=r"/dev/full: .* a device"):
         _recorded(full)
     assert _mode(full) == mode
 

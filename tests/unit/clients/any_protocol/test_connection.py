@@ -207,7 +207,7 @@ def test_what_fits_nobody_is_noted() -> None:
         caller = bridge.call()
         caller.tell(b"XYZ")
         await asyncio.sleep(1.0)
-        assert bridge.recognised() == ["lx200, because no protocol has a command that begins like this"]
+        assert len(told := bridge.recognised()) == 1 and told[0].startswith("lx200, because no protocol")
         assert bridge.warned == []
 
     play(program)
@@ -221,7 +221,7 @@ def test_a_scanner_is_turned_away() -> None:
             await asyncio.sleep(0.1)
             assert caller.gone, sent
         notes = [entry.note for entry in bridge.entries if entry.arrow == "!" and "sends" in entry.note]
-        assert len(notes) == 5 and all("programs that speak LX200, NexStar, Stellarium:" in note for note in notes)
+        assert len(notes) == 5 and all("LX200, NexStar, Stellarium" in note for note in notes)
         assert len(bridge.any.present_hosts()) == 0
 
     play(program)

@@ -106,7 +106,7 @@ def test_a_mount_that_a_gateway_has_is_not_touched(started: list[Running], capsy
     serving.ready()
     assert main(["detect", port]) == 1
     told = capsys.readouterr()
-    assert f"a mount that a gateway has already: mount-gateway, process {serving.process.pid}" in told.out
+    assert f"mount-gateway, process {serving.process.pid}" in told.out
     assert f"  - {port}: mount-gateway status shows this mount" in told.err and "end that program" not in told.err
 
 

@@ -89,7 +89,7 @@ def test_by_night_the_turn_of_an_axis_does_not_count() -> None:
     assert refused(SyncSum(), 1.0, (180.0, 0.0), by_day=False) == ""
     assert "30 degrees" in refused(SyncSum(), 0.5, (30.0, 0.0), by_day=True)
     after = SyncSum(0.0, 14.8, (90.0, 0.0))  # the sum on the sky must stay within the limit, too
-    assert "16 degrees off with those since the alignment" in refused(after, 0.9, (0.0, 0.9), by_day=False)
+    assert "16 degrees off" in refused(after, 0.9, (0.0, 0.9), by_day=False)
     assert "95 degrees with those" in refused(SyncSum(turned=(90.0, 0.0)), 5.0, (5.0, 0.0), by_day=True)
 
 
@@ -98,7 +98,7 @@ def test_of_two_turns_that_are_possible_the_larger_counts() -> None:
     """Beyond the pole a mount may keep the way in which its tube points there, or turn it around."""
     around = (0.0, 0.9), (-180.0, -6.9)
     said = refused(SyncSum(), 0.9, *around)
-    assert said.startswith("Sync refused: it may turn an axis by 180 degrees. Sync on a star farther from the zenith")
+    assert "turn an axis by 180 degrees" in said
     assert refused(SyncSum(), 0.9, *around, by_day=False) == ""
     then = SyncSum().added(place(), place(0.0, 0.9), [around])
     assert then.axes == around
@@ -206,7 +206,7 @@ def test_small_syncs_do_not_add_up_beyond_the_limit(mount: str, driven: str) -> 
                 await sync_north(bridge, 0.1)  # a Meade is aligned by its first one
             way = -1.0 if mount == "cge" else 1.0  # this one begins at the pole
             assert await sync_north(bridge, way * 9.0) is None
-            assert "18 degrees off with those since the alignment" in str(await sync_north(bridge, way * 9.0))
+            assert "18 degrees off" in str(await sync_north(bridge, way * 9.0))
             assert await sync_north(bridge, way * 5.0) is None
             assert await sync_north(bridge, way * -10.0) is None
             assert await sync_north(bridge, way * 9.0) is None

@@ -98,10 +98,7 @@ def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest
         own = Announcement(said.append, lambda text: None)
         await own.answer_discovery([Offer("alpaca", "", "tcp", *EVERYWHERE)])
         await own.close()
-        assert said == [
-            "ASCOM Alpaca programs will not find this gateway by themselves: UDP port 32227: Address already in use; "
-            "type its address and port into them"
-        ]
+        assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
 
     asyncio.run(program())
 

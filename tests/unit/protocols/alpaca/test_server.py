@@ -276,9 +276,7 @@ def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str],
                 assert not [name for name in response.headers if name.lower().startswith("access-control")]
         assert len(own.mount.said) == (2 if status == 200 else 0)
         by_name = status == 403 and "Host" in headers
-        assert [notice.text for notice in own.mount.log.recent] == by_name * [
-            "request from 127.0.0.1 over HTTP refused: it calls this computer by a name that is not in names"
-        ]
+        assert len(own.mount.log.recent) == by_name and all("not in names" in one.text for one in own.mount.log.recent)
 
     run(test, names=("pier.example.org", "203.0.113.7"))
 
@@ -349,7 +347,7 @@ def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
         own.mount.answers[b"get slewing\n"] = b"false\n"
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
         _, answer = await own.ask("PUT", API + "slewtocoordinates", data=place)
-        assert (answer["ErrorNumber"], answer["ErrorMessage"]) == (0x40B, "the goto ended 26.0 degrees from its goal")
+        assert answer["ErrorNumber"] == 0x40B and "26.0 degrees" in answer["ErrorMessage"]
         _, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
         assert answer["ErrorNumber"] == 0
 

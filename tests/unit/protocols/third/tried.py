@@ -55,9 +55,9 @@ def tried(capture: Path) -> None:
     code, text = said("decode", "--protocol", "toy", str(capture))
     assert code == 0 and "go there" in text, text
     code, text = said("sim", "toy")
-    assert code == 2 and "no toy mount can be simulated; lx200 or nexstar or" in text, text
+    assert code == 2 and "no toy mount can be simulated" in text, text
     code, text = said("run", "--mount", "toy@sim", "--surface", "lx200@tcp://127.0.0.1:0")
-    assert code == 2 and "toy mounts cannot be driven; lx200 or nexstar" in text, text
+    assert code == 2 and "toy mounts cannot be driven" in text, text
     code, text = said("explain", "toy", "6se", "!05:34:32,+22*00:52\\x0a")
     assert code == 0 and "translated" in text and "to the mount: R" in text.replace("r", "R"), text
     code, text = said("explain", "lx200", "nexstar", "?\\x0a")
