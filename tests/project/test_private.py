@@ -10,10 +10,10 @@ from tests.support.pages import ROOT
 
 #: What is used all the same. A name is taken from this list with its last use, and none is added.
 NAMES = """_almanac_until _asked _available _buffer _cache _coasts_until _connect_watchdog _deferred _degrees _down
-    _drive_rate _epoch _found _frame _gateway _guests _hosts _inbox _known _later _load _load_console _lock _logged
-    _measured _metrics _moon_from _mounts _on_data _opcodes _open _pair _pending _protected _put _reason _replies
-    _runner _saved_states _say_new_addresses _send _send_order _sent _sharing _SimulatedConnection _STARS _state
-    _surface_argument _task _text _transport _unterminated _until _up _urgent _waiters _waiting _writer"""
+    _drive_rate _epoch _found _frame _hosts _inbox _known _lock _logged _measured _moon_from _on_data _opcodes
+    _open _pair _pending _protected _put _reason _replies _runner _saved_states _say_new_addresses _send
+    _send_order _sent _sharing _SimulatedConnection _state _surface_argument _task _text _transport
+    _unterminated _until _up _urgent _waiters _waiting _writer"""
 
 
 def is_private(name: str) -> bool:
