@@ -205,7 +205,7 @@ def _located(source: Source, mistake: Mistake) -> UserError:
     """Return the error for a mistake: ``gateway.toml:12: [mount] lowest: …``."""
     table, key = mistake.place[0], mistake.place[-1]
     where = source.where(mistake.place)
-    if where.startswith("--") or not source.is_file:
+    if where.startswith("--") or not (source.is_file or len(mistake.place) > 1):
         return UserError(
             f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
         )
