@@ -206,12 +206,12 @@ class Gateway:
         return RequestHandler(self.controller, self)
 
     def state(self) -> MountState:
-        """Return what the mount does and what is known of it, without asking it."""
+        """Return the activity and the known state of the mount, without an exchange with it."""
         programs = [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def cautions(self) -> Iterator[str]:
-        """Yield what the user is told once the gateway serves; before, it would hide why it does not."""
+        """Yield the warnings for the user once the gateway serves; earlier, they would hide why it does not."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.where, surface, reachable_networks):
                 yield warning

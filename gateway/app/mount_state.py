@@ -37,7 +37,7 @@ class MountState(Struct, frozen=True, dict=True):
 
     ``over`` is where it points over the horizon, ``goal`` where a goto under way leads; both None if not known.
     ``pier_kept``: whether a limit of the hour angle can be kept.
-    ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all that is told of them, best first.
+    ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all reported ones, best first.
     ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds; ``sky`` says what the
     sky at its time is calculated from.
     """
@@ -170,7 +170,7 @@ class MountState(Struct, frozen=True, dict=True):
 def mount_state(
     controller: MountController, name: str = "", mount: str = "", programs: Sequence[str] = ()
 ) -> MountState:
-    """Return the state of a mount; ``name`` is the one that its owner gave it, or empty."""
+    """Return the state of a mount; ``name`` is its configured name, or empty."""
     now, readings, astrometry, driver = controller.now(), controller.cache, controller.astrometry, controller.driver
     identity: op.Identity | None = readings.value(op.GetIdentity)
     product, model = (identity.product, identity.model) if identity else ("", "")

@@ -178,7 +178,7 @@ class Pages:
     async def _answer(
         self, request: web.Request, name: str, body: bytes, kind: str, headers: dict[str, str]
     ) -> web.Response:
-        """Return a body, a text compressed if the browser takes that; ``name`` is by which it is kept compressed."""
+        """Return a body, a text compressed if the browser accepts that; ``name`` is the key of the compressed copy."""
         if kind in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
@@ -192,7 +192,7 @@ class Pages:
 def application(
     names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
-    """Return an application that answers requests which mean this computer; ``logs`` are told of the others.
+    """Return an application that answers requests to this computer; ``logs`` record all other requests.
 
     ``names`` are further host names by which clients may call it, ``ports`` the access rules of ports that have some.
     """

@@ -69,10 +69,10 @@ class Served(Struct, frozen=True):
 
 
 class State(Struct, frozen=True):
-    """All that is known of a mount: what it does, what was asked of it, its limits, and the state of its line.
+    """The known state of a mount: its activity, its orders, its limits, and the state of its line.
 
     Texts are for the user, and empty if nothing is known. ``reply`` is the typical reply time in seconds, ``answers``
-    the number of replies so far; ``lately`` is what was refused, or done by the gateway itself, in the last minute.
+    the number of replies so far; ``lately`` lists the refusals and the gateway's own actions of the last minute.
     ``folder`` is the gateway's state folder; ``unopened`` says why the mount's port cannot be opened.
     """
 

@@ -88,7 +88,7 @@ class Rights(Struct, frozen=True):
 
 
 class ClientAdmission:
-    """Admits connections to one surface, of this ``number``. A refused host is logged once, and told in ``status``."""
+    """Admits connections to one surface, of this ``number``. A refused host is logged once, and shown in ``status``."""
 
     def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log

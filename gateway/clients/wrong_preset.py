@@ -22,7 +22,7 @@ MAX_BYTES, MAX_HOSTS = 64, 1000
 
 
 def foreign(served: str, sent: bytes) -> tuple[str, bytes] | None:
-    """Return another protocol whose commands these bytes are, and the first command; None if there is none."""
+    """Return the other protocol to which these bytes belong, and the first command; None if they belong to none."""
     for protocol in streams():
         if protocol != served and (first := _first(load(protocol), sent.lstrip(IDLE))):
             return protocol, first
@@ -39,7 +39,7 @@ def _first(protocol: CommandSet, sent: bytes) -> bytes:
 
 
 def other(served: str, sent: bytes) -> str:
-    """Return the telescope type for another protocol whose commands these bytes are; empty if there is none."""
+    """Return the telescope type of the other protocol to which these bytes belong; empty if they belong to none."""
     match = foreign(served, sent)
     return PROTOCOLS[match[0]].preset if match else ""
 
@@ -71,7 +71,7 @@ def _beside(where: str) -> str:
 class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    Whoever asks for recent events is told of every one. ``framing`` splits bytes into commands of the surface's
+    The recent events list every such client. ``framing`` splits bytes into commands of the surface's
     protocol ``served``. ``one_type``: the surface is for one protocol only; on one for every protocol any type fits.
     """
 

@@ -92,7 +92,7 @@ class Arrows:
                 self.release(direction, lost=True)
 
     def release(self, direction: Direction | None = None, press: int = 0, lost: bool = False) -> None:
-        """Release one arrow, or all of them; with the number of a press only if that is the one that is held.
+        """Release one arrow, or all of them; with the number of a press only if that press is still held.
 
         If the page is ``lost``, a motion that has not begun is dropped.
         """

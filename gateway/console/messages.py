@@ -85,7 +85,7 @@ class Jog(Struct, frozen=True, tag="jog"):
 
 
 class ReleaseArrow(Struct, frozen=True, tag="let_go"):
-    """Release one direction key, or all of them; with ``press``, only if that press is the one that is held."""
+    """Release one direction key, or all of them; with ``press``, only if that press is still held."""
 
     direction: Arrow | None = None
     press: Annotated[int, Meta(ge=0)] = 0

@@ -189,7 +189,7 @@ OFF = "off"
 
 
 class _PublishedMount:
-    """One mount, and what was last published of it."""
+    """One mount, and its last published state."""
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
         self.gateway, self.name = gateway, gateway.config.name or UNNAMED

@@ -72,7 +72,7 @@ class SameMount:
             self.lasting.emit(None)
 
     async def check(self) -> None:
-        """Compare the mount with how it was left; forget what is kept for it if anything differs or is not known."""
+        """Compare the mount with its saved state; discard the data stored for it if anything differs or is unknown."""
         keeps, context = not self._keeps or await self._as_left(), self._context
         self._checked = True
         if keeps:

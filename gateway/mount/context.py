@@ -1,4 +1,4 @@
-"""What all parts of a mount share: its line, what is wanted and known of it, its site and clock.
+"""The data that all parts of a mount share: its line, its orders, its readings, its site and clock.
 
 The context does not know the parts that act.
 """
@@ -101,7 +101,7 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, said: Remark) -> None:
-        """Log what a driver does differently from what was requested: the first time, or the first of its kind."""
+        """Log a deviation of the driver from the request: the first time, or the first of its kind."""
         self.log.note_once("mount", said.text, kind=said.kind)
 
     def note_once(self, text: str) -> None:

@@ -192,9 +192,9 @@ class MountController:
         return await self.perform(operation, activity=activity) if cached is NOT_CACHED else cached
 
     async def preview(self, goal: op.Equatorial) -> Fault | None:
-        """Return what a goto there would be refused with now; None if the mount would be sent there.
+        """Return the fault with which a goto would be refused now; None if it would be allowed.
 
-        The mount is not asked: what only it can tell is not foreseen.
+        This sends nothing to the mount, so it cannot foresee the mount's own refusals.
         """
         if not self.context.known.is_set():
             return NoAnswer()

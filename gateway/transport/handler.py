@@ -18,7 +18,7 @@ Write = Callable[[bytes], int | None]
 
 
 class Connected(Struct, frozen=True):
-    """A new connection, and all that its handler may do with it.
+    """A new connection, and the actions that its handler has.
 
     ``hang_up``: it is from the network, so anyone may be at the other end, and this ends it; ``hand_over``, if
     possible, gives it to another owner. ``change_rate``: it is a serial port, and this sets the baud rate and returns

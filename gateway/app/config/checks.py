@@ -195,7 +195,7 @@ def _console(config: Config) -> Iterator[Mistake]:
 
 
 def _mqtt(config: Config) -> Iterator[Mistake]:
-    """Check the broker's address, and that the gateway's name is not the one that stands for all gateways."""
+    """Check the broker's address, and that the gateway's name is not the name for all gateways."""
     mqtt = config.mqtt
     if mqtt is None:
         return

@@ -13,7 +13,7 @@ from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):
-    """One key: ``right`` says in words what a value must be, ``choices`` are the possible words if it is one of few."""
+    """One key: ``right`` describes the valid values, ``choices`` lists them if they are few."""
 
     name: str
     words: str
@@ -103,7 +103,7 @@ def _choices(hint: object) -> tuple[str, ...]:
 
 
 def _right(hint: object) -> str:
-    """Return in words what a value must be."""
+    """Return a description of the valid values."""
     return " or ".join(_words(kind, metas) for kind, metas in _types(hint))
 
 

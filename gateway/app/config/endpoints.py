@@ -178,7 +178,7 @@ def _on_lines() -> list[str]:
 def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
     """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
 
-    ``of`` is ``mount`` or ``surface``: what it is to be, for the message.
+    ``of`` is ``mount`` or ``surface``, for the message.
     A StarSense hand control may be written as a version or as a model. Raises UserError.
     """
     name, slash, version = what.partition("/")
@@ -209,7 +209,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 
 
 def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
-    """Return what was probably meant by the address of a surface (``listening``) or a mount; empty if it may be right.
+    """Return the probable correction of an address of a surface (``listening``) or a mount; empty if it may be right.
 
     Wrong are an address without its scheme or with the other side's, and a serial port without its folder.
     """

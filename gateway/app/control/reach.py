@@ -196,12 +196,12 @@ def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
 
 
 async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> Answer:
-    """Send a request and return the answer; if there is none, it failed with ``NoAnswer``."""
+    """Send a request and return the answer; without an answer, a failure with ``NoAnswer``."""
     return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
 
 
 async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:
-    """Return what a gateway knows of its mount; if it does not tell, the answer that says why."""
+    """Return the state of a gateway's mount, or the answer that explains why the gateway does not report it."""
     answer = await request(endpoint, StateRequest(fresh), seconds)
     try:
         return msgspec.json.decode(answer.words, type=State)

@@ -76,7 +76,7 @@ BY_PAGE = (
 
 
 def explain(fault: Fault, limits: Limits) -> str:
-    """Return a refusal for a person: the words that programs get, and what they mean."""
+    """Return a refusal for a person: the text that programs get, and an explanation."""
     if limits.by_page and isinstance(fault, NARROWED):
         return f"{fault} {BY_PAGE.format(limits)}"
     if fault.brief or not fault.means:  # a text with a brief form says what to do
@@ -101,7 +101,7 @@ async def of_date(controller: MountController, where: requests.Target) -> op.Equ
 
 
 async def _know_site(controller: MountController) -> None:
-    """Wait for the mount's site if none is known yet; what needs one says so if there is none."""
+    """Wait for the mount's site if it is unknown; without a site, the operation that needs it is refused."""
     with contextlib.suppress(Fault):
         await controller.answer(op.GetSite())
 
@@ -114,7 +114,7 @@ class RequestHandler:
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
-        """Return what is known of the mount, without asking it."""
+        """Return the known state of the mount, without an exchange with it."""
         ports = tuple(served(self._gateway))
         surfaces = [f"{port.name} {port.at}" for port in ports]
         state = self._gateway.state().drawn(surfaces)

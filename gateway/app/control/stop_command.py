@@ -28,8 +28,8 @@ LOOKS, BETWEEN, STARTED = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
-    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts. A mount is told by its
-    name, else by its endpoint. ``others`` are those that run here, or were left moving, and were not meant.
+    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts. A mount is listed by
+    its name, else by its endpoint. ``others`` run here, or were left moving, and were not selected.
     """
 
     outcomes: list[tuple[str, Answer]]

@@ -54,13 +54,13 @@ def _served(name: str, where: str, offer: Offer | None) -> Served:
 
 
 class PhoneLines:
-    """The lines that say what to type on a phone; each is told when it is new, and again when it changes."""
+    """The lines that show what to type on a phone; each is printed when it is new, and again when it changes."""
 
     def __init__(self) -> None:
         self._told: dict[tuple[str, int], str] = {}
 
     def news(self, offers: Iterable[Offer]) -> list[str]:
-        """Return the lines of the offers that have not been told, or differ from what was told."""
+        """Return the lines of new and changed offers."""
         lines = []
         for offer in offers:
             key, line = (offer.protocol, offer.port), phone_line(offer, reachable_addresses(offer))

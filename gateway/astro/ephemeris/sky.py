@@ -73,7 +73,7 @@ class Sky:
         return values
 
     def source(self, unix: float) -> str:
-        """Return what a result for this moment is calculated from."""
+        """Return the source of a result for this moment: the tables or the formulas."""
         if self._values("frame", unix) is None:
             return "closed form"
         return time.strftime("almanac of %Y-%m-%d", time.gmtime(unix))
@@ -176,5 +176,5 @@ class Sky:
 
 
 def _frame_of(unix: float, greenwich: float, *m: float) -> Frame:
-    """Return the Earth's frame from what a table says."""
+    """Return the Earth's frame from a row of a table."""
     return greenwich + SIDEREAL_RATE * (unix % DAY), ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))

@@ -97,7 +97,7 @@ NOTHING = {
 
 
 def _on_disk(folder: Path, word: str) -> tuple[str, str]:
-    """Hold or release gateways that are started later with a state folder; return (what was done, what failed)."""
+    """Hold or release gateways that are started later with a state folder; return the texts (done, failed)."""
     from gateway.app.state.file import HOLD, hold_folder, release_folder
 
     try:

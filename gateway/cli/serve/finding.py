@@ -79,10 +79,10 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
 
 
 async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
-    """Wait for the mount. Raises UserError that says what was found instead.
+    """Wait for the mount. Raises UserError, which describes the device found instead.
 
-    If no byte comes, the user is told, another mount is looked for once, and the port is asked again until ``longest``
-    seconds after the start.
+    If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
+    again until ``longest`` seconds after the start.
     """
     now, line = asyncio.get_running_loop().time, gateway.controller.line
     end = now() + longest

@@ -236,7 +236,7 @@ async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool)
 
 
 def _print_last_message(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
-    """Print the last message: what was done at the end, and how the mount was left."""
+    """Print the last message: the actions at the end, and the final state of the mount."""
     from gateway.app.control.user_messages import last_message
 
     message = last_message(gateway.controller, moved) if gateway.prepared else None

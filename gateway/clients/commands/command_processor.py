@@ -46,7 +46,9 @@ class Releases:
         self._recent: dict[bytes, float] = {}
 
     def ends(self, frame: bytes, ending: UrgentEnd, now: float, under_way: Turn | None) -> UrgentEnd | None:
-        """Return what a command ends; None if it releases only an arrow whose press waits behind ``under_way``."""
+        """Return the motion that a command ends; None if it releases only an arrow whose press waits behind
+        ``under_way``.
+        """
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending

@@ -105,7 +105,7 @@ def spoken(surface: str, protocol: str) -> str:
 
 
 def kind(surface: str) -> str:
-    """Return what a surface is, without its port: ``lx200:autostar``."""
+    """Return protocol and model of a surface, without its port: ``lx200:autostar``."""
     return surface.partition("@")[0]
 
 

@@ -58,8 +58,8 @@ def on_page(text: str) -> str:
 
 
 def abilities(controller: MountController) -> dict[str, Any]:
-    """Return what it can do of what the page offers, its guide rates, its speeds by key, and where it parks; None while
-    not known."""
+    """Return the functions of the page that the mount supports, its guide rates, its speeds by key, and its park
+    position; None while unknown."""
     status = controller.cache.last(op.GetStatus)
     if not controller.identified.is_set() or status is None:
         return {"can": None, "guides": None, "speeds": None, "park": None}

@@ -45,7 +45,7 @@ class Heard(NamedTuple):
 
 
 def _briefly(meaning: str) -> str:
-    """Return what a command does, without the further explanations of the manual."""
+    """Return a short description of a command, without the further explanations of the manual."""
     return re.split(r"[:;] | \(", meaning)[0]
 
 

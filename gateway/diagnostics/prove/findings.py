@@ -22,8 +22,8 @@ SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not 
 
 
 class MeasuredRate(Struct, frozen=True):
-    """How fast an axis turned that was to turn so fast, negative the other way; by how many degrees it ran on after
-    each stop, empty if it hardly moved. Only if the mount moved on ``evenly`` it shows the rate exactly.
+    """The assumed and the real rate of an axis, negative if reversed; and the run-on after each stop, degrees, empty if
+    the axis hardly moved. The rate is exact only if the mount moved ``evenly``.
     """
 
     axis: int
@@ -40,7 +40,9 @@ class MeasuredRate(Struct, frozen=True):
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
-    """One thing that was compared. ``means``: what a difference means for its owner; ``keys``: what adapts to it."""
+    """One comparison. ``means``: the consequence of a difference for the owner; ``keys``: the settings that adapt to
+    it.
+    """
 
     what: str
     verdict: str
@@ -63,7 +65,7 @@ def rest_of(stage: str) -> str:
 
 
 class StageReporter(Protocol):
-    """Takes the findings of a stage, and how far it has come; ``before`` is what it had found when it was ended."""
+    """Takes the findings and the progress of a stage; ``before`` are its findings of an earlier, unfinished run."""
 
     before: list[Finding]
 
@@ -72,8 +74,8 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity, of which ``model`` and ``version`` name the file that is made;
-    ``told`` is what it has told of its settings at first, by command.
+    """All findings by stage. ``mount`` is its identity, of which ``model`` and ``version`` name the output file;
+    ``told`` are its first replies about its settings, by command.
     """
 
     mount: str = ""
@@ -84,7 +86,7 @@ class Findings(Struct):
     stages: dict[str, list[Finding]] = {}
 
     def whole(self, stage: str) -> bool:
-        """Whether a stage has come to its end."""
+        """Whether a stage is complete."""
         return stage in self.stages and all(finding.what != rest_of(stage) for finding in self.stages[stage])
 
     def of(self, verdict: str) -> list[Finding]:

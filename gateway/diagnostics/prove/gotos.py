@@ -87,7 +87,7 @@ async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> t
 
 
 async def near(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
-    """Return a goal 5° from here that the rules allow, or None and why there is none."""
+    """Return an allowed goal 5° away, or None and the reason."""
     aside = FAR / max(0.2, cos(radians(position.dec)))
     ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
     west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
@@ -134,7 +134,7 @@ async def there_and_back(
 ) -> tuple[op.Equatorial, op.Equatorial] | None:
     """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended.
 
-    ``means``: what it means for the owner if a goto ends, or is told to end, somewhere else.
+    ``means``: the consequence for the owner if a goto ends, or is cancelled, somewhere else.
     """
     start = (await telescope.rest()).sky
     goal, refused = await near(telescope, start)

@@ -203,7 +203,7 @@ class GuidedCheck:
         return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
 
     def _ends_early(self, stage: Stage, reason: str) -> None:
-        """Add to what was found what had been found before, and why the rest is missing."""
+        """Add the findings of an earlier run to those of this run, and the reason why the rest is missing."""
         again = {rest_of(stage.name), *(finding.what for finding in self._here)}
         self._here += [finding for finding in self.before if finding.what not in again]
         self._here.append(Finding(rest_of(stage.name), NOT_TRIED, reason))

@@ -90,7 +90,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 async def settings(telescope: CheckedMount, report: StageReporter) -> None:
-    """Ask again what the mount keeps, and compare it with what it told at first. Raises Ended."""
+    """Read the stored settings of the mount again, and compare them with the first replies. Raises Ended."""
     if not telescope.settings:
         report.add(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
         return

@@ -50,7 +50,7 @@ class Ended(Exception):
 
 
 class StoppedByOthers(Ended):
-    """Somebody else has stopped the mount: what it does now is theirs to say."""
+    """Somebody else has stopped the mount, and decides what it does now."""
 
 
 class Motion(NamedTuple):
@@ -93,7 +93,7 @@ class CheckedMount:
 
     @property
     def status(self) -> op.Status:
-        """The last status. Raises Ended if the mount has not told any."""
+        """The last status. Raises Ended if the mount has not reported it."""
         status: op.Status | None = self.controller.cache.value(op.GetStatus)
         if status is None:
             raise Ended("the mount has not told its status")
@@ -291,7 +291,7 @@ class CheckedMount:
         return wrap180(then - first), second_end - second
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
-        """Return the motion between two positions beyond what a drive explains that is on or off."""
+        """Return the motion between two positions that tracking, on or off, does not explain."""
         return drift(before.sky, after.sky, after.at - before.at)
 
     def moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:

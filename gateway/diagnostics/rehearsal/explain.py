@@ -135,7 +135,7 @@ def traits(face: Endpoint, command: Command, facts: Model | None = None) -> froz
 
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:
-    """Return what a program sends before this command, and just before it."""
+    """Return the commands that a program sends before this command, and immediately before it."""
     spec = PROTOCOLS[face.protocol]
     after = (*spec.required_requests, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
@@ -192,7 +192,7 @@ def _name(at: Endpoint) -> str:
 
 
 def _means(outcome: str, reply: bytes) -> str:
-    """Return what an outcome means; of a refusal, who is told."""
+    """Return the meaning of an outcome; for a refusal, who gets the message."""
     if outcome != "refused":
         return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
     if not reply:

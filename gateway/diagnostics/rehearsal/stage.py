@@ -88,7 +88,7 @@ class RehearsalMount:
         """Do nothing: a stage has no saved state of an earlier run."""
 
     def _listening(self, connect: Connection) -> Connection:
-        """Wrap a connection to the mount and note what is sent to it."""
+        """Wrap a connection to the mount and record the bytes sent to it."""
 
         def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
             feed = connect(later)

@@ -227,7 +227,7 @@ class ReplyVerifier:
 
 
 def _seconds(values: Values) -> float:
-    """Return the time of the day that a reply tells; sidereal time is told in degrees."""
+    """Return the time of day in a reply, seconds; replies give sidereal time in degrees."""
     if "time" in values:
         return float(values["time"])
     if "sidereal" in values:

@@ -162,7 +162,7 @@ class MountLink:
             self.transaction.wake(stop)
 
     def _stop(self) -> list[bytes]:
-        """Return the commands of the stop that is owed, or of those that wait."""
+        """Return the commands of the owed stop, or of waiting stops."""
         commands: list[bytes] = []
         self.stopping.emit(commands)
         return commands or self.queue.stops(self.reply_rules.encode)

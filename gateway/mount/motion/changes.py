@@ -60,14 +60,14 @@ class PulseEnded(NamedTuple):
 
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Return what is wanted after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
+    """Return the new ``Wanted`` after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
     if wanted.short and order.by is not None:  # of a client
         wanted = replace(wanted, short="")
     return _ROWS.get(type(order.operation), _append)(wanted, order, now, slewing)
 
 
 def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
-    """Return what is wanted after a stop: no motion, and the mount is owed the stop command.
+    """Return the new ``Wanted`` after a stop: no motion, and the stop command is owed to the mount.
 
     ``why`` is the reason if the gateway itself stops the mount, empty if a client does, None for a stop that follows.
     """
@@ -326,9 +326,9 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
 def acknowledged(
     wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent: float = 0.0
 ) -> Wanted:
-    """Return what is wanted once the mount has acknowledged an operation, in the form in which it was admitted.
+    """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was admitted.
 
-    ``speed`` is that of a motion by hand, degrees a second; it was ``sent`` at this loop time.
+    ``speed`` is the speed of a motion by hand, degrees a second; ``sent`` is the loop time of its command.
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
@@ -358,7 +358,7 @@ def acknowledged(
 
 
 def without_earlier(wanted: Wanted) -> Wanted:
-    """Refuse what clients asked for before now and what still waits in a connection."""
+    """Refuse the pending orders of clients, and the commands that still wait in a connection."""
     return replace(wanted, stops=wanted.stops + 1)
 
 

@@ -1,4 +1,4 @@
-"""What is known without a request once the mount has acknowledged an order, and what is watched from then on."""
+"""The consequences of an acknowledged order: the state that follows without a request, and the motions to watch."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Consequences:
             self._watch.began(operation)
 
     def done(self, operation: op.Operation, before: Wanted) -> None:
-        """Handle an operation; ``before`` is what was wanted until it was acknowledged."""
+        """Handle an acknowledged operation; ``before`` is the ``Wanted`` before its acknowledgement."""
         cache, run_on = self._cache, self._context.run_on
         if run_on.value is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
             run_on.forget()
@@ -99,7 +99,7 @@ class Consequences:
         return PulseEnded(axis, late)
 
     def _note_replaced(self, before: object, after: object) -> None:
-        """Log that a goto replaces another program's: the last one wins, and the other program is not told."""
+        """Log that a goto replaces another program's: the last goto wins, and the other program gets no message."""
         old, new = (motion.by if isinstance(motion, Slew) else None for motion in (before, after))
         if old is not None and new is not None and old.program != new.program:
             self._context.note(f"the goto of {new.who} replaces that of another program, {old.who}")

@@ -179,7 +179,7 @@ class Reconciler:
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
     def want(self, wanted: Wanted) -> None:
-        """Replace what is wanted without an order, for what another part has seen or read."""
+        """Replace the ``Wanted`` without an order, because of an observation by another part."""
         self._want(wanted)
         self._start_next()
 
@@ -225,7 +225,7 @@ class Reconciler:
         self._state.changed.emit(wanted)
 
     def _want(self, wanted: Wanted) -> None:
-        """Replace what is wanted, settle the outcomes of orders that are no longer wanted, and cancel work on them."""
+        """Replace the ``Wanted``, settle the outcomes of orders that have left it, and cancel the work on them."""
         before = self.wanted
         self._put(wanted)
         for tap in wanted.taps:

@@ -51,7 +51,7 @@ class RunOn(Struct, frozen=True):
 
 
 def drift(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
-    """Return the motion between two positions beyond what a drive explains that is on or off, degrees."""
+    """Return the motion between two positions that tracking, on or off, does not explain, degrees."""
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
     return min(distance, passed) - DRIVES * elapsed

@@ -34,7 +34,7 @@ class TapDropped(Busy):
 
 
 def released(wanted: Wanted, release: Order) -> Wanted | None:
-    """Return what is wanted after the release of an arrow whose motion is to last a while longer.
+    """Return the new ``Wanted`` after the release of an arrow whose motion continues for a while.
 
     None if the release ends something at once.
     """
@@ -110,7 +110,7 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
 
 
 def serves_as_well(order: Order, wanted: Wanted) -> bool:
-    """Whether something else does what an order was for that is no longer pending.
+    """Whether something else has fulfilled an order that is no longer pending.
 
     What removes a halt ends its motion, too. An arrow was replaced by the same client's next one, or joined with one.
     """
@@ -131,7 +131,7 @@ def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
 
 
 def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | None:
-    """Return what is wanted after a full stop that only releases an arrow: the shortest motion, and then the stop.
+    """Return the new ``Wanted`` after a full stop that only releases an arrow: the shortest motion, and then the stop.
 
     None if the stop goes first: the motion has begun, the press is too old, or something else moves or waits.
     """

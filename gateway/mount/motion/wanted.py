@@ -367,7 +367,7 @@ class Moving(Struct, frozen=True):
 
 
 class Movement:
-    """Reports what moves, from what is wanted and from the mount's last replies."""
+    """Reports the present motion, from the orders and the mount's last replies."""
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache, self._own = wanted, cache, False

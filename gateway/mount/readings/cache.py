@@ -122,7 +122,7 @@ class ReadingsCache:
         self.look_again(kind)
 
     def correct(self, kind: Kind, value: Any) -> None:
-        """Replace the last reading by what an order has made of it. It is read again when it would have been."""
+        """Replace the last reading by the effect of an order. The next read keeps its time."""
         self.entries[kind].value = value
         self.look_again(kind)
 
@@ -225,8 +225,8 @@ class Readings(Protocol):
 class LastReadings:
     """The last readings, however old, for a rule that is applied in advance: the mount is not asked.
 
-    What somebody is told in advance must not change what the mount is sent, nor when: nothing is noted here, not even
-    that somebody looks. A reading that there is not yet raises ``NotRead``.
+    A preview must not change the commands to the mount, nor their times: so reading here has no side effect. A missing
+    reading raises ``NotRead``.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver) -> None:

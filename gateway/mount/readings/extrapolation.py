@@ -164,7 +164,7 @@ def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolatio
 
 
 def equatorial(context: Context) -> bool:
-    """Whether the mount has told that it is equatorial."""
+    """Whether the mount has reported that it is equatorial."""
     status = context.cache.value(op.GetStatus)
     return status is not None and bool(status.equatorial)
 

@@ -256,7 +256,7 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 
 
 def altitude(view: View) -> Verdict:
-    """End a motion before it passes an altitude limit, by what the mount tells or by what it told before its syncs.
+    """End a motion before it passes an altitude limit, by the mount's coordinates or by those before its syncs.
 
     A goto passes the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
     written limits count.

@@ -70,7 +70,7 @@ def turned_by_side(hour_angle: float, side: str | None) -> float:
 
 
 def past_meridian(turned: float, german: bool | None) -> float:
-    """Return by how many degrees the tube is past the meridian; negative on the free side.
+    """Return the angle of the tube past the meridian, degrees; negative on the free side.
 
     The shaft of a German mount is above horizontal then. The hour angle of a fork counts to both sides.
     """
@@ -115,7 +115,7 @@ class HourAngleWatch:
         return IN_MOTION if moves else AT_REST
 
     def forget(self) -> None:
-        """Forget what was followed: positions before and after now cannot be compared."""
+        """Forget the followed angle: positions before and after now cannot be compared."""
         self._readings, self._turned = (), None
 
     def take_reading(self, axes: op.Horizontal, now: float) -> None:
@@ -159,7 +159,7 @@ class HourAngleWatch:
         self._readings = (*self._readings[-2:], MeridianReading(at, past_meridian(turned, self._mount.driver.german)))
 
     def _side(self) -> str | None:
-        """Return the pier side that a German mount told last, and start a new read if that is old."""
+        """Return the last reported pier side of a German mount, and start a new read if the report is old."""
         mount = self._mount
         if not mount.driver.german:
             return None

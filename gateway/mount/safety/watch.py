@@ -70,8 +70,8 @@ SETTLE_TIME = 3.0
 class LimitWatch:
     """Watches the limits of one mount: call ``check_position`` with every position, ``began`` with every motion begun.
 
-    ``must_stop`` is emitted in the call that finds the reason: a position, a missing one, or the deadline has passed.
-    ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
+    ``must_stop`` is emitted in the call that finds the reason: a forbidden position, a missing one, or a missed
+    deadline. ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
     """
 
     def __init__(self, mount: Context, reader: Reader, ends: EndWatch) -> None:
@@ -99,7 +99,7 @@ class LimitWatch:
 
     @property
     def moved_by_others(self) -> bool:
-        """Whether the mount moves although no client told it to."""
+        """Whether the mount moves without an order of a client."""
         return self._mount.now() < self.others.until
 
     def others_move(self, axis: int) -> bool:
@@ -391,7 +391,7 @@ class AxisCourse(Struct, frozen=True):
 
 
 class StallWatch:
-    """Finds axes that do not move although they were told to; call ``find_stalled`` with every position.
+    """Finds axes that do not move in spite of an order; call ``find_stalled`` with every position.
 
     Such a motor is stalled, or the mount reports an old position. Only speeds that a position shows clearly are judged,
     and only after the mount has had time to start.

@@ -24,7 +24,7 @@ Clock = tuple[Moment, float]
 
 
 class SiteOfProgram(Struct, frozen=True):
-    """A whole site that a program has set, its host, and the date; what is kept over a restart.
+    """A complete site that a program has set, its host, and the date. It survives a restart.
 
     Degrees, north and east positive; ``host`` and ``date`` are words for messages.
     """

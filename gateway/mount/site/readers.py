@@ -25,7 +25,7 @@ class ReadBy:
     # --- reading ----------------------------------------------------------------------------------------------------
 
     def site(self) -> Place | None:
-        """Return the site that the program has set, else that of the best source; None if there is none."""
+        """Return the site that the program has set, else the site of the best source; None if both are unknown."""
         settings = self.own
         place, half = settings.site or self._known.best_site(), settings.half
         if half is None:

@@ -71,7 +71,7 @@ class SiteAndClock:
         return self._context.astrometry_for(program).place()
 
     async def _ask_for_site(self) -> None:
-        """Ask a mount again that told no site at the start: its GPS may have a fix by now."""
+        """Ask the mount again if it reported no site at the start: its GPS may have a fix by now."""
         now = self._context.now()
         if now - self._asked_site < GPS_SEARCH:
             return

@@ -135,7 +135,7 @@ class SiteClock:
         return None if any(far_apart(site, place) <= CONFIRMS for place in others) else known[0]
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
-        """Return what a clock that was read some time ago shows now."""
+        """Return the present time of a clock that was read earlier."""
         if held is None:
             return None
         moment, at = held
@@ -200,7 +200,7 @@ class SiteClock:
         return replace(gps, unix=gps.unix + age) if age < (GPS_FIX if gps.linked else GPS_SEARCH) else None
 
     def mount_asked(self) -> None:
-        """Note that the mount was asked for its site: if it told none, one of an earlier run counts."""
+        """Note that the mount was asked for its site: if it reported none, the site of an earlier run counts."""
         if not self._asked:
             self._asked = True
             self.changed.emit(None)

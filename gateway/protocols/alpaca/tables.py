@@ -33,7 +33,7 @@ class Parked(Fault):
 
 
 class Untold(Unsupported):
-    """The server may lack this member, or has failed to read it just now: what it answers tells neither."""
+    """The server lacks this member, or could not read it just now; its answer does not distinguish the two."""
 
 
 @cache

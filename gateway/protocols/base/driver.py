@@ -105,7 +105,7 @@ class GotoUnderWay(Struct):
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``, and owns what is known of the mount.
+    """Carries out operations by the rows of ``driver.toml``, and owns the known state of the mount.
 
     ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``, which import the state of a driver.
     """

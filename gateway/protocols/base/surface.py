@@ -69,7 +69,7 @@ class Surface:
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     def ending(self, session: Session, frame: bytes) -> UrgentEnd | None:
-        """Return what an urgent command ends before it has its turn; None for all other commands."""
+        """Return the motion that an urgent command ends before its turn; None for all other commands."""
         command = self.protocol.ends_at_once.get(frame)
         if command is None:
             return None

@@ -62,7 +62,7 @@ class Subscription(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Write a sentence to the log and to ``status``, once: something is done differently from what was requested."""
+    """Write a sentence to the log and to ``status``, once: something deviates from the request."""
 
     text: str
 

@@ -145,7 +145,7 @@ class Lx200ReplyRules:
         return self._protocol if self._speaker is None else self._speaker.protocol
 
     def expected(self, ask: Send) -> Expected:
-        """Return what is known of the reply. ACK has no terminator: some devices read the next command as its rest."""
+        """Return the expected reply. ACK has no terminator: some devices read the next command as its rest."""
         return _expected(self.protocol, ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:

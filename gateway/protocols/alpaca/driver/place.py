@@ -37,7 +37,7 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
-    """Return the Moment; servers have no zone, so the offset is the one that was set last."""
+    """Return the Moment; servers have no zone, so its offset is the last one set."""
     return Moment((yield Send("utcdate"))["unix"], mount.zone)
 
 

@@ -178,7 +178,7 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
 
 
 def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
-    """Return on which side of the pier the tube will be; what arrows showed on an unknown side is forgotten then."""
+    """Return the future pier side of the tube, and forget the senses of arrows measured on an unknown side."""
     sidereal = yield from told(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
     if abs(hour_angle) < EITHER_SIDE:

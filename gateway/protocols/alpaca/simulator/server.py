@@ -191,7 +191,7 @@ DRIVES = (SIDEREAL_RATE, LUNAR_RATE, SOLAR_RATE)
 
 
 def read(sim: AlpacaTelescope, name: str, *values: Any) -> Any:
-    """Return the value of a member: what it is made to tell, or what it has. Raises Refusal."""
+    """Return the value of a member: the value forced by a test, else its real value. Raises Refusal."""
     if name in sim.tells:
         return sim.tells[name]
     if name in rows()["able"]:

@@ -76,7 +76,7 @@ def ranged(value: float, low: float, high: float, name: str) -> float:
 
 @cache
 def rows() -> dict[str, Any]:
-    """Return the table of what a telescope knows of its members."""
+    """Return the table of the telescope's members."""
     return load("alpaca").extra("simulator.toml")
 
 

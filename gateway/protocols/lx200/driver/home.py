@@ -112,6 +112,6 @@ def sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
 
 
 def wake(mount: Lx200Driver, _: op.Wake) -> Steps:
-    """:hW"""
+    """:hW - wake from sleep."""
     yield from ask(mount, "hW")
     mount.powerless = False

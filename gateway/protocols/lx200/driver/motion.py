@@ -177,7 +177,7 @@ def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
-    """:Q"""
+    """:Q - stop all motion."""
     moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None
     mount.moving.clear()

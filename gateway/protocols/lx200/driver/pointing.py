@@ -147,13 +147,13 @@ def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
 
 
 def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
-    """:Sr :Sd"""
+    """:Sr :Sd - set the target."""
     yield from ask(mount, "Sr", ra=ra)
     yield from ask(mount, "Sd", dec=dec)
 
 
 def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
-    """:Sz :Sa :MA"""
+    """:Sz :Sa :MA - slew to an azimuth and altitude."""
     yield from stop_current_motion(mount)
     yield from set_fastest(mount, operation.fastest)
     yield from ask(mount, "Sz", az=operation.az)

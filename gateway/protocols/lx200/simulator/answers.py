@@ -26,7 +26,7 @@ def form(sim: MeadeTelescope, name: str, **values: object) -> bytes:
 
 
 def equatorial(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GR :GD"""
+    """:GR :GD - right ascension and declination."""
     ra, dec = sim.position()
     return form(sim, name, ra=ra, dec=dec)
 
@@ -78,7 +78,7 @@ def menu(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def help_text(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:?? :?+ :?-"""
+    """:?? :?+ :?- - one line of the help text."""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
     sim.stored["help"] = max(0, min(len(_HELP) - 1, sim.stored.get("help", 0) + step))
     return _HELP[sim.stored["help"]].encode() + b"#"

@@ -111,7 +111,7 @@ class Controller(SimulatedLx200):
     # --- what it does ---------------------------------------------------------------------------------------------
 
     def select(self, letter: str) -> bytes:
-        """:R0 to :R9, :RG :RC :RM :RF :RS"""
+        """:R0 to :R9, :RG :RC :RM :RF :RS - select the rate of motion by hand."""
         names = ONSTEP_NAMES if self.onstep else TEEN_NAMES
         self.rate = names[letter] if letter in names else int(letter)
         if self.rate <= 2 and self.onstep and self.separate_pulses:
@@ -119,7 +119,7 @@ class Controller(SimulatedLx200):
         return b""
 
     def switch(self, on: bool) -> bytes:
-        """:Te :Td"""
+        """:Te :Td - turn tracking on or off."""
         if self.parked or self.standby or (not on and self.onstep and (self.mechanics.slewing(self.now) or self.ends)):
             return b"0"
         self.at_home = self.at_home and not on
@@ -156,7 +156,7 @@ class Controller(SimulatedLx200):
         return b"1"
 
     def unpark(self) -> bytes:
-        """:hR"""
+        """:hR - unpark."""
         if self.onstep and not self.parked:
             return b"0"
         if self.parked:
@@ -178,7 +178,7 @@ class Controller(SimulatedLx200):
         return self.mechanics.flipped is (self.mechanics.geometry.pole > 0)
 
     def letters(self) -> bytes:
-        """:GU"""
+        """:GU - the state in letters."""
         flags = {
             "n": not self.mechanics.tracking(self.now) and not self.mechanics.slewing(self.now),
             "N": not self.mechanics.slewing(self.now),
@@ -192,7 +192,7 @@ class Controller(SimulatedLx200):
         return f"{letters}{self.pulse_rate}{self.rate}{self.error}#".encode()
 
     def state(self) -> bytes:
-        """:GW"""
+        """:GW - mounting, tracking and alignment."""
         place = "H" if self.at_home else "P" if self.parked else "1"
         tracks = self.mechanics.tracking(self.now) or (self.mechanics.slewing(self.now) and not self.parking)
         return f"G{'T' if tracks else 'N'}{place}#".encode()
@@ -203,7 +203,7 @@ class Controller(SimulatedLx200):
         return f"{letter}#".encode() if self.onstep else f"{letter}##".encode()
 
     def hertz(self) -> bytes:
-        """:GT"""
+        """:GT - the tracking rate, hertz."""
         on = self.mechanics.tracking(self.now)
         return f"{self.stored.get('hertz', 60.16427):.5f}#".encode() if on else b"0#" if self.onstep else b"0.00000#"
 

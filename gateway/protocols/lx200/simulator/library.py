@@ -45,7 +45,7 @@ def _aim(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
 
 
 def choose(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:LM :LC"""
+    """:LM :LC - select a Messier or catalogue object."""
     number = values["number"]
     for thing in _THINGS:
         if number and number == (thing.messier if name == "LM" else thing.ngc):
@@ -53,7 +53,7 @@ def choose(sim: MeadeTelescope, name: str, values: Values) -> None:
 
 
 def star(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:LS"""
+    """:LS - select a star."""
     place = _STARS.get(values["number"])
     if place is not None:
         _aim(sim, *place, f"STAR{values['number']}")
@@ -78,7 +78,7 @@ def catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:LI :Lf"""
+    """:LI :Lf - describe the selected object, or the objects in the field."""
     if not sim.classic:
         return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
     return f"{sim.stored.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"

@@ -20,7 +20,7 @@ _SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
 def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:Sr :Sd :Sa :Sz"""
+    """:Sr :Sd :Sa :Sz - set the target."""
     sim.stored.update(values)
     return b"1"
 
@@ -32,7 +32,7 @@ def altitude(sim: MeadeTelescope, ra: float, dec: float) -> float:
 
 
 def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:MS"""
+    """:MS - slew to the target."""
     ra, dec = sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0)
     return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
@@ -76,14 +76,14 @@ def unpark(sim: MeadeTelescope) -> None:
 
 
 def sync(sim: MeadeTelescope, name: str, _: Values) -> bytes | None:
-    """:CM :CL"""
+    """:CM :CL - sync on the target."""
     sim.mechanics.sync(sim.now, sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0))
     sim.aligned = True
     return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
 
 
 def rate(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:RG :RC :RM :RS"""
+    """:RG :RC :RM :RS - select the rate of motion by hand."""
     sim.stored["rate"] = name
 
 
@@ -99,7 +99,7 @@ def free_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
 
 
 def max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:Sw"""
+    """:Sw - set the fastest slew rate."""
     low, high = sim.row["max_rates"]
     if not low <= values["rate"] <= high:
         return b"0"
@@ -165,7 +165,7 @@ def release(sim: MeadeTelescope, *axes: int) -> None:
 
 
 def let_go(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:Qn :Qs :Qe :Qw"""
+    """:Qn :Qs :Qe :Qw - end the motion in one direction."""
     release(sim, axis_of(sim, name[1])[0])
 
 
@@ -180,7 +180,7 @@ def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:Mg"""
+    """:Mg - a guide pulse."""
     axis, sense = axis_of(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)
 

@@ -40,7 +40,7 @@ def _local(sim: MeadeTelescope) -> datetime:
 
 
 def clock(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GL :Ga :GC"""
+    """:GL :Ga :GC - local time and date."""
     local = _local(sim)
     return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
 
@@ -69,7 +69,7 @@ def _set_clock(sim: MeadeTelescope, local: datetime) -> None:
 
 
 def set_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:SL"""
+    """:SL - set the local time."""
     midnight = _local(sim).replace(hour=0, minute=0, second=0)
     _set_clock(sim, midnight + timedelta(seconds=int(values["time"])))
     return b"1"
@@ -97,7 +97,7 @@ def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def stamp(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:hI"""
+    """:hI - set date and time together."""
     try:
         _set_clock(sim, datetime.strptime(values["stamp"], "%y%m%d%H%M%S").replace(tzinfo=UTC))
     except ValueError:
@@ -106,7 +106,7 @@ def stamp(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def gps_time(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:gT"""
+    """:gT - set the clock by GPS."""
     sim.ahead = 0.0
     sim.relocate()
     return b"1"
@@ -158,7 +158,7 @@ def site_name(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:SM :SN :SO :SP"""
+    """:SM :SN :SO :SP - name a site."""
     if not 0 < len(values["name"]) <= sim.row["names"]:
         return b"0"
     sim.names["MNOP".index(name[1])] = values["name"]
@@ -166,19 +166,19 @@ def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def set_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:So :Sh"""
+    """:So :Sh - set the lowest or highest altitude."""
     sim.stored["lowest" if name == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
 def search(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
+    """:Gb :Gf :GF :Gl :Gs :Gy :Gq - the limits of a search."""
     field, default = _SEARCH[name[1]]
     return form(sim, name, **{field: sim.stored.get("search " + name[1], default)})
 
 
 def set_search(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:Sb :Sf :SF :Sl :Ss :Sy"""
+    """:Sb :Sf :SF :Sl :Ss :Sy - set a limit of searches."""
     if name == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
     sim.stored["search " + name[1]] = next(iter(values.values()))
@@ -186,24 +186,24 @@ def set_search(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def step_quality(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:Sq"""
+    """:Sq - step to the next quality of searches."""
     present = sim.stored.get("search q", "VP")
     sim.stored["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
 def toggle_format(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:U"""
+    """:U - switch between low and high precision."""
     sim.high = not sim.high
 
 
 def toggle_pointing(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:P"""
+    """:P - toggle high-precision pointing."""
     on = sim.stored["pointing"] = not sim.stored.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
 def toggle_hours(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:H"""
+    """:H - switch between 12 and 24 hours."""
     sim.stored["twelve"] = not sim.stored.get("twelve", False)
 
 

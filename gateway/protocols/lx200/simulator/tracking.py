@@ -38,7 +38,7 @@ def _drive_manually(sim: MeadeTelescope) -> None:
 
 
 def drive(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:TQ :TS :TL :TM"""
+    """:TQ :TS :TL :TM - select the tracking rate."""
     sim.stored["manual"] = name == "TM"
     if name == "TM":
         _drive_manually(sim)
@@ -80,7 +80,7 @@ def align(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def auto_align(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:Aa"""
+    """:Aa - align automatically."""
     if sim.letter != "A":
         return b"0"
     unpark(sim)
@@ -118,14 +118,14 @@ def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def wake(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:hW"""
+    """:hW - wake from sleep."""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.letter != "L" and not sim.parked)
 
 
 def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:I"""
+    """:I - restart."""
     release(sim)
     sim.mechanics.cancel(sim.now)
     sim.power_on()
@@ -146,7 +146,7 @@ def focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
 
 
 def switch(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:f+ :f- :r+ :r- :g+ :g-"""
+    """:f+ :f- :r+ :r- :g+ :g- - switch an accessory."""
     sim.parts[_SWITCHES[name[0]]] = name[1] == "+"
 
 

@@ -61,7 +61,7 @@ def home_state() -> Handling:
 
 
 def focus(session: LxSession, command: Command) -> Handling:
-    """:F+ :F- :FQ"""
+    """:F+ :F- :FQ - move or stop the focuser."""
     direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
     yield FireAndForget(op.Focus(direction, session.client.focus_speed))
 

@@ -48,7 +48,7 @@ def tell_local(session: LxSession) -> Handling:
 
 
 def tell_offset(session: LxSession) -> Handling:
-    """:GG"""
+    """:GG - the offset from UTC."""
     yield from commit_if_allowed(session)
     offset = session.client.offset
     if offset is None:
@@ -209,7 +209,7 @@ def toggle_hours(session: LxSession) -> None:
 
 
 def tell_hours(session: LxSession) -> dict[str, str]:
-    """:Gc"""
+    """:Gc - 12 or 24 hours."""
     return {"hours": "12" if session.client.twelve else "24"}
 
 

@@ -140,7 +140,7 @@ def track(session: LxSession) -> Handling:
 
 
 def named_rate(command: Command) -> Handling:
-    """:TQ :TS :TL"""
+    """:TQ :TS :TL - select the tracking rate."""
     yield op.TrackRate(name=_DRIVES[command.name])
 
 

@@ -151,7 +151,7 @@ def _select(
 
 
 def tell_search(session: LxSession, command: Command) -> object:
-    """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
+    """:Gb :Gf :GF :Gl :Gs :Gy :Gq - the limits of a search."""
     return getattr(session.client.search, _LIMITS[command.name[1]])
 
 

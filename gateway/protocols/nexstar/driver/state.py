@@ -174,7 +174,7 @@ class NexStar(Driver):
         return cast(SavedValues, to_builtins(memory, str_keys=True))
 
     def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        """Restore what was saved; ``SameMount`` looks whether it is still true."""
+        """Restore the saved state; ``SameMount`` checks whether it is still true."""
         try:
             held = convert(saved, Memory, str_keys=True)
         except ValidationError:
