@@ -21,7 +21,6 @@ import asyncio
 import contextlib
 import gc
 import itertools
-import math
 import os
 import random
 import signal
@@ -47,6 +46,8 @@ GOAL = 0.002
 LOST = 4.0
 #: How often each program of a crowd asks, a second.
 RATE = 5.0
+#: The end of a tap is no stop: it waits for the whole pause after the exchange before it, seconds.
+PAUSE = 0.05
 #: The endings that release an arrow.
 RELEASES = (":Qn#", "rate 0")
 FLOOD_EVERY = 0.02
@@ -141,14 +142,14 @@ SETUPS = (
                 (b"r20000000,20000000", b"r30000000,20000000"),
                 b"M",
                 lambda request: request == b":MS#",
-                lambda request: request == b":Q#",
+                lambda request: request.lstrip(b"#") == b":Q#",
             ),
             Ending(
                 "rate 0",
                 (_slew(17, True, 7), _slew(17, False, 7)),
                 _slew(17, True, 0),
                 lambda request: request in (b":Mn#", b":Ms#"),
-                lambda request: request in (b":Qn#", b":Qs#"),
+                lambda request: request.lstrip(b"#") in (b":Qn#", b":Qs#", b":Q#"),
             ),
         ),
         (
@@ -242,29 +243,32 @@ async def _measure(bench: Bench, until: float, chance: random.Random, found: lis
         before = len(bench.mount.exchanges)
         sent = loop.time()
         writer.write(ending.end)
-        added, came = await _added(bench, before, sent, ending)
-        begun = [one.came for one in bench.mount.exchanges[first:] if ending.begins(one.request)]
-        if begun and added < LOST and ending.name in RELEASES and sent - pressed <= TAP:
-            added = max(0.0, came - max(came - added, begun[0] + sent - pressed))
-        if begun:
-            found.append(Stop(ending.name, sent, added))  # otherwise the motion had not begun
+        added = await _added(bench, first, before, pressed, sent, ending)
+        if added is not None:
+            found.append(Stop(ending.name, sent, added))
         await asyncio.sleep(chance.uniform(0.3, 0.8))  # a stop is several exchanges
     drain.cancel()
     writer.close()
 
 
-async def _added(bench: Bench, before: int, sent: float, ending: Ending) -> tuple[float, float]:
-    """Return the seconds that the stop waited longer than necessary, and when it came; LOST if it did not."""
+async def _added(bench: Bench, first: int, before: int, pressed: float, sent: float, ending: Ending) -> float | None:
+    """Return the seconds that the stop waited longer than necessary, LOST if it did not come; None without a motion.
+
+    ``first`` and ``before`` are how many exchanges there were when the motion was begun and when it was ended.
+    """
     loop, exchanges = asyncio.get_running_loop(), bench.mount.exchanges
-    while loop.time() < sent + LOST:
+    stop = None
+    while stop is None and loop.time() < sent + LOST:
         await asyncio.sleep(0.005)
         stop = next((one for one in exchanges[before:] if ending.stops(one.request)), None)
-        if stop is not None:
-            place = exchanges.index(stop, before)
-            in_flight = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
-            due = max([sent, *(one.ended for one in in_flight if one.ended is not None)])
-            return max(0.0, stop.came - due), stop.came
-    return LOST, math.inf
+    begun = next((one.came for one in exchanges[first:] if ending.begins(one.request)), None)
+    if begun is None or stop is None:
+        return None if begun is None else LOST
+    tap = ending.name in RELEASES and sent - pressed <= TAP
+    wanted = max(sent, begun + sent - pressed) if tap else sent
+    earlier = exchanges[max(0, before - 1) : exchanges.index(stop, before)]
+    in_flight = [one.ended for one in earlier if one.came <= wanted + RACE and one.ended is not None]
+    return max(0.0, stop.came - max(wanted, max(in_flight, default=0.0) + PAUSE * tap))
 
 
 async def _flood(bench: Bench, chance: random.Random) -> None:
