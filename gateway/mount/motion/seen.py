@@ -27,8 +27,9 @@ NEVER = -1e9
 class PositionSample(Struct, frozen=True):
     """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
 
-    ``unsynced`` are the altitudes at which the tube may be if the syncs were wrong. ``lifting`` is the motion by hand
-    of the second axis at that time. Altitudes, and distances from Suns, can be compared within one ``era``.
+    ``unsynced`` are the altitudes at which the tube may be if the syncs were wrong, ``by_others`` those by other
+    sources of site and time. ``lifting`` is the motion by hand of the second axis at that time. Altitudes, and
+    distances from Suns, can be compared within one ``era``.
     """
 
     at: float
@@ -39,11 +40,12 @@ class PositionSample(Struct, frozen=True):
     lifting: op.Move | op.MoveAxis | None = None
     era: object = 0
     unsynced: tuple[float, ...] = ()
+    by_others: tuple[float, ...] = ()
 
     @property
     def altitudes(self) -> tuple[float, ...]:
         """Every altitude that the limits judge; none without a site."""
-        return () if self.altitude is None else (self.altitude, *self.unsynced)
+        return () if self.altitude is None else (self.altitude, *self.unsynced, *self.by_others)
 
 
 class Changes(Struct, frozen=True):

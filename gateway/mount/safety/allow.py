@@ -258,6 +258,8 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 def altitude(view: View) -> Verdict:
     """End a motion before it passes an altitude limit, by the mount's coordinates or by those before its syncs.
 
+    By other sources of site and time only written limits count, for the arrows of programs, as with ``near_sun``.
+
     A goto passes the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
     written limits count.
     """
@@ -267,14 +269,17 @@ def altitude(view: View) -> Verdict:
     earlier, soonest, written = view.observed.earlier, ALLOWED, view.limits.written()
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
     beyond = (OVERSHOOT + APART * view.observed.across) * view.on_checked_path
-    for number, (then, now) in enumerate(zip(before.altitudes, last.altitudes, strict=False)):
+    own = 1 + len(last.unsynced)
+    count = None if view.moving.by_hand else own
+    for number, (then, now) in enumerate(zip(before.altitudes[:count], last.altitudes[:count], strict=False)):
         limits = written if goes or number else view.limits
         grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
         rate = view.ahead(changes.altitudes[number], grew)
         if goes and now < min(view.floor, then):
             return Verdict(f"the altitude limit ({now:.1f} degrees, far below its way)")
         if leaving(limits, then, now, view.margin(rate) - beyond):
-            return Verdict(f"the altitude limit ({now:.1f} degrees{', if the syncs were wrong' * (number > 0)})")
+            by = "by another site or clock" if number >= own else "if the syncs were wrong" if number else ""
+            return Verdict(f"the altitude limit ({now:.1f} degrees{', ' * bool(by)}{by})")
         if now < then and limits.lowest > -90.0:
             soonest = _sooner(soonest, view.allowed_within(now - limits.lowest, rate, "the altitude limit"))
         elif now > then and limits.highest < 90.0:

@@ -26,6 +26,7 @@ from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.contradictions import altitudes_by_others
 from gateway.mount.safety.admission.slew_paths import APART, sun_reading
 from gateway.mount.safety.allow import (
     FASTER_THAN_TRACKING,
@@ -267,8 +268,11 @@ class LimitWatch:
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0
         unsynced = () if altitude is None else tuple(mount.suns.altitude(position, shift) for shift in shifts)
+        told = altitude is None or self.altitude_axis.available  # by the axis, whatever the clocks say
+        found = [] if told else altitudes_by_others(mount.sources, astrometry.sky, self._limits.written(), position)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        return PositionSample(now, place, altitude, hour_angle, suns, lifting, (mount.suns.era, shifts), unsynced)
+        era, others = (mount.suns.era, shifts, len(found)), tuple(altitude for _, altitude in found)
+        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, unsynced, others)
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""

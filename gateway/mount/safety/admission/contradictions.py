@@ -1,8 +1,9 @@
 """Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
 They are reported at the start, in one line, because that is better than to learn of them from a refusal. A goto is
-refused if any source puts its goal beyond a written altitude limit, or near the Sun. A motion under way is judged by
-the best source alone, so that a wrong source cannot stop a mount that is right.
+refused if any source puts its goal beyond a written altitude limit, or near the Sun, and so is an arrow, which also
+ends there. A goto under way and tracking are judged by the best source alone, so that a wrong source cannot stop a
+mount that is right.
 """
 
 from __future__ import annotations
@@ -112,25 +113,35 @@ def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: 
 
     Raises Contradicted, which names the sources; NearSun if the time is unknown.
     """
-    sites, times = sources.sites(), sources.times()
-    if written.sun > 0.0 and time_unknown(times[0]):
+    if written.sun > 0.0 and time_unknown(sources.times()[0]):
         raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
+    for contradiction, altitude in altitudes_by_others(sources, sky, written, goal):
+        check_by(contradiction, written, altitude)
+
+
+def altitudes_by_others(
+    sources: BestSources, sky: Sky, written: Limits, position: Equatorial
+) -> list[tuple[Contradiction, float]]:
+    """Return the altitude of a place by every source that contradicts the best one; none if no limit is written."""
     if written.lowest <= -90.0 and written.highest >= 90.0:
-        return
-    for contradiction in contradictions(sites, times):
-        if contradiction.place is None:
-            continue
-        try:
-            altitude = sky.horizon(
-                goal.ra, goal.dec, contradiction.place.latitude, contradiction.place.longitude, contradiction.unix
-            )[1]
-            written.check_altitude(altitude)
-        except Fault as fault:
-            which = "low" if isinstance(fault, BelowHorizon) else "high"
-            by = f"Too {which} by {_briefly(contradiction)}."
-            raise Contradicted(
-                f"Too {which}, if {contradiction.sources[1]} is right: {_at_length(contradiction)}", by
-            ) from None
+        return []
+    return [
+        (one, sky.horizon(position.ra, position.dec, one.place.latitude, one.place.longitude, one.unix)[1])
+        for one in contradictions(sources.sites(), sources.times())
+        if one.place is not None
+    ]
+
+
+def check_by(contradiction: Contradiction, written: Limits, altitude: float) -> None:
+    """Check an ``altitude`` by another source. Raises Contradicted, which names the sources."""
+    try:
+        written.check_altitude(altitude)
+    except Fault as fault:
+        which = "low" if isinstance(fault, BelowHorizon) else "high"
+        by = f"Too {which} by {_briefly(contradiction)}."
+        raise Contradicted(
+            f"Too {which}, if {contradiction.sources[1]} is right: {_at_length(contradiction)}", by
+        ) from None
 
 
 def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
