@@ -52,7 +52,7 @@ def test_an_old_position_is_marked_in_the_log_once() -> None:
             wire._poor = LineFaults(lost=2.0)
             polls = await poll(bridge, 8.0)
             said = [entry.note for entry in bridge.entries if "has not replied in time" in entry.note]
-            assert said == ["the mount has not replied in time: programs get its last position, up to 10 s old"]
+            assert ["last position, up to 10 s old" in words for words in said] == [True]
             assert polls.answered >= 2
 
     run(program())

@@ -54,7 +54,7 @@ def test_tracking_is_as_before_after_a_goto_over_the_horizon(tracks: bool, end: 
             await ask(op.SetTracking(tracks))
             if end == "refusal":
                 refuses(one, "slewtoaltazasync")
-                with pytest.raises(Fault, match=r"^The mount refused this\. Its server says: .Not in this season"):
+                with pytest.raises(Fault, match=r"refused this.*Not in this season"):
                     await ask(HORIZON)
             else:
                 await ask(HORIZON)

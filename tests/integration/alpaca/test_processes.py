@@ -129,4 +129,4 @@ def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
 def test_it_is_spoken_over_http_alone(where: str) -> None:
     done = run_to_end("config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}")
     assert done.returncode == 2
-    assert "is spoken over HTTP; write alpaca@tcp://127.0.0.1:11111" in done.stderr
+    assert "write alpaca@tcp://127.0.0.1:11111" in done.stderr

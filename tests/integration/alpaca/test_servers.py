@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.spherical import separation, wrap180
+from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NoAnswer, Refused, Unsupported
 from gateway.diagnostics.virtual_time import run
@@ -46,40 +46,6 @@ async def arrive(bridge: Bridge) -> None:
     raise AssertionError("the goto never ends")
 
 
-@pytest.mark.parametrize("model", ["german", "altaz", "polar"])
-@pytest.mark.parametrize("platform", [6, 7])
-@pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
-def test_every_kind_of_mount_does_what_is_ordered(model: str, platform: int, south: bool) -> None:
-    async def program() -> None:
-        site = (-33.5, -70.25) if south else (45.0, 10.0)
-        made = Bridge(
-            model, driven="alpaca", config={"sun": 0.0}, latency=0.02, simulated={"platform": platform}, site=site
-        )
-        async with made as one:
-            ask, sim = one.controller.perform, one.sim
-            assert one.driver.model == model
-            there = goal(one, 30.0, -30.0 if south else 40.0)
-            await ask(there)
-            await arrive(one)
-            assert separation(*sim.truth(), there.ra, there.dec) < 0.1 * ARCMINUTE
-            for direction in op.Direction:
-                before, horizon = sim.truth(), sim.horizon()
-                await ask(op.Move(direction, op.Rate(degrees=0.5)))
-                await asyncio.sleep(2.0)
-                await ask(op.StopAxis(direction.axis))
-                await asyncio.sleep(1.5)
-                moved = [wrap180(now - then) for now, then in zip(sim.truth(), before, strict=True)]
-                if model == "altaz":
-                    moved = [wrap180(now - then) for now, then in zip(sim.horizon(), horizon, strict=True)]
-                    moved[0] = -moved[0]
-                way = {1: -moved[0], 2: moved[1]}[direction.axis] * direction.sense
-                assert way > 0.4, direction
-                assert sim.tracking
-            assert "MoveAxis counts" not in notes(one)
-
-    run(program())
-
-
 @pytest.mark.parametrize(
     ("lacks", "operation", "words"),
     [
@@ -110,17 +76,17 @@ def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operat
 def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
     async def program() -> None:
         async with server(parked=True) as one:
-            with pytest.raises(Parked, match=r"unpark it first.*says: .slewtocoordinatesasync is not possible"):
+            with pytest.raises(Parked, match=r"unpark it first.*slewtocoordinatesasync"):
                 await one.controller.perform(goal(one))
             await one.controller.perform(op.Unpark())
             one.sim.lowest = 50.0
-            with pytest.raises(Refused, match=r"says: .The target is below the limit of 50"):
+            with pytest.raises(Refused, match="target is below the limit of 50"):
                 await one.controller.perform(goal(one, 60.0, 0.0))
             one.sim.track(False)
-            with pytest.raises(Refused, match=r"does not track.*says: .SlewToCoordinates is not allowed when"):
+            with pytest.raises(Refused, match=r"does not track.*SlewToCoordinates"):
                 await one.controller.perform(op.Goto(goal(one).ra, 40.0, track=False))
         async with server(lowest=5.0, config={"lowest": -20.0}) as one:
-            with pytest.raises(BelowHorizon, match=r"below the horizon.*says: .The target is below"):
+            with pytest.raises(BelowHorizon, match=r"below the horizon.*target is below"):
                 await one.controller.perform(goal(one, 100.0, 0.0))
 
     run(program())
@@ -141,7 +107,7 @@ def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
             await one.controller.perform(goal(one))
             await arrive(one)
             assert await north(one) < -0.5
-            assert "an arrow to the north has moved the tube to the south" in notes(one)
+            assert "has moved the tube to the south" in notes(one)
             assert await north(one) > 0.5
         async with server(model, {"reversed_axes": "second"}, senses=(-1, -1)) as one:
             await one.controller.perform(goal(one))

@@ -9,7 +9,7 @@ import pytest
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import wrap360
 from gateway.core.errors import Busy
-from gateway.core.operations import Position, SetClock, SetSite
+from gateway.core.operations import Position
 from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
@@ -78,19 +78,6 @@ def test_the_arrow_that_was_pressed_is_let_go() -> None:
     run(program())
 
 
-def test_a_pulse_is_timed_here_where_the_model_has_none() -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            before = bridge.sim.truth()
-            await bridge.client().ask(b"P\x03\x11\x26\x64\xc8\0\0")  # 2 s north
-            await asyncio.sleep(4)
-            sent = bridge.sent()
-            assert sent.index(b":RG#") < sent.index(b":Mn#") < sent.index(b":Qn#")
-            assert (bridge.sim.truth()[1] - before[1]) * 3600 == pytest.approx(30.0, abs=3.0)
-
-    run(program())
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str) -> None:
     async def program() -> None:
@@ -129,22 +116,6 @@ def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> No
     run(program())
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_site_and_clock_are_set_and_read_back(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            await bridge.controller.perform(SetSite(latitude=-33.5, longitude=151.25))
-            moment = bridge.clock() + 86400.0
-            await bridge.controller.perform(SetClock(moment, 5.75))
-            await asyncio.sleep(10)
-            assert bridge.sim.site == pytest.approx((-33.5, 151.25), abs=1 / 120)
-            bridge.sim.truth()  # come to now
-            assert bridge.sim.utc() == pytest.approx(moment + 10, abs=2.0)
-            assert (await bridge.client().ask(b"w"))[:4] == b"\x21\x1e\x00\x01"
-
-    run(program())
-
-
 def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
     async def program() -> None:
         async with meade("lx200gps") as bridge:
@@ -179,22 +150,5 @@ def test_a_position_costs_one_pair_however_many_ask() -> None:
                 counts.append((after[0] - before[0], after[1] - before[1]))
             assert counts[0][0] == pytest.approx(counts[0][1], abs=1)
             assert counts[0][0] == pytest.approx(counts[1][0], rel=0.1)
-
-    run(program())
-
-
-def test_park_and_unpark() -> None:
-    async def program() -> None:
-        async with meade("lx200gps") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"b00000000,1C71C700") == b"#"  # INDI parks by azimuth and altitude
-            while await client.ask(b"L") == b"1#":
-                await asyncio.sleep(1)
-            told = await client.ask(b"z")
-            assert int(told[:6], 16) / 2**24 * 360 == pytest.approx(0.0, abs=0.1) or told[:2] == b"FF"
-            assert int(told[9:15], 16) / 2**24 * 360 == pytest.approx(40.0, abs=0.1)
-            assert await client.ask(b"T\x00") == b"#"
-            await asyncio.sleep(0.5)
-            assert not bridge.sim.tracking
 
     run(program())

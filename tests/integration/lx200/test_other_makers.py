@@ -224,7 +224,7 @@ def test_a_clock_that_is_not_taken_is_told() -> None:
             answering(own, {b":SC01/25/26#": b"1"})
             await own.controller.perform(op.SetClock(own.clock() + 10 * 86400.0, 0.0))
             await asyncio.sleep(10.0)
-            assert any("did not take the time: it reports 2026-01-15" in (one.note or "") for one in own.entries)
+            assert any("did not take the time" in (one.note or "") for one in own.entries)
 
     run(program())
 
@@ -265,7 +265,7 @@ def test_a_pulse_is_sent_at_a_guide_rate() -> None:
                 assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
                 own.sim.feed(b":R9#")  # nobody asks for its state between two pulses
             await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
-            with pytest.raises(Refused, match="moved by hand: the guide pulse is dropped"):
+            with pytest.raises(Refused, match="guide pulse is dropped"):
                 await own.controller.perform(op.Pulse(op.Direction.WEST, 1000))
 
     run(program())

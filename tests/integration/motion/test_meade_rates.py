@@ -213,7 +213,7 @@ def test_a_rate_that_is_off_is_in_the_log_once() -> None:
             for _ in range(2):
                 await turns(bridge, 17, variable(17, 3600.0))
             said = [entry.note for entry in bridge.entries if "this mount has no nearer speed" in entry.note]
-            assert said == ["a motion at 3600 arcseconds per second is done at 7200: this mount has no nearer speed"]
+            assert len(said) == 1 and "3600" in said[0] and "7200" in said[0]
             await turns(bridge, 17, variable(17, 7200.0))
             assert sum("no nearer speed" in entry.note for entry in bridge.entries) == 1
 

@@ -158,7 +158,7 @@ def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None:
             client.tell(b":Qn#" * times)
             await asyncio.sleep(5.0)
             assert abs(axes.moved) < 0.01
-            assert refusals(own) == ["Arrow: The mount was busy: this tap came too late to be carried out."]
+            assert ["this tap came too late" in words for words in refusals(own)] == [True]
 
     run(program())
 

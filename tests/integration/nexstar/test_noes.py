@@ -117,23 +117,6 @@ def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -
     run(program())
 
 
-def test_a_stop_that_was_acknowledged_while_the_line_was_down_is_sent_when_it_is_back() -> None:
-    async def program() -> None:
-        async with over("lx200gps") as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            assert await client.ask(b"P\x02\x11\x24\x09\0\0\0") == b"#"
-            await asyncio.sleep(1.0)
-            cable.pull()
-            await asyncio.sleep(1.0)
-            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
-            before = len(bridge.sent())
-            cable.plug()
-            await asyncio.sleep(10.0)
-            assert [one for one in bridge.sent()[before:] if one.startswith(b":Q")]
-
-    run(program())
-
-
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
 def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
     async def program() -> None:
@@ -384,49 +367,5 @@ def test_a_pulse_that_the_motors_cannot_do_in_alt_az_is_told_no(mount: str, vers
             assert (b"P\x03\x10\x26\x32\x32\0\0" in sent) is (answer == b"#")
             if answer == NO:
                 assert (await client.ask(b"P\x01\x10\x27\0\0\0\x01"))[:1] != b"\x01"
-
-    run(program())
-
-
-# --- the tracking mode ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
-@pytest.mark.parametrize("key", [3, 4, 7])
-def test_a_key_held_down_does_not_change_the_tracking_mode(mount: str, key: int) -> None:
-    """In motion a Meade says that it does not track, and it was believed until the next look after it."""
-
-    async def program() -> None:
-        async with over(mount, "cpc") as bridge:
-            client = bridge.client()
-            mode = await client.ask(b"t")
-            assert mode in (b"\x01#", b"\x02#")
-            assert await client.ask(b"P\x02\x11\x24%c\0\0\0" % key) == b"#"
-            for _ in range(12):
-                await asyncio.sleep(0.5)
-                assert await client.ask(b"t") == mode
-            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
-            for _ in range(12):
-                await asyncio.sleep(0.5)
-                assert await client.ask(b"t") == mode
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(3.0)
-            assert await client.ask(b"t") == b"\0#", "what is told to it is told"
-
-    run(program())
-
-
-def test_tracking_that_is_off_is_told_so_also_while_a_goto_is_under_way() -> None:
-    """A Meade says for a moment of it that it tracks."""
-
-    async def program() -> None:
-        async with over("lx200gps", "cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(3.0)
-            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
-            for _ in range(8):
-                await asyncio.sleep(0.5)
-                assert await client.ask(b"t") == b"\0#"
 
     run(program())

@@ -117,7 +117,7 @@ def test_a_clock_that_contradicts_this_computers_matters_where_a_limit_is_writte
         async with Bridge("cpc", config=config, host_ahead=3600.0) as bridge:
             seen = bridge.controller.astrometry.equatorial(op.GotoHorizontal(240.0, 14.0))
             if written:
-                with pytest.raises(Contradicted, match="clocks of the mount and of this computer differ by 60 minutes"):
+                with pytest.raises(Contradicted, match="differ by 60 minutes"):
                     await bridge.controller.perform(op.Goto(seen.ra, seen.dec))
                 return
             await bridge.controller.perform(op.Goto(seen.ra, seen.dec))

@@ -82,7 +82,7 @@ def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
                 await bridge.controller.read(op.Position())
                 await asyncio.sleep(1.0)
             assert not truth_of(bridge.sim).tracking
-            assert any("tracking was switched off at the altitude limit" in note for note in notes(bridge))
+            assert any("off at the altitude limit" in note for note in notes(bridge))
 
     run(program())
 

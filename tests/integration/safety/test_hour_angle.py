@@ -48,7 +48,7 @@ def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str 
             await asyncio.sleep(360)
             assert not bridge.sim.tracking
             past = [note for note in notes(bridge) if "hour angle limit (" in note]  # and no word of a drift
-            assert past == ["tracking was switched off at the hour angle limit (0.20 hours past the meridian)"]
+            assert len(past) == 1 and "0.20 hours past the meridian" in past[0]
             for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
                 assert await client.ask(there, until=b"110") == b"110"
                 await settle(client)
@@ -82,7 +82,7 @@ def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
             await settle(client)
             await asyncio.sleep(900)
             assert not bridge.sim.tracking
-            assert any(note.startswith("tracking was switched off at the hour angle limit") for note in notes(bridge))
+            assert any("off at the hour angle limit" in note for note in notes(bridge))
 
     run(program())
 

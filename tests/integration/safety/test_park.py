@@ -78,7 +78,7 @@ def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:
 def test_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
     where, _, said = parked({"lowest": 50.0}, "cge")
     assert where == pytest.approx(45.0, abs=0.1)
-    assert any(line.startswith("Park: Object Below Lower Limit. Write park = [AZ, ALT]") for line in said)
+    assert any("Write park = [AZ, ALT]" in line for line in said)
 
 
 def test_a_park_that_is_refused_can_be_read_back() -> None:
@@ -110,7 +110,7 @@ def test_a_meade_parks_at_its_own_place_only_where_that_can_break_no_limit(mount
 def test_what_the_key_may_say_depends_on_the_mount() -> None:
     assert flags("--mount", "lx200@sim", "--park", "mount").mount[0].park == "mount"
     assert flags("--park", "3,4").mount[0].park == (3.0, 4.0)
-    with pytest.raises(UserError, match="a NexStar has no park position of its own"):
+    with pytest.raises(UserError, match="no park position"):
         flags("--park", "mount")
-    with pytest.raises(UserError, match="a Meade parks at the position set with its keypad"):
+    with pytest.raises(UserError, match="set with its keypad"):
         flags("--mount", "lx200@sim", "--park", "3,4")

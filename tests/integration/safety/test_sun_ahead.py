@@ -53,7 +53,7 @@ def test_a_resting_tube_is_told_a_quarter_of_an_hour_before_and_not_moved(mount:
                 await asyncio.sleep(60.0)
                 minutes += 1
                 assert minutes < 480
-            assert "comes within 20 degrees of the resting tube in" in told(bridge)
+            assert "within 20 degrees of the resting tube" in told(bridge)
             left = 0
             while truth_of(bridge.sim).sun_distance > LIMIT:
                 await asyncio.sleep(60.0)
@@ -86,8 +86,8 @@ def test_a_sun_that_rises_beside_a_tracking_tube_is_told_and_brought_no_nearer(m
                 await asyncio.sleep(60.0)
                 assert truth_of(bridge.sim).sun_distance > near - 0.3
             assert len(warnings(bridge)) == 1
-            assert "rises 16 degrees from the tracking tube in 15 minutes" in warnings(bridge)[0]
-            assert "the Sun is 16 degrees from the tracking tube" in told(bridge)
+            assert "rises 16 degrees from" in warnings(bridge)[0]
+            assert "is 16 degrees from the tracking tube" in told(bridge)
             assert bridge.sim.tracking
 
     run(program())

@@ -168,7 +168,7 @@ def test_a_clock_that_a_program_sets_does_not_bring_the_tube_to_the_sun(
             await asyncio.sleep(5.0)
             fault, nearest = await goes(bridge, op.Goto(sun.ra + hours * 15.0, sun.dec))
             assert isinstance(fault, NearSun)
-            assert f"The clocks of the mount and of this computer differ by {abs(hours):.1f} hours" in str(fault)
+            assert f"differ by {abs(hours):.1f} hours" in str(fault)
             assert nearest > LIMIT
 
     run(program())
@@ -189,9 +189,7 @@ def test_a_site_with_the_wrong_sign_does_not_bring_the_tube_to_the_sun(
             await asyncio.sleep(5.0)
             fault, nearest = await goes(bridge, op.Goto(sun.ra - 120.0, sun.dec))
             assert isinstance(fault, NearSun)
-            assert "The mount stands at 20.0 N 60.0 W, the configuration says 20.0 N 60.0 E, 12114 km away" in str(
-                fault
-            )
+            assert "20.0 N 60.0 E, 12114 km away" in str(fault)
             assert nearest > LIMIT
 
     run(program())

@@ -84,7 +84,7 @@ def test_by_day_a_sync_that_may_turn_it_around_is_refused(
                 await asyncio.sleep(8.0)
                 assert 90.005 < bridge.sim.mechanics.axes(bridge.clock())[1] < 91.0
             why, turned = await synced(bridge, 8.0)
-            assert "may turn an axis by 180 degrees. Sync on a star farther from the pole, align the mount" in why
+            assert "may turn an axis by 180 degrees" in why
             assert max(map(abs, turned)) < 0.01
 
     run(program())

@@ -100,7 +100,7 @@ def test_programs_read_it_as_the_answer_for_what_is_up() -> None:
             hours = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 16.0) % 360.0 / 15.0
             target = f":Sr{int(hours):02}:{int(hours % 1 * 60):02}:00#:Sd+68*00:00#:MS#".encode()
             said = await bridge.client().ask(target, until=b".#")
-            assert said.startswith(b"112The way is too low. Send it first to az ")
+            assert said.startswith(b"112The way is too low. Send it first")
             assert len(said) <= 2 + 1 + 60 + 1
 
     run(program())
@@ -116,9 +116,7 @@ def test_where_no_place_helps_the_arrows_do() -> None:
             mechanics.goto_axes(bridge.clock(), -100.0, -30.0)
             await asyncio.sleep(5.0)
             mechanics.speed, sidereal = 1.0, mechanics.sky.sidereal(bridge.clock())
-            with pytest.raises(
-                WayBlocked, match=r"The way is too low\. Raise the tube with the arrows first\."
-            ) as said:
+            with pytest.raises(WayBlocked, match="Raise the tube with the arrows") as said:
                 await bridge.controller.perform(op.Goto((sidereal - 10.0) % 360.0, 40.0))
             assert len(str(said.value)) <= 60
 

@@ -221,11 +221,11 @@ def test_a_meade_has_its_own_site_again_too(model: str) -> None:
 @pytest.mark.parametrize(
     ("mount", "config", "aligned", "holds"),
     [
-        ("cpc", {}, True, "nobody: this mount is aligned and gets none, and the site told by the mount counts"),
+        ("cpc", {}, True, "nobody: this mount is aligned"),
         ("cpc", {}, False, "everyone: this mount takes it"),
-        ("cpc", {"site_time": "never"}, False, "nobody: this mount takes none, and the site told by the mount counts"),
+        ("cpc", {"site_time": "never"}, False, "nobody: this mount takes none"),
         ("cpc", {"site_time": "always"}, True, "everyone: this mount takes it"),
-        ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount nor the configuration tells one"),
+        ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount"),
     ],
 )
 def test_it_is_told_for_whom_a_site_of_a_page_holds(

@@ -135,7 +135,7 @@ def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, 
             assert where == pytest.approx((40.75, -74.5), abs=0.01)
             assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-15 01:00:00"), abs=2.0)
             assert await client.ask(b":Gg#") == b"+074*30#"
-            assert "the mount is not connected now; it is sent later" in notes(bridge)
+            assert "it is sent later" in notes(bridge)
 
     run(program())
 
@@ -185,7 +185,7 @@ def test_a_mount_that_was_aligned_meanwhile_is_not_told() -> None:
             await plugged_in(bridge, cable)
             assert bridge.sim.mechanics.sky[:2] == (45.0, 10.0)
             assert await client.ask(b":Gt#") == b"+40*45#"
-            assert "the mount is aligned: the site that was set is kept in the gateway" in notes(bridge)
+            assert "site that was set is kept" in notes(bridge)
 
     run(program())
 
@@ -227,7 +227,7 @@ def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None
                 client.tell(b"E")
                 await asyncio.sleep(1.0)
             assert len(missed) == 3
-            assert "it is not in force: No answer from mount. Clients get the mount's own again" in notes(bridge)
+            assert "it is not in force: No answer" in notes(bridge)
             shown = await client.ask(b"h" if command == b":SC" else b"w")
             if command == b":St":
                 assert shown[:2] == b"\x2d\x00"  # 45 degrees north
@@ -293,7 +293,7 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
             seconds = sum(int(part) * 60**power for power, part in enumerate(reversed(told[:-1].split(":"))))
             assert seconds == pytest.approx((wanted + 10.0) % 86400.0, abs=2.0)
             if aligned:
-                assert "the mount is aligned: the clock that was set is kept in the gateway" in notes(bridge)
+                assert "clock that was set is kept" in notes(bridge)
             else:
                 assert utc(bridge) == pytest.approx(wanted + 10.0, abs=2.0)
 

@@ -134,9 +134,11 @@ def test_a_clock_that_is_kept_here_is_told_by_the_clock_device_too() -> None:
     b"P\1\x10\x63\0\0\0\1", b"P\1\x10\x30\0\0\0\1", b"P\1\x10\x19\0\0\0\0", b"P\1\x10\x0b\0\0\0\0",
     b"P\2\x10\xfd\1\0\0\0", b"P\4\x10\4\0\0\0\0", b"P\1\x10\x38\0\0\0\0",
     b"P\2\x10\x81\0\0\0\1", b"P\2\x10\x31\0\0\0\1", b"P\2\x10\x84\0\0\0\1",
+    b"P\2\0\x24\t\0\0\0", b"P\4\0\2\x10\0\0\0", b"P\4\0\x17\x10\0\0\0", b"P\4\0\6\x10\0\0\0",
 ])  # fmt: skip
-def test_what_is_not_listed_stays_back(unlisted: bytes) -> None:
-    """An unknown number, memory, a search for the index or the switch, the approach, a motor's position, cord wrap."""
+def test_raw_command_that_is_not_listed_stays_back(unlisted: bytes) -> None:
+    """An unknown number, memory, a search for the index or the switch, the approach, a motor's position,
+    cord wrap, and motion of all devices on the bus at once."""
 
     @shared("cgx", "5.31")
     async def stays(bridge: Bridge) -> None:

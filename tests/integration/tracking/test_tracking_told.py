@@ -71,7 +71,7 @@ def test_who_restores_the_mode_that_was_read_switches_nothing_off(mount: str, we
 
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-def test_what_was_off_is_told_off_in_a_goto_and_after_it(mount: str, wedge: bool) -> None:
+def test_tracking_that_is_off_is_told_off_in_a_goto_and_a_key(mount: str, wedge: bool) -> None:
     async def program() -> None:
         async with over(mount, wedge) as bridge:
             client = bridge.client()
@@ -84,6 +84,12 @@ def test_what_was_off_is_told_off_in_a_goto_and_after_it(mount: str, wedge: bool
             for _ in range(150):
                 await asyncio.sleep(0.2)
                 assert await client.ask(b"t") == b"\0#"
+            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
+            for _ in range(8):
+                await asyncio.sleep(0.5)
+                assert await client.ask(b"t") == b"\0#", "while a key is held"
+            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
+            await asyncio.sleep(3.0)
             assert not bridge.sim.tracking
 
     run(program())

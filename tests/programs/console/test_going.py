@@ -283,7 +283,7 @@ def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
     page.page.click("#tonight-button")
     page.page.click("#tonight-kinds >> text=Mine")
     page.until("the favourites", lambda: page.text("#tonight-says").endswith("horizon.") and rows.count() == 1)
-    assert page.text("#tonight-says").startswith("Now and within two hours, 1 of 1 is up. The Moon")
+    assert "1 of 1 is up. The Moon" in page.text("#tonight-says")
     page.page.click("#tonight summary")
     page.page.set_input_files("#own-file", OWN_FILE)
     page.until("the file is read", lambda: page.page.input_value("#own-list") == OWN_LIST)
