@@ -77,49 +77,6 @@ def test_a_file_is_not_taken_for_a_link(tmp_path: Path) -> None:
     assert path.read_text() == "precious"
 
 
-def test_a_port_in_use_is_named(started: list[Running]) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        where = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        line = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@{where}")
-    assert where in line
-    assert "in use" in line
-
-
-@each(
-    ("arguments", "says"),
-    [
-        (
-            ["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
-            "no such port; mount-gateway detect",
-        ),
-        (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
-        (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
-        (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
-        (["run", "--mount", "nexstar", "--surface", "lx200@tcp://:0"], "PROTOCOL"),
-        (["run", "--mount", "nexstar@sim"], "command line: at least one surface"),
-        (["run", "--surface", "lx200@tcp://:0"], "which mount"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--lowest", "95"], "lowest"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun", "near"], "0 to 90"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun=-5"], "0 to 90"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--hour-angle-limit", "13"], "up to 12"),
-        (["run", "--mount", "nexstar@foo://bar", "--surface", "lx200@tcp://:0"], "foo://bar"),
-        (["run", "--config", "/does/not/exist.toml"], "/does/not/exist.toml"),
-        (["sim", "nexstar:cge", "--time", "yesterday"], "2026-01-15"),
-        (["sim", "nexstar:cge", "--site", "91,0"], "latitude"),
-        (["sim", "nexstar:cge", "--speed", "0"], "--speed"),
-        (["sim", "nexstar:cge", "--at", "pty:/does/not/exist/x"], "/does/not/exist/x"),
-        (["explain", "lx200", "nexstar", ":XY#"], "no command"),
-        (["explain", "lx200", "telescope", ":GR#"], "'telescope' is no protocol (lx200, nexstar, alpaca) and no model"),
-    ],
-)
-def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
-    assert says in refused(*arguments)
-
-
 @each(
     ("text", "says"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import socket
 import time
@@ -25,49 +26,136 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
 
 
 @each(
-    ("arguments", "says"),
+    ("typed", "says"),
     [
-        (["run", "lost.toml"], "--write lost.toml"),
-        (["run", "none/lost.toml"], "there is no folder none"),
-        (["run", "--mount", "foo@sim", "--surface", "lx200@tcp://127.0.0.1:0"], "write nexstar for a Celestron"),
-        (["run", "--mount", "nexstar@sim", "--surface", "foo@tcp://127.0.0.1:0"], "write nexstar for"),
-        (["run", "--mount", "alpac@sim"], "did you mean 'alpaca'?"),
-        (["--json"], "mount-gateway detect --json"),
-        (["--run"], "did you mean mount-gateway run?"),
-        (["--foo"], "a command comes first"),
-        (["run", "--no-night=1"], "--night/--no-night takes no value: leave '1' out"),
-        (["run", "."], "write the name of a file in it"),
-        (["decode", "lost.rec"], "--record lost.rec"),
-        (["detect", "/dev/null", "--write", "none/g.toml"], "there is no folder none"),
-        (["run", *PLAIN, "--state", "{}", "--record", "none/night.rec"], "there is no folder none"),
-        (["sim", "nexstar", "--truth", "none/t.jsonl"], "there is no folder none"),
-        (["config", *PLAIN, "--mount", "lx200@sim"], "--mount is given twice"),
-        (["config", "--config", "a.toml", "--config", "b.toml"], "--config is given twice: write one file"),
-        (["config", *PLAIN, "--allow", "192.168.1.0/24"], "no program could connect"),
-        (["config", *PLAIN, "--site", "45"], "--site '45': write LAT,LON, north and east positive: 45.5,-122.7 or"),
-        (["config", *PLAIN, "--site", "148,11"], "--site '148,11': latitude is -90 to 90"),
-        (["sim", "nexstar", "--site", "Rome"], "--site 'Rome': write LAT,LON"),
-        (["sim", "nexstar", "--time", "yesterday"], "--time 'yesterday': write it like 2026-01-15T22:00:00Z"),
-        (["explain", "lx200", "nexstar", ":Zz#"], "':Zz#'"),
-        (["explain", "nexstar", "lx200", "\\xfe"], "; mappings/README.md lists them all"),
-        (["move", "up"], "write one of north"),
-        (["move", "north", "--rate", "12"], "--rate 12: write one of 1, 2, 3, 4, 5, 6, 7, 8, 9 ("),
+        ("", "mount-gateway demo needs no mount"),
+        ("rum", "did you mean mount-gateway run?"),
+        ("Detect", "did you mean mount-gateway detect?"),
+        ("start", "did you mean mount-gateway run?"),
+        ("record", "mount-gateway run --record FILE"),
+        ("gateway.toml", "mount-gateway run gateway.toml"),
+        ("nexstar@sim", "mount-gateway run --mount nexstar@sim"),
+        ("--mount x", "mount-gateway run --mount"),
+        ("run --mont x", "did you mean --mount?"),
+        ("run --write x", "mount-gateway detect has it"),
+        ("run --name pier", "mount-gateway config --example"),
+        ("run nexstar@sim lx200@tcp://:0", "write --mount before the mount"),
+        ("run nexstar@sim", "write --mount before the mount"),
+        ("run PLAIN --site 48.1 11.6", "--site 48.1,11.6"),
+        ("run --mount nexstar@sim --surface 4030", "for example lx200@tcp://"),
+        ("run a.toml --config b.toml", "write one file"),
+        ("explain :GR#", "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
+        ("decode", "missing: FILE; for example: mount-gateway decode night.rec"),
+        ("completion", "missing: shell; for example: mount-gateway completion bash"),
+        ("completion tcsh", "shell 'tcsh': write one of bash, zsh, fish"),
+        ("demo --speed fast", "--speed 'fast': write a number"),
+        ("demo --port x", "--port 'x': write a whole number"),
+        ("sim nexstar --latency slow", "--latency 'slow': write a number"),
+        ("run --mount", "--mount: write its value after it"),
+        ("stop --hold --release", "write --hold or --release, not both"),
+        ("run --mount nexstar /dev/ttyUSB0", "write --mount nexstar@/dev/ttyUSB0"),
+        ("run --surface lx200 tcp://127.0.0.1:4030", "write --surface lx200@tcp://127.0.0.1:4030"),
+        ("run PLAIN --surface nexstar@tcp://:0 --allow 10.0.0.1", "write allow in gateway.toml"),
+        ("run PLAIN --surface lx200@pty:/tmp/x --read-only", "write read-only in gateway.toml"),
         (
-            ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://192.0.2.7:4030", "--state", "{}"],
+            "run --mount nexstar@sim --surface lx200@pty:/tmp/x --surface lx200@pty:/tmp/y --allow 10.0.0.1",
+            "none of these surfaces is on a network",
+        ),
+        ("run --mount nexstar@sim --surface lx200@pty:/tmp/x --allow 10.0.0.1", "write it on a surface at tcp"),
+        ("run PLAIN --names pier", "only programs that speak HTTP need this"),
+        ("run PLAIN --surface nexstar@tcp://:0 --names pier", "none of these surfaces is for HTTP"),
+        ("run PLAIN --names http://pier/", "write a list"),
+        ("run PLAIN --allow 10.0.0.1/8", "--allow '10.0.0.1/8': write 10.0.0.0/8"),
+        ("run lost.toml", "--write lost.toml"),
+        ("run none/lost.toml", "there is no folder none"),
+        ("run --mount foo@sim --surface lx200@tcp://127.0.0.1:0", "write nexstar for a Celestron"),
+        ("run --mount nexstar@sim --surface foo@tcp://127.0.0.1:0", "write nexstar for"),
+        ("run --mount alpac@sim", "did you mean 'alpaca'?"),
+        ("--json", "mount-gateway detect --json"),
+        ("--run", "did you mean mount-gateway run?"),
+        ("--foo", "a command comes first"),
+        ("run --no-night=1", "--night/--no-night takes no value: leave '1' out"),
+        ("run .", "write the name of a file in it"),
+        ("decode lost.rec", "--record lost.rec"),
+        ("detect /dev/null --write none/g.toml", "there is no folder none"),
+        ("run PLAIN --state {} --record none/night.rec", "there is no folder none"),
+        ("sim nexstar --truth none/t.jsonl", "there is no folder none"),
+        ("config PLAIN --mount lx200@sim", "--mount is given twice"),
+        ("config --config a.toml --config b.toml", "--config is given twice: write one file"),
+        ("config PLAIN --allow 192.168.1.0/24", "no program could connect"),
+        ("config PLAIN --site 45", "--site '45': write LAT,LON, north and east positive: 45.5,-122.7 or"),
+        ("config PLAIN --site 148,11", "--site '148,11': latitude is -90 to 90"),
+        ("sim nexstar --site Rome", "--site 'Rome': write LAT,LON"),
+        ("sim nexstar --time yesterday", "--time 'yesterday': write it like 2026-01-15T22:00:00Z"),
+        ("explain lx200 nexstar :Zz#", "':Zz#'"),
+        ("explain nexstar lx200 '\\xfe'", "; mappings/README.md lists them all"),
+        ("move up", "write one of north"),
+        ("move north --rate 12", "--rate 12: write one of 1, 2, 3, 4, 5, 6, 7, 8, 9 ("),
+        (
+            "run --mount nexstar@sim --surface lx200@tcp://192.0.2.7:4030 --state {}",
             "this computer has no such address",
         ),
+        (
+            "run --mount nexstar@/dev/does-not-exist --surface lx200@tcp://127.0.0.1:0",
+            "no such port; mount-gateway detect",
+        ),
+        ("run --mount nexstar:gpe@sim --surface lx200@tcp://127.0.0.1:0", "did you mean"),
+        ("run --mount nexstr@sim --surface lx200@tcp://127.0.0.1:0", "no protocol"),
+        ("run --mount nexstar:cge/new@sim --surface lx200@tcp://127.0.0.1:0", "no version"),
+        ("run --mount nexstar --surface lx200@tcp://127.0.0.1:0", "PROTOCOL"),
+        ("run --mount nexstar@sim", "command line: at least one surface"),
+        ("run --surface lx200@tcp://127.0.0.1:0", "which mount"),
+        ("run --mount nexstar@sim --surface lx200@tcp://nowhere", "tcp://HOST:PORT"),
+        ("run PLAIN --lowest 95", "lowest"),
+        ("run PLAIN --sun near", "0 to 90"),
+        ("run PLAIN --sun=-5", "0 to 90"),
+        ("run PLAIN --hour-angle-limit 13", "up to 12"),
+        ("run --mount nexstar@foo://bar --surface lx200@tcp://127.0.0.1:0", "foo://bar"),
+        ("run --config /does/not/exist.toml", "/does/not/exist.toml"),
+        ("sim nexstar:cge --site 91,0", "latitude"),
+        ("sim nexstar:cge --speed 0", "--speed"),
+        ("sim nexstar:cge --at pty:/does/not/exist/x", "/does/not/exist/x"),
+        ("explain lx200 nexstar :XY#", "no command"),
+        ("explain lx200 telescope :GR#", "'telescope' is no protocol (lx200, nexstar, alpaca) and no model"),
+        (
+            "run --mount nexstar@sim --surface lx200@127.0.0.1:4030",
+            "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030",
+        ),
+        ("run --mount nexstar@sim --surface lx200@tcp:127.0.0.1:4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("run --mount nexstar@sim --surface lx200@tcp:/[::1]:4030", "write lx200@tcp://[::1]:4030"),
+        ("run --mount nexstar@sim --surface lx200@4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("run --mount nexstar@sim --surface lx200@socket://0.0.0.0:4030", "write lx200@tcp://0.0.0.0:4030"),
+        (
+            "run --mount 6se@192.168.1.5:4030 --surface lx200@tcp://127.0.0.1:0",
+            "--mount 6se@192.168.1.5:4030: write 6se@socket://192.168.1.5:4030",
+        ),
+        (
+            "run --mount lx200@tcp://10.0.0.1:4030 --surface lx200@tcp://127.0.0.1:0",
+            "write lx200@socket://10.0.0.1:4030",
+        ),
+        ("run --mount lx200@pty:/tmp/meade --surface lx200@tcp://127.0.0.1:0", "write lx200@/tmp/meade"),
+        ("run --mount nexstar@sim --surface lx200@tcp://no-computer.invalid:4030", "write 0.0.0.0 for every computer"),
+        ("explain nexstar lx200 r34AB,12CE", "goto right ascension and declination"),
+        ("explain lx200 nexstar GR", "did you mean ':GR#'? Its : is missing"),
+        ("explain lx200 nexstar :GR", "did you mean ':GR#'? Its # is missing"),
+        ("explain lx200 nexstar e", "write explain nexstar lx200"),
+        ("sim nexstar --at 5000", "write --at tcp://127.0.0.1:5000"),
     ],
 )
-def test_what_to_do_is_said(arguments: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mistake_gets_one_line_that_says_what_to_write(
+    typed: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In an empty folder; PLAIN are a mount and a surface without a mistake, {} is a folder that there is not."""
     monkeypatch.chdir(tmp_path)
-    assert says in refused(*[word.format(tmp_path / "state") for word in arguments])
+    words = shlex.split(typed.replace("PLAIN", " ".join(PLAIN)).replace("{}", str(tmp_path / "state")))
+    assert says in refused(*words)
 
 
 def test_a_port_that_is_taken_is_to_be_left_or_ended(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
-    assert "another mount-gateway?" in said
+    assert where in said and "another mount-gateway?" in said
 
 
 def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> None:

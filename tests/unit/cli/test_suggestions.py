@@ -35,70 +35,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@each(
-    ("arguments", "says"),
-    [
-        ([], "mount-gateway demo needs no mount"),
-        (["rum"], "did you mean mount-gateway run?"),
-        (["Detect"], "did you mean mount-gateway detect?"),
-        (["start"], "did you mean mount-gateway run?"),
-        (["record"], "mount-gateway run --record FILE"),
-        (["gateway.toml"], "mount-gateway run gateway.toml"),
-        (["nexstar@sim"], "mount-gateway run --mount nexstar@sim"),
-        (["--mount", "x"], "mount-gateway run --mount"),
-        (["run", "--mont", "x"], "did you mean --mount?"),
-        (["run", "--write", "x"], "mount-gateway detect has it"),
-        (["run", "--name", "pier"], "mount-gateway config --example"),
-        (["run", "nexstar@sim", "lx200@tcp://:0"], "write --mount before the mount"),
-        (["run", "nexstar@sim"], "write --mount before the mount"),
-        (
-            ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "48.1", "11.6"],
-            "--site 48.1,11.6",
-        ),
-        (["run", "--mount", "nexstar@sim", "--surface", "4030"], "for example lx200@tcp://"),
-        (["run", "a.toml", "--config", "b.toml"], "write one file"),
-        (["explain", ":GR#"], "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
-        (["decode"], "missing: FILE; for example: mount-gateway decode night.rec"),
-        (["completion"], "missing: shell; for example: mount-gateway completion bash"),
-        (["completion", "tcsh"], "shell 'tcsh': write one of bash, zsh, fish"),
-        (["demo", "--speed", "fast"], "--speed 'fast': write a number"),
-        (["demo", "--port", "x"], "--port 'x': write a whole number"),
-        (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
-        (["run", "--mount"], "--mount: write its value after it"),
-        (["stop", "--hold", "--release"], "write --hold or --release, not both"),
-        (["run", "--mount", "nexstar", "/dev/ttyUSB0"], "write --mount nexstar@/dev/ttyUSB0"),
-        (["run", "--surface", "lx200", "tcp://127.0.0.1:4030"], "write --surface lx200@tcp://127.0.0.1:4030"),
-        (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"], "write allow in gateway.toml"),
-        (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"], "write read-only in gateway.toml"),
-        (
-            [
-                "run",
-                "--mount",
-                "nexstar@sim",
-                "--surface",
-                "lx200@pty:/tmp/x",
-                "--surface",
-                "lx200@pty:/tmp/y",
-                "--allow",
-                "10.0.0.1",
-            ],
-            "none of these surfaces is on a network",
-        ),
-        (["run", "--mount", "nexstar@sim", "--allow", "10.0.0.1"], "at least one surface is needed"),
-        (
-            ["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
-            "write it on a surface at tcp",
-        ),
-        (["run", *PLAIN, "--names", "pier"], "only programs that speak HTTP need this"),
-        (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--names", "pier"], "none of these surfaces is for HTTP"),
-        (["run", *PLAIN, "--names", "http://pier/"], "write a list"),
-        (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
-    ],
-)
-def test_it_is_said_what_was_meant(arguments: list[str], says: str, here: Path) -> None:
-    assert says in refused(*arguments)
-
-
 @pytest.mark.parametrize(
     ("typed", "page"),
     [
@@ -308,24 +244,6 @@ def test_an_address_is_one_of_the_network() -> None:
 # --- places as people write them -------------------------------------------------------------------------------------
 
 
-@each(
-    ("mount", "surface", "says"),
-    [
-        ("nexstar@sim", "lx200@127.0.0.1:4030", "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030"),
-        ("nexstar@sim", "lx200@tcp:127.0.0.1:4030", "write lx200@tcp://127.0.0.1:4030"),
-        ("nexstar@sim", "lx200@tcp:/[::1]:4030", "write lx200@tcp://[::1]:4030"),
-        ("nexstar@sim", "lx200@4030", "write lx200@tcp://127.0.0.1:4030"),
-        ("nexstar@sim", "lx200@socket://0.0.0.0:4030", "write lx200@tcp://0.0.0.0:4030"),
-        ("6se@192.168.1.5:4030", "lx200@tcp://:0", "--mount 6se@192.168.1.5:4030: write 6se@socket://192.168.1.5:4030"),
-        ("lx200@tcp://10.0.0.1:4030", "lx200@tcp://:0", "write lx200@socket://10.0.0.1:4030"),
-        ("lx200@pty:/tmp/meade", "lx200@tcp://:0", "write lx200@/tmp/meade"),
-        ("nexstar@sim", "lx200@tcp://no-computer.invalid:4030", "write 0.0.0.0 for every computer"),
-    ],
-)
-def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says: str) -> None:
-    assert says in refused("run", "--mount", mount, "--surface", surface)
-
-
 def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB7").touch()
     assert suggest_address("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
@@ -341,10 +259,6 @@ def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
     ]:
         assert suggest_address(where, listening, tmp_path) == "", where
     assert suggest_address("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
-
-
-def test_a_simulated_mount_listens_at_a_place_that_is_one() -> None:
-    assert "write --at tcp://127.0.0.1:5000" in refused("sim", "nexstar", "--at", "5000")
 
 
 def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -368,19 +282,6 @@ def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
         "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055"
     )
     assert "tcp://:4055 is taken by another one" in line and "file" not in line
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["nexstar", "lx200", "r34AB,12CE"], "goto right ascension and declination"),
-        (["lx200", "nexstar", "GR"], "did you mean ':GR#'? Its : is missing"),
-        (["lx200", "nexstar", ":GR"], "did you mean ':GR#'? Its # is missing"),
-        (["lx200", "nexstar", "e"], "write explain nexstar lx200"),
-    ],
-)
-def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
-    assert says in refused("explain", *words)
 
 
 # --- sites ------------------------------------------------------------------------------------------------------------
