@@ -72,7 +72,7 @@ def test_what_was_asked_and_what_came_is_said() -> None:
 
 
 @pytest.mark.parametrize("at", ["lx200@/dev/ttyUSB0", "lx200:lx200@/dev/ttyUSB0"])
-def test_it_is_said_what_a_mount_is_waited_for(at: str) -> None:
+def test_run_says_how_long_the_first_answer_may_take(at: str) -> None:
     async def program() -> None:
         bridge = Bridge("lx200", driven="lx200", latency=0.5, named="lx200:" in at)
         found, said, _ = await met(bridge, at, None)

@@ -151,7 +151,7 @@ def test_a_mistake_gets_one_line_that_says_what_to_write(
     assert says in refused(*words)
 
 
-def test_a_port_that_is_taken_is_to_be_left_or_ended(tmp_path: Path) -> None:
+def test_taken_port_is_named_with_what_to_do(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
@@ -173,7 +173,7 @@ def test_a_run_that_fails_does_not_warn_of_what_it_does_not_serve(tmp_path: Path
     assert failed.stderr.startswith(f"mount-gateway: nexstar@{tmp_path / 'none'}: cannot open ")
 
 
-def test_a_name_that_is_taken_is_to_be_another(tmp_path: Path) -> None:
+def test_link_refuses_a_name_that_is_taken(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="write another name"):
         DeviceLink(str(tmp_path / "file")).check()
@@ -187,7 +187,7 @@ def test_a_name_that_is_taken_is_to_be_another(tmp_path: Path) -> None:
         os.close(theirs)
 
 
-def test_a_name_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unknown_host_name_is_named_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     def unknown(*_: object, **__: object) -> None:
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
@@ -231,7 +231,7 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     assert gateway.end() == 0
 
 
-def test_those_that_run_are_named_where_another_was_asked_for(
+def test_unknown_mount_is_refused_with_those_that_run(
     started: list[Running], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gateway = Running("run", *PLAIN, "--state", str(tmp_path))

@@ -55,7 +55,7 @@ def test_a_page_that_is_asked_for_in_other_words_is_shown(
 
 
 @pytest.mark.parametrize(("where", "says"), [("", "this is a folder, not a serial port"), ("x", "this is not a ser")])
-def test_what_is_no_serial_port_is_told_so(
+def test_detect_says_that_a_folder_is_no_serial_port(
     where: str, says: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (here / "x").touch()
@@ -79,14 +79,14 @@ def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixtu
     assert "(gateway.toml of this folder is not" in capsys.readouterr().err
 
 
-def test_who_names_a_mount_does_not_mean_the_file_here(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flags_that_name_a_mount_leave_the_file_here_unread(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text("not even TOML")
     assert main(["config", *PLAIN]) == 0
     assert capsys.readouterr().err == ""
     assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
 
 
-def test_a_file_needs_no_flag(here: Path, started: list[Running]) -> None:
+def test_run_takes_a_file_without_a_flag(here: Path, started: list[Running]) -> None:
     path = here / "other.toml"
     path.write_text(FILE)
     gateway = Running("run", str(path))
@@ -198,7 +198,9 @@ def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
 @pytest.mark.parametrize(
     "subcommand", [("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"), ("explain", "etx", "6se", ":GR#")]
 )
-def test_they_are_known_in_every_subcommand(subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+def test_owners_names_are_known_in_every_subcommand(
+    subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(list(subcommand)) == 0
     assert capsys.readouterr().out
 
@@ -218,7 +220,7 @@ def test_a_simulated_mount_has_its_owners_name(started: list[Running]) -> None:
         ("nexstar@", "nexstar@/dev/ttyUSB0"),
     ],
 )
-def test_half_an_endpoint_is_made_whole_in_the_example(half: str, says: str) -> None:
+def test_refusal_of_half_an_endpoint_shows_it_whole(half: str, says: str) -> None:
     with pytest.raises(UserError) as refusal:
         parse_endpoint(half)
     assert str(refusal.value).endswith(f"for example {says}")
@@ -244,7 +246,7 @@ def test_an_address_is_one_of_the_network() -> None:
 # --- places as people write them -------------------------------------------------------------------------------------
 
 
-def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
+def test_device_without_its_folder_is_suggested_with_it(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB7").touch()
     assert suggest_address("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
     for where, listening in [
@@ -320,7 +322,7 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
         "-33°51'S,151°12'E",  # either of them could be meant
     ],
 )
-def test_what_is_no_site_is_refused(text: str) -> None:
+def test_text_that_is_no_site_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="write LAT,LON"):
         parse_site(text)
 

@@ -60,7 +60,7 @@ def daylight(bench: Bench) -> Bench:
 # --- transcripts of real clients, the hand control's side --------------------------------------------------
 
 
-def test_t1_indi_connects_to_a_fork() -> None:
+def test_hand_control_answers_what_indi_asks_a_fork_first() -> None:
     bench = daylight(Bench())
     assert bench(b"Kx") == b"x#"
     assert bench(b"V") == b"\x04\x15#"
@@ -75,7 +75,7 @@ def test_t1_indi_connects_to_a_fork() -> None:
     assert re.fullmatch(rb"[0-9A-F]{6}00,[0-9A-F]{6}00#", bench(b"e"))
 
 
-def test_t2_indi_goto_abort_park_on_a_german_mount() -> None:
+def test_german_hand_control_carries_out_a_goto_a_stop_and_a_park_of_indi() -> None:
     bench = Bench("cge")
     assert bench(b"t") == b"\x02#"
     assert bench("50 01 10 47 00 00 00 01") == b"\x80#"
@@ -102,7 +102,7 @@ def test_t2_indi_goto_abort_park_on_a_german_mount() -> None:
     assert re.fullmatch(rb"0000..00,1C71C700#", bench.after(9)(b"z"))  # it tracked until T 0
 
 
-def test_t3_guiding_on_a_german_mount() -> None:
+def test_german_hand_control_guides_by_motor_rates() -> None:
     bench = Bench("cge", site=(45.0, 10.0))
     lst = sidereal_time(bench.now, 10.0)
     bench(b"r%08X,00000000" % round((lst - 30) / 360 * 2**32))
@@ -121,7 +121,7 @@ def test_t3_guiding_on_a_german_mount() -> None:
     assert bench.sim.tracking
 
 
-def test_t3_guide_pulses_need_newer_motors() -> None:
+def test_guide_pulses_need_newer_motors() -> None:
     old, new = Bench("cge"), Bench("cgem", site=(45.0, 10.0))
     assert old("50 03 10 26 32 1E 00 00") == b"\0#"
     assert old("50 01 10 27 00 00 00 01") == b"\0\0#"
@@ -136,7 +136,7 @@ def test_t3_guide_pulses_need_newer_motors() -> None:
     assert wrap180(new.after(2).sim.truth()[0] - ra) * 3600 == pytest.approx(0, abs=0.01)
 
 
-def test_t5_t6_stellarium() -> None:
+def test_hand_control_serves_stellarium() -> None:
     bench = Bench(site=(45.0, 10.0))
     lst = sidereal_time(bench.now, 10.0)
     wanted = (round(lst / 360 * 2**24) % 2**24 << 8, 0x15555500)
@@ -150,7 +150,7 @@ def test_t5_t6_stellarium() -> None:
     assert bench(b"mLJt") == b"\x0c#0#\x01#\x01#"
 
 
-def test_t8_ascom_hub() -> None:
+def test_hand_control_serves_an_ascom_hub() -> None:
     bench = Bench(site=(45.0, 10.0))
     assert re.fullmatch(rb"[0-9A-F]{4},[0-9A-F]{4}#", bench(b"?E"))
     assert bench(b"KA") == b"A#"
@@ -161,7 +161,7 @@ def test_t8_ascom_hub() -> None:
     assert re.fullmatch(rb"[0-9A-F]{8}#", bench(b"l"))
 
 
-def test_t10_robustness() -> None:
+def test_hand_control_drops_idle_bytes_and_half_commands() -> None:
     bench = Bench()
     assert bench(b"\0\r\n#? \x06:A") == b""
     assert bench(b"r3555") == b""
@@ -200,7 +200,7 @@ def forms() -> list[list[str]]:
 
 
 @each("form", forms())
-def test_the_manuals_forms(form: list[str]) -> None:
+def test_hand_control_replies_as_the_manual_writes(form: list[str]) -> None:
     _, request, _, reply = form
     answer = manual_state()(typed(request)).decode("latin-1")
     if reply.startswith("re:"):
@@ -217,7 +217,7 @@ def number(version: str) -> tuple[int, ...]:
 
 
 @each("version", VERSIONS)
-def test_a_version_lacks_what_came_later(version: str) -> None:
+def test_old_hand_control_lacks_commands_that_came_later(version: str) -> None:
     for name, request, since, _ in forms():
         bench = Bench("cge", version)
         if number(version) >= number(since):
@@ -228,7 +228,7 @@ def test_a_version_lacks_what_came_later(version: str) -> None:
             assert bench(typed(request) + b"Kz") == b"z#"
 
 
-def test_beyond_the_manual_by_version() -> None:
+def test_commands_beyond_the_manual_begin_with_their_version() -> None:
     for letter, since in ((b"v", "2.2"), (b"l", "4.12"), (b"p", "4.15"), (b"x", "4.21"), (b"u", "5.29")):
         for version in (*VERSIONS, "4.12", "4.15", "5.31"):
             assert bool(Bench("cgem", version)(letter)) == (number(version) >= number(since))
@@ -260,7 +260,7 @@ def test_a_command_without_a_handler_is_unknown_to_it(monkeypatch: pytest.Monkey
 
 
 @each("model", list(load("nexstar").models))
-def test_devices_by_model(model: str) -> None:
+def test_hand_control_has_the_devices_of_its_model(model: str) -> None:
     bench, row = Bench(model, "4.21"), load("nexstar").models[model]
     assert bench(b"m") == bytes((row["id"],)) + b"#"
     assert (bench("50 01 B0 37 00 00 00 01") == b"\0\0#") == ("gps" not in row["has"])
@@ -279,7 +279,7 @@ def test_devices_by_model(model: str) -> None:
     assert bench(b"t") == (b"\x02#" if row["mount"] == "german" else b"\x01#")
 
 
-def test_the_gt_counts_from_a_hundred() -> None:
+def test_gt_counts_its_versions_from_a_hundred() -> None:
     old, new = Bench("gt", "101.0"), Bench("gt", "104.0")
     assert old(b"V") == b"\x65\x00#" and new(b"V") == b"\x68\x00#"
     assert old(b"e") == b"" and old(b"E") != b""
@@ -287,7 +287,7 @@ def test_the_gt_counts_from_a_hundred() -> None:
     assert new(b"t") == b"\x01#"
 
 
-def test_the_starsense() -> None:
+def test_starsense_adds_its_version_to_the_tracking_mode() -> None:
     bench = Bench("6-8se", "starsense-1.20")
     assert bench(b"Vv") == b"\x01\x14#\x13#"
     assert bench(b"J") == b"\x01#"
@@ -297,7 +297,7 @@ def test_the_starsense() -> None:
 
 
 @each(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
-def test_shifted_modes(model: str, version: str) -> None:
+def test_early_german_versions_shift_the_tracking_modes(model: str, version: str) -> None:
     bench = Bench(model, version)
     assert bench(b"t") == b"\x01#"
     bench(b"T\x02")
@@ -309,7 +309,7 @@ def test_shifted_modes(model: str, version: str) -> None:
     assert Bench("cge", "4.10")(b"t") == b"\x02#"
 
 
-def test_what_does_not_exist_is_said_in_one_line() -> None:
+def test_unknown_model_or_version_is_refused() -> None:
     for model, version in (("lx200", "4.21"), ("cge", "four"), ("cge", "4"), ("cge", "moonsense-1.20")):
         with pytest.raises(UserError):
             Bench(model, version)
@@ -318,7 +318,7 @@ def test_what_does_not_exist_is_said_in_one_line() -> None:
 # --- behaviour ---------------------------------------------------------------------------------------------
 
 
-def test_unaligned() -> None:
+def test_unaligned_hand_control_ignores_sky_gotos_and_takes_axis_gotos() -> None:
     bench = Bench(aligned=False)
     assert bench(b"J") == b"\x00#" and bench(b"t") == b"\x00#"
     assert bench(b"z") == b"00000000,00000000#"
@@ -350,7 +350,7 @@ def test_a_goto_ends_on_the_sky(model: str, latitude: float) -> None:
     assert separation(*bench.sim.truth(), ra, latitude / 2) * 3600 < 1
 
 
-def test_fork_limits_are_silent() -> None:
+def test_fork_ignores_gotos_beyond_its_limits_silently() -> None:
     bench = Bench(site=(45.0, 10.0))
     before = bench(b"z")
     ra = round((sidereal_time(bench.now, 10.0) + 180) / 360 * 2**32) % 2**32
@@ -362,7 +362,7 @@ def test_fork_limits_are_silent() -> None:
 
 
 @each(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
-def test_directions_of_a_german_mount(latitude: float, west: str, mode: int) -> None:
+def test_german_motors_turn_west_and_north_by_side_of_pier(latitude: float, west: str, mode: int) -> None:
     bench = Bench("cge", site=(latitude, 10.0), ramps=False)
     assert bench(b"t") == bytes((mode,)) + b"#"
     for hour_angle, side in ((30.0, "E"), (-30.0, "W")):
@@ -405,7 +405,7 @@ def test_a_fork_moves_by_hand_as_azimuth_and_altitude() -> None:
     assert int(alt, 16) * 360 / 65536 == pytest.approx(43, abs=0.01)
 
 
-def test_tracking_codes_are_no_rates() -> None:
+def test_tracking_codes_track_and_are_no_rates() -> None:
     for code, arcseconds in (("FF", 15.041), ("FE", 15.0), ("FD", 14.685)):
         bench = Bench("cge", site=(45.0, 10.0))
         bench(b"T\x00B2000,2000")
@@ -419,7 +419,7 @@ def test_tracking_codes_are_no_rates() -> None:
         assert not bench.sim.tracking
 
 
-def test_variable_rates() -> None:
+def test_variable_rates_turn_the_axes_at_that_rate() -> None:
     bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 03 10 06 02 58 00 00")  # 150 arcseconds a second
@@ -543,7 +543,9 @@ _BYTES = st.one_of(
     st.booleans(),
     st.lists(st.tuples(_BYTES, st.floats(0, 1e5)), max_size=30),
 )
-def test_no_bytes_upset_it(model: str, latitude: float, aligned: bool, story: list[tuple[bytes, float]]) -> None:
+def test_no_bytes_upset_the_hand_control(
+    model: str, latitude: float, aligned: bool, story: list[tuple[bytes, float]]
+) -> None:
     bench = Bench(model, site=(latitude, 10.0), aligned=aligned, focuser=True)
     for data, wait in story:
         bench(data)
@@ -555,7 +557,7 @@ def test_no_bytes_upset_it(model: str, latitude: float, aligned: bool, story: li
     assert len(bench(b"ez")) == 36
 
 
-def test_hibernation() -> None:
+def test_hibernating_hand_control_answers_nothing_until_it_wakes() -> None:
     bench = Bench()
     assert bench(b"x") == b"#"
     assert bench(b"eztJLMmwhTPRPRPRP") == b""
@@ -566,7 +568,7 @@ def test_hibernation() -> None:
     assert bench.sim.tracking and bench(b"t") == b"\x01#"
 
 
-def test_axis_commands() -> None:
+def test_axis_commands_move_and_set_one_axis() -> None:
     bench = Bench("cge", site=(45.0, 10.0))
     bench(b"T\x00")
     assert bench("50 01 11 01 00 00 00 03") == b"\x40\x00\x00#"
@@ -586,7 +588,7 @@ def test_axis_commands() -> None:
     assert bench.settle()(b"Z") == b"4000,3000#"
 
 
-def test_motor_settings() -> None:
+def test_motor_settings_are_kept_within_their_ranges() -> None:
     bench = Bench("cgem")
     assert bench("50 02 10 46 40 00 00 00") == b"#"
     assert bench("50 01 10 47 00 00 00 01") == b"\x40#"
@@ -600,7 +602,7 @@ def test_motor_settings() -> None:
     assert bench("50 01 10 FE 00 00 00 01") == b"\x06#"
 
 
-def test_home_switches() -> None:
+def test_axes_find_their_home_switches() -> None:
     bench = Bench("cgx", "5.31")
     bench(b"T\x00b10000000,10000000")
     bench.settle()
