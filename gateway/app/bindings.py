@@ -201,7 +201,7 @@ class AcceptorFactory:
 
 
 def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, Replies]:
-    """Return what makes a protocol's framer, and the parser of the replies of a mount, which may be a known model."""
+    """Return the factory of a protocol's framer, and the parser of a mount's replies; its model may be known."""
     spec = PROTOCOLS[protocol]
     if spec.reply_rules is None:
         return spec.framing, PlainReplies(spec.commands)

@@ -122,7 +122,7 @@ class MountState(Struct, frozen=True, dict=True):
         return "" if self.goal is None else format_position(self.goal)
 
     def _orders(self, surfaces: Sequence[str]) -> Iterator[str]:
-        """Yield what the mount was asked to do, by whom, and the orders that wait."""
+        """Yield the orders under way, with the clients that gave them, and the waiting orders."""
 
         def asked(by: HostActivity | None, since: float) -> str:
             number = 0 if by is None or len(surfaces) < 2 or by.who.startswith("pty:") else by.program.surface

@@ -29,8 +29,8 @@ PRESENT_FOR = 10.0
 
 
 class ConnectionAcceptor:
-    """Creates the client connection for every connection to one port. ``binding``: what is presented there,
-    or what makes it for the first connection."""
+    """Creates the client connection for every connection to one port. ``binding``: the presented surface,
+    or a function that makes it for the first connection."""
 
     def __init__(
         self,

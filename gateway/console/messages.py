@@ -115,7 +115,7 @@ class _Head(_Numbered, kw_only=True):
 
 
 class Message(NamedTuple):
-    """A message: the number of the answer, the number of the mount, and what is asked."""
+    """A message: the number of its answer, the number of the mount, and the request."""
 
     id: int
     mount: int

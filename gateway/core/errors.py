@@ -25,7 +25,7 @@ class GatewayError(Exception):
 
 
 class UserError(GatewayError):
-    """Bad input from a person. The text says what is wrong, where, and what would be right."""
+    """Bad input from a person. The text gives the mistake, its place, and the correction."""
 
     #: The exit code of a command that ends with it.
     exit_code = 2
@@ -136,7 +136,7 @@ class TooHigh(Fault):
 class WayBlocked(TooHigh):
     """Every way to the target leads beyond an altitude limit; the text names a place to go to first, or the arrows.
 
-    Not the target: where a protocol tells the two apart, it is answered like one that is above the horizon.
+    The target itself is allowed: a protocol with separate replies answers as for a target above the horizon.
     """
 
     words = "The way there leaves the limits."

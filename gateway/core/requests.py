@@ -155,7 +155,7 @@ class OperationRequest(Base, frozen=True, tag="perform"):
 
 
 class ReadSlowRequest(Struct, frozen=True, tag="look"):
-    """Ask the mount for what is polled for nobody: the side of its pier and its drive rate, a multiple of sidereal."""
+    """Ask the mount for values that no task polls: its pier side and its drive rate, a multiple of sidereal."""
 
 
 class ProgressRequest(Struct, frozen=True, tag="follow"):

@@ -55,7 +55,7 @@ class BrokerAccess(Struct, frozen=True):
 
 
 def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> BrokerAccess:
-    """Collect the settings for a broker. Raises UserError for what is missing or cannot be read."""
+    """Collect the settings for a broker. Raises UserError for a missing setting or an unreadable file."""
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
     broker = parse_broker(at)

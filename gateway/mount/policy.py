@@ -64,7 +64,7 @@ class Limits(Struct, frozen=True):
         return replace(limits, by_page=limits != self)
 
     def words(self) -> Iterator[str]:
-        """Yield what is allowed."""
+        """Yield the limits, as text for the user."""
         yield f"altitude {self.lowest:g}° to {self.highest:g}°"
         if self.sun > 0.0:
             yield f"no nearer to the Sun than {self.sun:g}°"

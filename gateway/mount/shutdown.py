@@ -65,7 +65,8 @@ def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = Fal
     """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
     does not change.
 
-    With ``ends_only``, leave out what is restored after the motion: the mount may have been switched off meanwhile.
+    With ``ends_only``, leave out settings that are restored after the motion: the mount may have been switched off
+    meanwhile.
     """
     twin = copy.copy(driver)
     for name, value in vars(driver).items():

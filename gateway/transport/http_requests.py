@@ -25,7 +25,7 @@ def turned_away(request: web.Request, why: str, logs: Iterable[WireLog]) -> None
 
 
 def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:
-    """Whether a request means this computer. Only programs leave out whom they mean, in HTTP/1.0; no browser does."""
+    """Whether a request is addressed to this computer. Programs may omit the address in HTTP/1.0."""
     if "Host" not in request.headers and request.version < HttpVersion11:
         return True
     return known_host(request.headers.get("Host"), local_address(request)[0], names)

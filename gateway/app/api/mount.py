@@ -97,7 +97,7 @@ class Mount:
         return await self.perform(op.GetSite())
 
     async def time(self) -> op.Moment:
-        """Return the time by the clock that counts: that of the mount, of a program, or of this computer."""
+        """Return the time of the best clock: the mount's, a program's, or this computer's."""
         return await self.perform(op.GetClock())
 
     # --- motion -------------------------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class Mount:
     async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
 
-        ``j2000``: the position is one of a catalogue. Raises Invalid for what is no number, or no declination.
+        ``j2000``: the position is one of a catalogue. Raises Invalid for a bad number or declination.
         """
         await self._ask(requests.GotoRequest(_spot(op.Goto(ra, dec), j2000)))
 

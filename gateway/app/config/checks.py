@@ -27,7 +27,7 @@ _EVERY_ADDRESS = ("0.0.0.0", "::")
 
 
 class Mistake(NamedTuple):
-    """Where a mistake is, and the words that say what is wrong and what would be right."""
+    """The place of a mistake, and a message with the mistake and its correction."""
 
     place: Place
     words: str

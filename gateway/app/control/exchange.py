@@ -78,7 +78,7 @@ def _content(path: Path, owner: int | None) -> bytes:
 
 
 def is_listening(endpoint: ControlEndpoint) -> bool:
-    """Whether a process listens on the port of an endpoint, which is so if the port cannot be bound."""
+    """Whether a process listens on the port of an endpoint: then the port cannot be bound."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("127.0.0.1", endpoint.port))

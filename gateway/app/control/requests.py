@@ -376,7 +376,7 @@ class RequestHandler:
         return Answer(DONE, "the mount was stopped")
 
     async def _look(self) -> dict[str, Any]:
-        """Read what is polled for nobody; None for what the mount does not tell."""
+        """Read the values that no task polls; None for those that the mount does not report."""
         controller = self._controller
         reported: dict[str, Any] = {"pier": None, "drive": None}
         if controller.line.state != "up" or controller.driver.asleep:

@@ -46,7 +46,7 @@ ROOM = 300
 
 class Recorder:
     """Writes a recording whose header holds ``settings``. ``clock`` returns the Unix time
-    of entries, ``now`` seconds that no one sets; ``warn`` gets messages for the user.
+    of entries, ``now`` monotonic seconds; ``warn`` gets messages for the user.
 
     Raises UserError for a file that cannot be written.
     """
@@ -119,7 +119,7 @@ class Recorder:
         )
 
     async def close(self) -> None:
-        """Write what is left and the last line, and close the file."""
+        """Write the remaining entries and the last line, and close the file."""
         self.put(Entry(self._clock(), RECORDER, "!", b"", "ends here"))
         self._closing = True
         self._hurry.set()

@@ -58,7 +58,7 @@ class Watchdog:
         self.pid: int | None = None
 
     def start(self) -> None:
-        """Start the process and tell it of every mount, unless it was started before."""
+        """Start the process and report every mount to it, unless it was started before."""
         if self._began is None:
             self._run()
 

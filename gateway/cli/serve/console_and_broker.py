@@ -119,7 +119,7 @@ def qr_code(line: str) -> list[str]:
 
 
 def broker_access(config: Config) -> brokers.BrokerAccess | None:
-    """Return the credentials for the broker; None if none is configured. Raises UserError for what is missing."""
+    """Return the credentials for the broker; None if none is configured. Raises UserError for a missing part."""
     mqtt = config.mqtt
     if mqtt is None:
         return None

@@ -59,7 +59,7 @@ async def serve(
 async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up early if there is little hope.
 
-    A port may be silent for `FIRST_WORD` seconds; for ``more`` if it was waited for before.
+    A port may be silent for `FIRST_WORD` seconds, or for ``more`` at a repeated wait.
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
     began, said, soon = now(), more is not None, NAMED if gateway.mount.model else UNNAMED
@@ -169,7 +169,7 @@ def waiting_message(gateway: Gateway) -> str:
 def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     """Return why no mount was found, and what to do; suspect the cable only if no byte was received.
 
-    With ``longest`` the gateway goes on asking until so many seconds after its start.
+    With ``longest`` the gateway continues to ask until that many seconds after its start.
     """
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"

@@ -77,7 +77,7 @@ def word(text: str) -> str:
 
 
 def _user_and_group(named: str | None) -> tuple[str, str]:
-    """Return whom the unit runs as (``named``, who called sudo, or who calls), and the group that opens serial ports.
+    """Return the user of the unit (``named``, or the caller, also through sudo), and the group that opens serial ports.
 
     Raises UserError for root and for a user who does not exist.
     """

@@ -60,7 +60,7 @@ class Finding(Struct, frozen=True, omit_defaults=True):
 
 
 def rest_of(stage: str) -> str:
-    """Return what has not been tried of a stage that ended before its time."""
+    """Return the name of the untried rest of a stage that ended early."""
     return f"the rest of {stage}"
 
 
@@ -115,7 +115,7 @@ def save(path: Path, findings: Findings) -> None:
 class ProofFile(Struct, frozen=True):
     """The file that a check makes: the mount's identity, the version of the gateway, and the findings by stage.
 
-    Words that may tell a place, a time or a name are left out: all of the sky, and why something was not tried.
+    It omits texts that may reveal a place, a time or a name: the sky stage, and reasons for untried parts.
     """
 
     mount: str

@@ -157,7 +157,7 @@ class GuidedCheck:
         return ""
 
     async def _stage(self, stage: Stage) -> str:
-        """Carry out a stage; return the key for what comes then: y for the next, a for this again, q for none."""
+        """Carry out a stage; return the key for the next step: y for the next stage, a for again, q to quit."""
         telescope, person = self._telescope, self._person
         self._here, self.before = [], self._findings.stages.get(stage.name, [])
         telescope.begin()

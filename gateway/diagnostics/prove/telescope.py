@@ -56,7 +56,8 @@ class StoppedByOthers(Ended):
 class Motion(NamedTuple):
     """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
 
-    ``places`` are those meanwhile, ``before`` and ``after`` those at rest. ``refused`` says why there was none.
+    ``places`` are the positions during the motion, ``before`` and ``after`` those at rest. ``refused`` is the reason if
+    the mount did not move.
     """
 
     began: float = 0.0
@@ -143,7 +144,7 @@ class CheckedMount:
         self.tracking_by_others |= any(order.by is not None and order.by.who != WHO for order in orders)
 
     async def until(self, done: Callable[[], bool], seconds: float) -> bool:
-        """Wait for something; return whether it came true. Raises Ended."""
+        """Wait for a condition; return whether it became true. Raises Ended."""
         end = self.now() + seconds
         while not done():
             if self.now() >= end:
@@ -222,7 +223,7 @@ class CheckedMount:
         return Motion(began, ended, before, places, after)
 
     def _changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
-        """Whether a reading has changed; of a fast motion, by more than the sky does that passes."""
+        """Whether a reading has changed; during a fast motion, by more than the sidereal rate explains."""
         return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:

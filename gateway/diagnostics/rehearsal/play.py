@@ -93,7 +93,7 @@ def changes(name: str) -> bool:
 
 
 def denies(play: Play, command: Command, surface: Surface) -> bool:
-    """Whether a command was refused, by its reply or, if that cannot tell, by the log."""
+    """Whether a command was refused: by its reply, or by the log if the reply shows nothing."""
     return is_no(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
 
 

@@ -197,7 +197,7 @@ class MountLink:
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """Bring the line into step after it was lost. Half a command sent before is forgotten by then, or ended."""
+        """Synchronise with the mount after a lost line. An earlier half command has timed out by then, or is ended."""
         self.reopened.emit(None)
         half, self.transaction.half = self.transaction.half, False
         stopped = await self._write_stop()

@@ -101,7 +101,7 @@ def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step
 
 
 class EndWatch:
-    """Watches an end that was sent until the position shows it. A motion that begins meanwhile supersedes the end.
+    """Watches the end of a motion until the position confirms it. A new motion supersedes the end.
 
     ``again`` is emitted with the axes whose end is to be sent again; ``warn`` receives the log lines.
     """

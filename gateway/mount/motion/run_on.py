@@ -103,8 +103,8 @@ class RunOnWatch:
         return self.value is not None and self._now() - self.value.heard > SILENT
 
     def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
-        """Return what moves by orders of this gateway, the run-on included. The mount is ``parked`` or not, and was
-        ``heard`` of so many seconds ago.
+        """Return the motion by orders of this gateway, including the run-on. ``parked``: the mount is parked;
+        ``heard``: the age of its last reply, seconds.
         """
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.

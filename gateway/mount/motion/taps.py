@@ -57,9 +57,7 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
 
 
 def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
-    """Return what is wanted once it is known for how long the newest arrow was held, and another one before it that is
-    being carried out.
-    """
+    """Return the new ``Wanted`` once the holding time of the newest arrow is known, and of an earlier one under way."""
     newest = waiting[-1]
     first = waiting[0] if waiting[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
@@ -219,7 +217,7 @@ def axis_of(order: Order) -> int:
 
 
 def _held(press: Order, seconds: float) -> Order:
-    """Return an arrow that was released after so many seconds."""
+    """Return an arrow that was released after these seconds."""
     return replace(press, arrow=replace(press.arrow, held=seconds))
 
 

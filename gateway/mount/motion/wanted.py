@@ -388,9 +388,9 @@ class Movement:
 
     @property
     def ordered(self) -> bool:
-        """Whether a motion is under way that a client ordered.
+        """Whether a motion ordered by a client is under way.
 
-        A goto that has ended counts until the reading that tells its end is stored: its last position is read before.
+        A goto counts until the reading that shows its end is stored: its last position is read before.
         """
         return not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
 

@@ -311,7 +311,9 @@ class Reader:
         mark_retrieved(task)
 
     def _precondition(self, operation: op.Operation) -> asyncio.Event:
-        """Return the event to wait for before this read: for the position a mount was found, else identified."""
+        """Return the event that must precede this read: the mount was found (for its position) or identified (for the
+        rest).
+        """
         return self._context.found if isinstance(operation, op.Position) else self._context.known
 
     async def _ask_own(self, operation: op.Own) -> bytes:

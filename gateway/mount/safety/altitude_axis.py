@@ -98,7 +98,7 @@ class AltitudeAxis:
 
     @property
     def shifts(self) -> tuple[Shift, ...]:
-        """By how much the tube may be off because of syncs, where the axes do not tell; none without a site."""
+        """The possible pointing errors of syncs if the axes do not show them; empty without a site."""
         mount, shifts = self._mount, self._mount.frame().shifts
         if not shifts or self.available or mount.sources.site() is None:
             return ()
@@ -163,7 +163,7 @@ class AltitudeAxis:
         )
 
     def words(self, turned: float, tilted: float) -> Iterator[str]:
-        """Yield what to tell the user of these changes."""
+        """Yield the messages for the user about these changes."""
         reads, given = "axis reads {:+.1f} degrees from the", "that position, site and clock give"
         if tilted:
             yield f"the altitude {reads.format(self.tilt)} altitude {given}; the altitude limits use the axis"

@@ -42,7 +42,7 @@ def told_by_axes(mount: Context) -> bool:
 
 
 def is_kept(mount: Context) -> bool:
-    """Whether a limit of the hour angle can be kept: on forks, and on German mounts that tell axes or pier side."""
+    """Whether an hour angle limit can be enforced: on forks, and on German mounts that report axes or pier side."""
     german = mount.driver.german
     return told_by_axes(mount) or german is False or (german is True and mount.driver.tells_side)
 

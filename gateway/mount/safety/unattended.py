@@ -213,7 +213,7 @@ class SunAhead:
             mount.note(f"WARNING: {self.words}")
 
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
-        """Return what to tell of the first Sun that comes near a tube that rests, or that tracks; or an empty text."""
+        """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
         suns = self._mount.suns
         up = {(sun.shift, sun.confirmed) for sun in suns.up()}
         for minute in range(round(AHEAD / STEP) + 1):

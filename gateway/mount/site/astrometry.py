@@ -95,7 +95,7 @@ class SiteAstrometry:
 
 
 class Shift(NamedTuple):
-    """By how many degrees the tube is off from where the mount believes to point: its axes tell, or syncs turned it.
+    """The pointing error of the tube, degrees, from the axis readings or from syncs.
 
     In azimuth and altitude, or if ``polar`` in hour angle and declination.
     """

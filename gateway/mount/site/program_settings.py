@@ -50,8 +50,8 @@ def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
 
 
 class OwnSettings(Struct, frozen=True):
-    """What one program has set: a site, or a half of one that waits for the other; a clock with the loop time at which
-    it showed that; and the hours, local time minus UTC, of a zone that was set alone."""
+    """The settings of one program: a site, or one half of it that waits for the other; a clock with the loop time of
+    its reading; and a zone that was set alone, hours, local time minus UTC."""
 
     site: Place | None = None
     half: SetSite | None = None

@@ -12,7 +12,9 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 
 
 class ReadBy:
-    """Site and clock of one mount for one program. What it sets here it reads again, whatever the mount tells."""
+    """Site and clock of one mount for one program. The program reads its own settings again, whatever the mount
+    reports.
+    """
 
     def __init__(self, site_clock: SiteClock, program: ProgramId) -> None:
         self._known, self._program = site_clock, program

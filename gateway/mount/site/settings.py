@@ -117,7 +117,7 @@ class SiteAndClock:
         asyncio.get_running_loop().call_later(HALF_SITE, self.complete, program)
 
     def holds_for(self) -> str:
-        """Say for whom a site would hold that a person sets now, who reads none by a program; empty if not known."""
+        """Return the scope of a site that a person sets now (the mount, or all programs), as text; empty if unknown."""
         context, sites = self._context, self._context.sources.sites()
         status: op.Status | None = context.cache.value(op.GetStatus)
         if status is None or not context.known.is_set():

@@ -39,7 +39,7 @@ def name(operation: op.Operation) -> str:
 
 
 def note(mount: Context, operation: op.Operation, text: str) -> None:
-    """Log what has become of a setting."""
+    """Log the outcome of a setting."""
     mount.note(f"the {name(operation)} that was set: {text}")
 
 
@@ -52,7 +52,7 @@ def note_kept(mount: Context, setting: Setting, why: str) -> None:
 
 
 def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> None:
-    """Log who has set the mount's site, or its clock (``ahead`` by so many seconds), and what contradicts it."""
+    """Log who has set the mount's site, or its clock (``ahead``, seconds), and any contradiction."""
     by, value = setting.by or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(

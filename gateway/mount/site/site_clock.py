@@ -113,7 +113,7 @@ class SiteClock:
         return self.programs.newest or (self.stored if self._asked else None)
 
     def lasting_site(self) -> SiteOfProgram | None:
-        """Return the site to be kept over a restart: a program's, if neither mount nor GPS tells one."""
+        """Return the site to store for a restart: a program's, if neither mount nor GPS reports one."""
         known = self.mount_site is not None or self.gps_site is not None
         return None if known else self.programs.newest or self.stored
 
@@ -271,9 +271,9 @@ class BestSources:
         return [*self.sites(), *([Site(former, FORMER)] if former is not None else [])]
 
     def times(self) -> list[Time]:
-        """Return every time that counts, best first.
+        """Return every usable time, best first.
 
-        A computer whose clock is doubtful counts only if neither the mount nor its GPS tells a time, and a program's
+        A computer whose clock is doubtful counts only if neither the mount nor its GPS reports a time, and a program's
         clock only if that of this computer is doubtful as well.
         """
         known = self._site_clock

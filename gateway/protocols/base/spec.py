@@ -118,7 +118,7 @@ class NightRows(Struct, frozen=True):
 
 
 def part(module: str, name: str) -> Callable[..., Any]:
-    """Return what makes a part of a protocol. Its module is imported by the first call, because every start reads the
+    """Return a factory for a part of a protocol. The first call imports its module, because every start reads the
     specifications of all protocols.
     """
     return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)

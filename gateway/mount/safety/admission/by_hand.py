@@ -79,9 +79,9 @@ def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[i
 
 
 def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
-    """Check a stretch of so many degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
+    """Check a stretch of motion, degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
 
-    A stretch that is no number, or longer than any mount turns, is refused: to check it could take for ever.
+    Refuse a stretch that is not finite, or longer than any mount turns: checking it could take for ever.
     """
     if not all(abs(degrees) <= LONGEST for degrees in turns.values()):
         raise Invalid("It would turn an axis by more than three whole turns.")

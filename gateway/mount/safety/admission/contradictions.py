@@ -93,7 +93,7 @@ def _where(limits: Limits, altitude: float) -> str:
 
 
 def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
-    """Yield when a goal comes above the lowest altitude, in the mount's local time if it tells its zone."""
+    """Yield the time at which a goal rises above the lowest altitude, in the mount's local time if known."""
     latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
     hour_angle = mount.astrometry.sidereal_time() - goal.ra
     if mount.astrometry.horizon(goal).alt > limits.lowest:

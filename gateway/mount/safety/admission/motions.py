@@ -48,10 +48,10 @@ SITE_TIMEOUT = 4.0
 
 
 class MotionAdmission:
-    """Admits the motions of one mount; the reconciler calls ``admit`` before each. ``preview`` tells in advance."""
+    """Admits the motions of one mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
 
     def __init__(self, mount: Context, ask: Readings, watch: LimitWatch, previews: bool = False) -> None:
-        """One that only ``previews`` leaves no trace in the log or in what is watched."""
+        """With ``previews`` it changes neither the log nor the watched limits."""
         self._mount, self._ask, self._watch = mount, ask, watch
         self._path = CheckedPath() if previews else watch.path
         self._note_once: Callable[[str], None] = (lambda text: None) if previews else mount.note_once
@@ -60,7 +60,7 @@ class MotionAdmission:
     async def preview(self, goal: op.Equatorial) -> Fault | None:
         """Return the refusal that a goto there would get now, by the same rules; None if they allow it.
 
-        The rules use the last readings. Where they need one that was not read yet, only the goto can tell.
+        The rules use the last readings. If they need a missing reading, only the goto itself shows the outcome.
         """
         rules = MotionAdmission(
             self._mount, LastReadings(self._mount.cache, self._mount.driver), self._watch, previews=True

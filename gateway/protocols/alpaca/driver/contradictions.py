@@ -30,7 +30,7 @@ class CompareEquinox(op.Operation, frozen=True):
 
 
 def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Steps:
-    """Return the equinox that fits the server's altitude and azimuth; None if both do, or it tells too little."""
+    """Return the equinox that fits the server's altitude and azimuth; None if both do, or the data are insufficient."""
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
         values.append((yield from told(mount, member)))

@@ -114,8 +114,8 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
         number: follows + (speed if number == axis else mount.slow.get(number, 0.0))
         for number, follows in rates.items()
     }
-    able = {number: mount.nearest(number, rate) for number, rate in sent.items()}
-    off = abs(able[axis] - sent[axis])
+    possible = {number: mount.nearest(number, rate) for number, rate in sent.items()}
+    off = abs(possible[axis] - sent[axis])
     if on_sky and off > abs(speed) / 2.0:
         raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
     if off > REMARK_FROM * abs(speed):
@@ -126,7 +126,7 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
         mount.suspended = True
         yield from _go_on(mount)
     mount.slow[axis] = speed
-    for number, rate in able.items():
+    for number, rate in possible.items():
         if number != axis and number not in mount.slow:
             if number in mount.moving and number not in mount.following:
                 continue  # it is moved faster
@@ -335,8 +335,8 @@ def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
     factor = operation.factor or 1.0
     near = (name for name, number in RATES.items() if abs(FACTORS[number] - factor) < SAME_RATE)
     name = operation.name or next(near, "")
-    able = yield from told(mount, "trackingrates", [0])
-    if name not in RATES or (isinstance(able, list) and RATES[name] not in able):
+    possible = yield from told(mount, "trackingrates", [0])
+    if name not in RATES or (isinstance(possible, list) and RATES[name] not in possible):
         raise Unsupported(f"This mount does not track at the {name or f'{factor:g} times sidereal'} rate.")
     yield from order(mount, "set_trackingrate", rate=RATES[name])
 

@@ -42,7 +42,7 @@ REFUSED = "The mount refused this."
 
 
 def position(mount: AlpacaDriver, _: op.Position) -> Steps:
-    """Return the Equatorial position, as the server tells it."""
+    """Return the Equatorial position, as the server reports it."""
     place, state = None, {}
     if mount.lists_state:
         state, mount.read_at = (yield from device_state(mount)), None
@@ -142,7 +142,7 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
 
 
 def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
-    """Return the refusal of an order with its reason, by what the mount tells of itself now."""
+    """Return the refusal of an order with its reason, by the present reports of the mount."""
     if command not in OF_PARKED and (yield from told(mount, "atpark", False)):
         mount.parked = True
         return Parked(_with_text(PARKED, fault))

@@ -117,7 +117,7 @@ async def _telescopes(session: ClientSession, host: str, port: int) -> list[Offe
 
 
 async def _value(session: ClientSession, url: str) -> Any:
-    """Return the value that a server tells; None if it tells none."""
+    """Return the value in a server's answer; None if it has none."""
     from aiohttp import ClientError
 
     try:

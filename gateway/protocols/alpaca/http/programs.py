@@ -111,7 +111,9 @@ class Programs:
         return program
 
     def extra_connection(self, host: str, client: int) -> AlpacaClient:
-        """Return another connection for a program, which is no sign of life of it. Raises ConnectionRefused."""
+        """Return another connection for a program; it does not show that the program is alive. Raises
+        ConnectionRefused.
+        """
         return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
@@ -161,7 +163,7 @@ class Device:
 
 
 async def _arrival(extra: AlpacaClient) -> str:
-    """Wait until the goto has ended, and return why if that was before its goal. Other requests of the program are
+    """Wait for the end of the goto; return the reason if it ended before its goal. Other requests of the program are
     answered meanwhile.
     """
     loop = asyncio.get_running_loop()

@@ -69,7 +69,7 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
 
 
 def told_side(mount: Lx200Driver) -> Steps:
-    """Return the side of the pier, E or W; None if the mount does not tell it."""
+    """Return the side of the pier, E or W; None if the mount does not report it."""
     if not mount.tells_status or not mount.dialect:
         return None
     if (command := mount.dialect["status"].get("side")) is not None:

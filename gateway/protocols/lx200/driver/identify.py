@@ -90,7 +90,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
 
 
 def _see_whether_pushed(mount: Lx200Driver) -> Steps:
-    """See whether it always shows bars and stands still: then it only tells where a telescope points."""
+    """Detect a telescope that is pushed by hand: it always shows bars and stands still."""
     places: list[Equatorial] = []
     for _ in range(LOOKS):
         if not ((yield from _probe(mount, "D")) or {"bars": ""})["bars"].strip():

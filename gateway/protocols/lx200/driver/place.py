@@ -107,7 +107,7 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
 
 
 def _see_clock(mount: Lx200Driver, ahead: float) -> Steps:
-    """Read the clock that was set: ``ahead`` of the driver's own by so many seconds. Raises Refused if it differs."""
+    """Read the clock back: it must be ``ahead`` of the driver's, seconds. Raises Refused if it differs."""
     moment = yield from get_clock(mount, GetClock())
     if abs(moment.unix - mount.now() - ahead) > CLOCK_DIFFERS:
         shown = datetime.fromtimestamp(moment.unix, UTC)

@@ -124,7 +124,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    One that tells its state has bars that are true: a goto of an OnStep may wait for a person at the meridian.
+    The bars of a mount that reports its state are reliable: a goto of an OnStep may wait for a person at the meridian.
     """
     reports = mount.dialect and mount.tells_status
     return state.then is None and not reports and state.read - state.moved > STANDS

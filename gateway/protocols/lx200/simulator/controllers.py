@@ -32,8 +32,8 @@ ONSTEP_NAMES, TEEN_NAMES = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C
 
 
 class FrameCutter:
-    """Cuts frames as they do. An OnStep takes ``any_first`` byte for a colon, and cuts short what is too long; a
-    TeenAstro drops that.
+    """Cuts frames as these controllers do. An OnStep takes ``any_first`` byte for a colon, and cuts short what is too
+    long; a TeenAstro drops that.
     """
 
     def __init__(self, longest: int, any_first: bool) -> None:

@@ -155,7 +155,7 @@ class NexStar(Driver):
         self.drive = "special" if self.drive == "replaced" else self.drive
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return what to save: home, park, what the mount cannot tell, and its mode while it does not track; in motion
+        """Return the values to save: home, park, unreadable settings, and the mode while it does not track; in motion
         also model, version and the tracking mode to resume.
         """
         rests = self.tracking is op.Tracking.OFF and self.suspended is None
