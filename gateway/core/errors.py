@@ -99,7 +99,7 @@ class Fault(GatewayError):
             self.brief = brief
 
     def of(self, what: str) -> str:
-        """Return that ``what`` was refused, and why; the text of a sync begins with that already."""
+        """Return ``what`` and the reason of its refusal as one text; the text of a sync already has ``what``."""
         return str(self) if str(self).startswith(what) else f"{what}: {self}"
 
 

@@ -59,7 +59,7 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
                 yield before, (wrap180(before[0] + way[0]), wrap180(before[1] + way[1]))
 
     def added(self, present: Equatorial, wanted: Equatorial, turns: Turns) -> SyncSum:
-        """Return the sum with one more sync, from ``present`` to ``wanted``, which may make one of the ``turns``."""
+        """Return the sum after another sync from ``present`` to ``wanted``; ``turns`` are its possible rotations."""
         middle = cos(radians((present.dec + wanted.dec) / 2.0))
         turned, *otherwise = _different(after for _, after in self.steps(turns))
         east = self.east + wrap180(wanted.ra - present.ra) * middle

@@ -461,8 +461,8 @@ class SkyChange:
     def has_changed(self, now: float, moved_by_others: bool) -> bool:
         """Whether the position read now cannot be compared with the one before."""
         mount, (place, ahead) = self._mount, self._frame
-        known = mount.astrometry.site_clock
-        self._frame = known.site(), known.unix() - now
+        site_clock = mount.astrometry.site_clock
+        self._frame = site_clock.site(), site_clock.unix() - now
         changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > CLOCK_JUMP)
         if changed or any(kind in SKY for kind, _ in mount.incoming.pending):
             self._settles_until = now + SETTLE_TIME

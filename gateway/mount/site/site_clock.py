@@ -150,7 +150,7 @@ class SiteClock:
     # --- new values -------------------------------------------------------------------------------------------------
 
     def take_mount_site(self, place: Place, ours: bool = False, by: str | None = None) -> bool:
-        """Take the mount's site. Return whether it was changed at the mount; then it also replaces what programs set.
+        """Take the mount's site. Return whether somebody changed it there; then it also replaces programs' sites.
 
         A change that results from the gateway's own setting (``ours``, of a program on the host ``by``) does not count.
         """

@@ -231,7 +231,7 @@ def _sources(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 @cache
 def _lone_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
-    """Return the digits that may be the whole reply to an order with a text in its replies, if they have no meaning."""
+    """Return the digits that have no documented meaning, for an order some of whose replies have a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
     if protocol.commands[command].question or not any("{text" in source for _, source in replies):
         return frozenset()

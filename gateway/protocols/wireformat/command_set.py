@@ -297,7 +297,7 @@ class CommandSet:
 
     @cached_property
     def partly_read(self) -> dict[bytes, int]:
-        """Frame -> how many bytes of its reply some programs read, for the commands where that is not all."""
+        """Frame -> the number of bytes that some programs read of its reply, for commands whose reply is longer."""
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
     def taken_back_by(self, command: Command) -> frozenset[bytes]:

@@ -58,7 +58,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     product = yield from insist(mount, "GVP", times - ("GVP" in mount.mute))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
-        mount.take_for((yield from _model(mount, mount.product)))
+        mount.count_as((yield from _model(mount, mount.product)))
     mount.tells_status = False
     if product:
         firmware = yield from _probe(mount, "GVN")
@@ -66,7 +66,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         times = ASKED_FOR_STATE if mount.dialect else 1
         mount.tells_status = (yield from insist(mount, mount.status_command, times)) is not None
         if mount.dialect and not mount.tells_status:
-            mount.take_for("other")
+            mount.count_as("other")
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
     if mount.dialect:
         yield from learn_speeds(mount)
@@ -162,12 +162,12 @@ def high_precision(mount: Lx200Driver) -> Steps:
         if mount.model is None:
             mount.reply_time = min(OWN_PATIENCE, mount.now() - began)
             if (product := (yield from _probe(mount, "GVP"))) is not None:
-                mount.take_for((yield from _model(mount, product["product"])))
+                mount.count_as((yield from _model(mount, product["product"])))
         for _ in range(2 if mount.dialect else 0):
             with suppress(Garbled, Silence):
                 return (yield Send("GR", {"low": True}, patience=OWN_PATIENCE))
         if mount.dialect:
-            mount.take_for("other")
+            mount.count_as("other")
         if not mount.supports("U"):
             break
         yield from ask(mount, "U")

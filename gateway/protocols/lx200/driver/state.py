@@ -91,7 +91,7 @@ class Lx200Driver(Driver):
         super().__init__(handlers)
         self.now, self.measured = now, settings.rates
         self.named_model = settings.model
-        self.take_for(settings.model)
+        self.count_as(settings.model)
         self.product, self.firmware = "", ""
         #: Whether it replies in low precision; another maker's mount then gets the second form of a row.
         self.low = False
@@ -176,7 +176,7 @@ class Lx200Driver(Driver):
         """Whether it has a command, according to the manual or because it has answered it."""
         return name in self.extra_commands or super().supports(name)
 
-    def take_for(self, model: str | None) -> None:
+    def count_as(self, model: str | None) -> None:
         """Take it for this model, and speak its dialect."""
         self.model, self.protocol = model, load("lx200").of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
