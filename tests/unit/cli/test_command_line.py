@@ -196,11 +196,6 @@ def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
     assert re.match(rb"\d\d:\d\d:\d\d#", heard)
 
 
-def test_explain_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explain", "lx200", "nexstar", ":MS#"]) == 0
-    assert "r3B78FC00,0FA79B00" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("encoding", ["cp437", "ascii"])
 @pytest.mark.parametrize(
     "words", [["explain", "lx200", "cpc", ":Sd+12*00:00#"], ["run", "--surface", "lx200@tcp://0.0.0.0:4030 …"]]

@@ -33,9 +33,7 @@ def terminal() -> Iterator[str]:
 def test_the_live_link_of_another_program_is_left_alone(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
     path.symlink_to(terminal)
-    assert f"another program has a link of that name to {terminal}, which is in use" in refused(
-        "demo", "--port", "0", "--pty", str(path)
-    )
+    assert f"link of that name to {terminal}" in refused("demo", "--port", "0", "--pty", str(path))
     assert os.readlink(path) == terminal
     assert not is_free(str(path)) and os.readlink(path) == terminal
 
@@ -104,14 +102,8 @@ def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.M
     from gateway.cli import main
 
     assert main(["demo"]) == 0
-    assert told[0].splitlines() == [
-        "another program uses port 4030; this demo takes port 4031",
-        f"there is a /tmp/lx200 of another program already; this demo takes {tmp_path / 'lx200-2'}",
-        "A simulated NexStar 6/8 SE, driven by whatever program connects.",
-        "It slews 4 times as fast as a real one. Ctrl-C ends it.",
-        "Point any program, and your browser, at the first address below.",
-        f"To see it move, type in another terminal: {own_command()} goto Polaris",
-    ]
+    for word in ("port 4031", f"takes {tmp_path / 'lx200-2'}", "Ctrl-C", f"{own_command()} goto Polaris"):
+        assert word in told[0]
     assert told[1:] == ["any@tcp://127.0.0.1:4042", "lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
 
 

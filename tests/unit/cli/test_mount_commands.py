@@ -103,14 +103,8 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert (code, out) == (1, "")
     assert err.startswith("mount-gateway: Sync refused: ")
     assert say("unpark", *which)[:2] == (0, "it is in service again, and tracks")
-    assert say("goto", "nowhere", *which) == (
-        2,
-        "",
-        (
-            "mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or "
-            "Jupiter"
-        ),
-    )
+    code, out, err = say("goto", "nowhere", *which)
+    assert (code, out) == (2, "") and "'nowhere' is no place: write RA DEC" in err
     code, out, err = say("goto", "Sun", *which)
     assert (code, out) == (1, "")  # refused as any goal: 2 is for what is mistyped
     assert "the Sun is no goal here" in err

@@ -158,6 +158,13 @@ def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.Cap
         ("lx200", "lx200"),
         ("nexstar:cge/3.02", "nexstar:cge/3.02"),
         ("starsense/1.19", "nexstar:starsense/1.19"),
+        ("NexStar 8SE", "nexstar:6-8se"),
+        ("CPC/4.10", "nexstar:cpc/4.10"),
+        ("Celestron AVX", "nexstar:avx"),
+        ("LX200 Classic", "lx200:lx200"),
+        ("nexstar-gps", "nexstar:nexstar-gps"),
+        ("evo", "nexstar:evolution"),
+        ("lx200gps", "lx200:lx200gps"),
     ],
 )
 def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None:
@@ -171,6 +178,7 @@ def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None
         ("celestrn", "did you mean 'celestron'?"),
         ("cpc1200", "did you mean 'cpc1100'?"),
         ("nexstr", "'nexstar'?"),
+        ("cgx9", "did you mean 'cgx'?"),
         ("nexstar:lx90", "write lx200"),
         ("telescope", "write nexstar for a Celestron"),
     ],

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.app.config import parse_device
-from gateway.core.errors import UserError
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import load
-from tests.support.each import each
 from tests.support.sampling import as_a_rule
 
 
@@ -40,28 +37,3 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     told = explain("lx200", "lx200gps", ":GVP#").text  # no model is named: the mount itself is what programs see
     assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")
     assert explain("nexstar", "lx200:lx200", "m").text.endswith("\\x09#  (cpc)")  # a polar Meade: a CPC on a wedge
-
-
-@each(
-    ("words", "device"),
-    [
-        ("6se", "nexstar:6-8se"),
-        ("NexStar 8SE", "nexstar:6-8se"),
-        ("cpc", "nexstar:cpc"),
-        ("CPC/4.10", "nexstar:cpc/4.10"),
-        ("lx200gps", "lx200:lx200gps"),
-        ("lx200", "lx200"),
-        ("Celestron AVX", "nexstar:avx"),
-        ("nexstar:cge/3.02", "nexstar:cge/3.02"),
-        ("LX200 Classic", "lx200:lx200"),
-        ("nexstar-gps", "nexstar:nexstar-gps"),
-        ("evo", "nexstar:evolution"),
-    ],
-)
-def test_a_mount_is_known_by_the_word_on_it(words: str, device: str) -> None:
-    assert str(parse_device(words)) == f"{device}@"
-
-
-def test_a_word_that_is_on_no_mount_is_refused() -> None:
-    with pytest.raises(UserError, match=r"no protocol .* and no model; did you mean 'cgx'"):
-        parse_device("cgx9")
