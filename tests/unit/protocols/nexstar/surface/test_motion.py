@@ -63,7 +63,9 @@ def test_hand_motion_is_no_goto() -> None:
 @each(("device", "axis"), [(16, 1), (17, 2)])
 @each(("command", "sense"), [(6, 1), (7, -1)])
 @each(("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75), (0xFFFC, 16383.0)])
-def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, code: int, arcseconds: float) -> None:
+def test_rate_of_16_bits_is_in_quarter_arcseconds(
+    device: int, axis: int, command: int, sense: int, code: int, arcseconds: float
+) -> None:
     (move,) = asked(bytes((80, 3, device, command, code >> 8, code & 255, 0, 0)))
     assert isinstance(move, op.MoveAxis)
     assert (move.axis, move.sense, move.rate.key, move.rate.name) == (axis, sense, None, None)
@@ -76,7 +78,9 @@ def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, co
     ("code", "arcseconds"),
     [(1, 1 / 1024), (0x025800, 150.0), (0x232323, 2248.7841796875), (0xFFFFFF, 16383.9990234375)],
 )
-def test_24_bits(device: int, axis: int, command: int, sense: int, code: int, arcseconds: float) -> None:
+def test_rate_of_24_bits_is_in_parts_of_an_arcsecond(
+    device: int, axis: int, command: int, sense: int, code: int, arcseconds: float
+) -> None:
     (move,) = asked(bytes((80, 4, device, command)) + code.to_bytes(3, "big") + b"\0")
     assert isinstance(move, op.MoveAxis)
     assert (move.axis, move.sense) == (axis, sense)
@@ -108,7 +112,7 @@ ACTIVE = {axis: bytes((80, 1, 15 + axis, 39, 0, 0, 0, 1)) for axis in (1, 2)}
     [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)],
 )
 @each("ticks", [1, 30, 35, 255])
-def test_pulse(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
+def test_pulse_lasts_as_long_as_it_was_asked_for(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
     talk = talk_to()
     assert talk.send(ACTIVE[axis]) == b"\0#"
     assert talk.send(bytes((80, 3, 15 + axis, 38, rate, ticks, 0, 0))) == b"#"
@@ -173,7 +177,7 @@ def test_modes_are_shifted_on_some_german_versions(model: str, version: str) -> 
 
 
 @each(("model", "version"), [("cge", "2.3"), ("cge", "4.10"), ("6-8se", "3.02"), ("cgem", "4.21")])
-def test_and_on_no_others(model: str, version: str) -> None:
+def test_modes_are_not_shifted_on_other_versions(model: str, version: str) -> None:
     assert talk_to(model, version=version).send(b"t\x54\3t") == b"\2##\3#"
 
 
@@ -211,7 +215,7 @@ def test_a_declination_past_the_pole_is_folded() -> None:
     assert talk.mount.of(op.Sync) == [op.Sync(180.0, 78.75)]
 
 
-@each("low", [b"00", b"FF", b"7f", b"\0\0", b"##", b"zz", b",,"])
+@each("low", [b"00", b"FF", b"7f", b"\0\0", b"##", b"zz", b",,", b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
 def test_the_low_byte_may_be_anything(low: bytes) -> None:
     talk = talk_to()
     assert talk.send(b"r355555" + low + b",200000" + low) == b"#"
@@ -220,16 +224,7 @@ def test_the_low_byte_may_be_anything(low: bytes) -> None:
     assert goto.dec == pytest.approx(45.0, abs=360 / 2**24)
 
 
-@each("low", [b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
-def test_the_low_byte_may_be_blank(low: bytes) -> None:
-    talk = talk_to()
-    assert talk.send(b"r355555" + low + b",200000" + low) == b"#"
-    (goto,) = talk.mount.of(op.Goto)
-    assert goto.ra == pytest.approx(75.0, abs=360 / 2**24)
-    assert goto.dec == pytest.approx(45.0, abs=360 / 2**24)
-
-
-def test_motors_by_themselves() -> None:
+def test_goto_of_one_motor_leaves_the_other_where_it_goes() -> None:
     talk = talk_to()
     talk.mount.horizontal = op.Horizontal(180.0, -45.0)
     assert talk.send(b"P\1\x10\1\0\0\0\3" + b"P\1\x11\1\0\0\0\3") == b"\x80\0\0#\xe0\0\0#"
@@ -257,7 +252,7 @@ def test_a_goto_of_the_sky_ends_what_the_motors_were_sent_to() -> None:
 
 
 @each(("model", "pier", "letter"), [("cge", "E", b"E#"), ("cge", "W", b"W#"), ("6-8se", "W", b"E#")])
-def test_pier_side(model: str, pier: str, letter: bytes) -> None:
+def test_pier_side_is_told_of_german_mounts(model: str, pier: str, letter: bytes) -> None:
     talk = talk_to(model)
     talk.mount.pier = pier
     assert talk.send(b"p") == letter
@@ -269,7 +264,7 @@ def test_pier_side_of_a_mount_that_cannot_tell_it() -> None:
     assert talk.send(b"p") == b"E#", "programs ask it with every position"
 
 
-def test_hibernation_and_the_rest() -> None:
+def test_hibernation_and_periodic_error_are_passed_on() -> None:
     assert asked(b"x", b"y") == [op.Hibernate(), op.Wake()]
     assert asked(b"P\2\x10\x0d\1\0\0\0", b"P\2\x10\x0d\0\0\0\0", model="cge") == [
         op.PeriodicError(1, True),
