@@ -1,4 +1,4 @@
-"""LX200 on both sides: several programs share one mount, each with a precision and a target of its own."""
+"""Several programs share one mount of their own kind: what is theirs alone, and what is passed on to it."""
 
 from __future__ import annotations
 
@@ -28,5 +28,25 @@ def test_programs_that_share_a_meade_keep_precision_and_target_apart(model: str)
             while await one.ask(b":D#") == b"\x7f#":
                 await asyncio.sleep(1)
             assert await other.ask(b":U#:GR#") == b"07:00:00#"
+
+    run(program())
+
+
+def test_nexstar_of_a_named_model_passes_on_no_raw_motion_but_the_focusers() -> None:
+    """Device 0 is all on the bus; 0x0b and 0x04 run to a switch or an index; 0x81, 0x84 and 0x31 write memory."""
+
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            for raw in (
+                b"P\2\0\x24\t\0\0\0", b"P\1\x10\x0b\0\0\0\0", b"P\4\0\2\x10\0\0\0", b"P\4\0\x17\x10\0\0\0",
+                b"P\4\0\6\x10\0\0\0", b"P\4\x10\4\0\0\0\0", b"P\2\x10\x81\0\0\0\1", b"P\2\x10\x31\0\0\0\1",
+                b"P\2\x10\x84\0\0\0\1",
+            ):  # fmt: skip
+                await client.ask(raw, 2)
+                assert raw not in bridge.sent()
+            for passed in (b"P\2\x12\x24\3\0\0\0", b"P\1\x10\x12\0\0\0\1"):
+                await client.ask(passed, 2)
+                assert passed in bridge.sent()
 
     run(program())
