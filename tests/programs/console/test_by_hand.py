@@ -162,7 +162,7 @@ def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) ->
     buttons = "[...document.querySelectorAll('#control-pane button')].filter(one => one.checkVisibility())"
     for can, words in (
         (["Sync"], "Hold still, Sync…"),
-        (["Goto", "Park"], "Up, Left, Right, Down, −, +, 1′, 5′, Field, Park…, Unpark, Hold still, Search…"),
+        (["Goto", "Park"], "Up, Left, Right, Down, −, +, 1′, 5′, Field, Park…, Unpark, Hold still, Spiral search…"),
     ):
         page.hear_of_mount(can=can)
         offered = f"{buttons}.map(one => one.textContent).join(', ')"

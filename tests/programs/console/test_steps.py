@@ -76,7 +76,7 @@ def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: 
     page.show("control")
     console.at_rest()
     start = console.truth.position()
-    page.page.get_by_role("button", name="Search…").click()
+    page.page.get_by_role("button", name="Spiral search…").click()
     for number, minutes in ((2, 30.0), (3, 42.4)):
         page.until("the next is offered", lambda place=number: page.text("#spiral-next") == f"Place {place}")
         page.until("it is there", lambda way=minutes: is_away(console, start, way))

@@ -39,7 +39,7 @@ def test_without_the_pin_it_only_looks_and_stops(own: Console, page: Visit) -> N
     page.page.tap("#stop")
     page.until("a stop is carried out", lambda: page.text("#notices") == "Stopped.")
     for pin, answer in (("0000", "This is not the pin."), ("4711", "This page may act now.")):
-        page.page.get_by_role("button", name="Type the pin").first.click()
+        page.page.get_by_role("button", name="Enter the pin").first.click()
         page.page.get_by_label("Pin of the console").fill(pin)
         page.page.press("#ask-pin", "Enter")
         page.until(answer, lambda words=answer: page.text("#notices").startswith(words))

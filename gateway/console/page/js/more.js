@@ -25,8 +25,8 @@ function lightGroup() {
     step.set(String(light().step));
   });
   subscribe(() => say(words, sunAltitude() === null
-    ? "By the Sun: red while it stands lower than −6° at the mount. Its altitude is not known yet."
-    : `By the Sun: red while it stands lower than −6° at the mount. Now it stands at ${angle(sunAltitude())}.`));
+    ? "By the Sun: red while the Sun is below −6°. Its altitude is not known yet."
+    : `By the Sun: red while the Sun is below −6°. It is now at ${angle(sunAltitude())}.`));
   return group(HEADINGS.light, modes, words, el("h4", {}, HEADINGS.brightness), steps);
 }
 
@@ -35,7 +35,7 @@ function pageGroup() {
   const version = el("p", { class: "hint" });
   const pin = button(BUTTONS.pin, askForPin);
   subscribe(() => {
-    say(words, state.act ? "It may move the mount." : "It only looks. STOP works all the same.");
+    say(words, state.act ? "This page may move the mount." : "This page only shows the mount. STOP always works.");
     say(version, state.hello ? `mount-gateway ${state.hello.version}` : "");
     pin.hidden = state.act || !state.hello?.pin;
   });

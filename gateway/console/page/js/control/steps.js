@@ -100,7 +100,7 @@ async function searchOn(number) {
   if (why) return notice(why, "refused");
   if (spiral && elsewhere()) {
     end();
-    return notice("The telescope was moved elsewhere, so this search is over. Search… begins one here.", "refused");
+    return notice("The telescope was moved elsewhere, so the search has ended. Spiral search… starts a new one here.", "refused");
   }
   if (!spiral) {
     const wide = await asked();

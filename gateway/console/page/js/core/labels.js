@@ -9,29 +9,29 @@ export const STATES = {
 /** Buttons. */
 export const BUTTONS = {
   close: "Close", tonight: "Tonight", go: "Go there", going: "On its way…", again: "Go again", sync: "Sync…", syncHere: "Sync here…", keepList: "Keep this list", keep: "Keep it", centred: "It is centred: sync",
-  pin: "Type the pin", gamepad: "Use a gamepad here", wake: "Wake", hold: "Hold still", release: "Release", park: "Park…", home: "Home…", search: "Search…", unpark: "Unpark", place: "Place", back: "Back", end: "End",
+  pin: "Enter the pin", gamepad: "Use a gamepad here", wake: "Wake", hold: "Hold still", release: "Release", park: "Park…", home: "Home…", search: "Spiral search…", unpark: "Unpark", place: "Place", back: "Back", end: "End",
   narrow: "Narrow the limits…", configured: "As configured", time: "Use this device's time", site: "Set the site…", report: "Report", record: "Record", pause: "Pause", goOn: "Go on",
   copy: "Copy", field: "Field of view…", favourite: "☆ Favourite", isFavourite: "★ Favourite", seen: "Seen?", isSeen: "✓ Seen", ofDate: "of date", j2000: "J2000",
 };
 /** Headings of groups, and of questions with their answers. */
 export const HEADINGS = {
-  place: "Chosen place", tonight: "What is up tonight", own: "Paste or load a list", field: "Which field do you see?", tracking: "Tracking", follow: "Follow", park: "Park", home: "Go home", mount: "Mount",
+  place: "Chosen place", tonight: "What is up tonight", own: "Paste or load a list", field: "What is your field of view?", tracking: "Tracking", follow: "Follow", park: "Park", home: "Go home", mount: "Mount",
   narrow: "Narrow the limits?", narrows: "Narrow", whereSite: "Where does the mount stand?", setSite: "Set the site", site: "Site and clock", line: "Line to the mount",
-  programs: "Programs", points: "Where it points", does: "What it does", lately: "Lately", light: "Light", brightness: "Brightness of the red light", page: "This page",
+  programs: "Programs", points: "Where it points", does: "What it does", lately: "Lately", light: "Light", brightness: "Brightness of the red light: 1 dim, 6 full", page: "This page",
   guide: "Speed of guide pulses; 1 is the speed of the stars", surfaces: "Where programs connect", allowed: "What is allowed", keys: "Keys", pin: "Act from this page", act: "Act",
 };
 /** Readings. */
 export const READINGS = {
   ra: "Right ascension", dec: "Declination", alt: "Altitude", az: "Azimuth", ra2000: "RA, J2000", dec2000: "Dec, J2000", hourAngle: "Hour angle", sidereal: "Sidereal time",
   pier: "Side of the pier", age: "Seen", now: "Now", ordered: "Ordered", goal: "On its way to", tracking: "Tracking", aligned: "Aligned", found: "Found", model: "Model", version: "Version",
-  at: "Reached by", raShort: "RA", decShort: "Dec", altShort: "Alt", azShort: "Az", sets: "Sets", rises: "Rises", culminates: "Culminates", site: "Site", siteBy: "Told by", clock: "Clock",
-  clockBy: "Clock told by", device: "This device", doubt: "In doubt",
+  at: "Reached by", raShort: "RA", decShort: "Dec", altShort: "Alt", azShort: "Az", sets: "Sets", rises: "Rises", culminates: "Culminates", site: "Site", siteBy: "Set by", clock: "Clock",
+  clockBy: "Clock set by", device: "This device", doubt: "In doubt",
 };
 /** Names of fields and groups. */
 export const NAMES = {
   shown: "What is shown", contains: "Contains, like :MS", filter: "Show only exchanges with this text", side: "Of which program", everyProgram: "Every program",
   equinox: "Equinox of what was typed", file: "From a file", ownExample: "M 81\n05:34:32 +22:00:52 J2000",
-  own: "One name, or right ascension and declination, a line. They are of date unless J2000 stands behind them.", kinds: "Which objects", rates: "Rate of tracking", spiral: "Search in a spiral", pin: "Pin of the console",
+  own: "One object a line: its name, or right ascension and declination (of date; add J2000 for coordinates from a catalogue).", kinds: "Which objects", rates: "Rate of tracking", spiral: "Search in a spiral", pin: "Pin of the console",
 };
 /** Choices: values and words; the keys and what they do; what a tap is. */
 export const CHOICES = {
@@ -41,7 +41,7 @@ export const CHOICES = {
   taps: { pulse: "1 s of guiding", 1: "1′", 5: "5′", field: "one field" },
   kinds: [["all", "All"], ["planets", "Planets"], ["galaxies", "Galaxies"], ["nebulae", "Nebulae"], ["clusters", "Clusters"], ["doubles", "Doubles"], ["own", "★ Mine"]],
   light: [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]],
-  brightness: [["-1", "1, dim"], ["0", "2"], ["1", "3"], ["2", "4"], ["3", "5"], ["4", "6, full"]],
+  brightness: [["-1", "1"], ["0", "2"], ["1", "3"], ["2", "4"], ["3", "5"], ["4", "6"]],
   guides: [["0.25", "¼ ×"], ["0.5", "½ ×"], ["0.75", "¾ ×"], ["1", "1 ×"]],
   shown: [["programs", "Programs"], ["refused", "Refusals"], ["all", "Everything"]],
   up: { north: "N ↑", south: "S ↑", zenith: "Tube ↓" },
@@ -59,7 +59,7 @@ const TEXT = {
   "[data-to=talk]": "Talk", "#talk-title": "Conversation", "[data-to=more]": "More", "#more-title": "More",
   "[for=object]": "Object, right ascension and declination of date, or altitude and azimuth", "#search [type=submit]": "Find", "[for=command]": "Command to explain",
   "#explain [type=submit]": "Explain",
-  "#sky-hint": "Tap a star or an empty place in the sky, or type a name above. Nothing moves before you confirm. Where it is hatched the mount may not point.", "#ask-no": "Cancel",
+  "#sky-hint": "Tap a star or an empty place in the sky, or type a name above. Nothing moves before you confirm. The mount may not point into hatched areas.", "#ask-no": "Cancel",
 };
 const SPOKEN = {
   "#light": "Red light, for the night", ".views": "Views", "#mounts": "Mount that is shown", "#banners": "Notices", "#suggestions": "Suggestions", "#sky": "The sky above the mount",

@@ -11,6 +11,7 @@ import { night, nightNow } from "./night.js";
 
 /** A target fits if so much of the field holds it. */
 const FITS = 0.9;
+const LEGEND = "— altitude  ‑ ‑ Moon  ··· Sun";
 
 /** 69.7 -> 70′, 1.4 -> 1.4′ */
 const minutes = (value) => `${value < 10 ? value.toFixed(1) : Math.round(value)}′`;
@@ -20,7 +21,7 @@ export async function askOptics(again = () => {}) {
   const told = optics() ?? {};
   const fields = [["telescope", "Focal length of the telescope, mm"], ["eyepiece", "Focal length of the eyepiece, mm"], ["apparent", "Apparent field of the eyepiece, degrees"]];
   const given = await question({
-    title: HEADINGS.field, yes: BUTTONS.keep, words: "This browser keeps it, and says of every target whether it fits.",
+    title: HEADINGS.field, yes: BUTTONS.keep, words: "Saved in this browser; each target then shows whether it fits. The spiral search uses it as its step.",
     fields: fields.map(([name, label]) => ({ name, label, value: told[name] ? String(told[name]) : "" })),
   });
   if (!given) return;
@@ -47,6 +48,7 @@ export function details(found, again) {
   return el("div", { class: "details" },
     found.seen ? el("p", { class: "kind" }, found.seen) : null,
     night() && skyAt(0).sky ? curve(found, night(), skyAt, gatewayNow(), mount().limits.lowest) : null,
+    night() && skyAt(0).sky ? el("p", { class: "legend" }, LEGEND) : null,
     el("div", { class: "marks" },
       button(fits(found) || BUTTONS.field, () => askOptics(again), { class: "chip", id: "field" }),
       ...(found.kind && name ? [mark("favourites", BUTTONS.favourite, BUTTONS.isFavourite), mark("seen", BUTTONS.seen, BUTTONS.isSeen)] : [])));

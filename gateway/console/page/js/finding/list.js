@@ -24,6 +24,8 @@ const BELONGS = {
   all: () => true, planets: ({ kinds }) => kinds === "planet", galaxies: ({ kinds }) => kinds === "G",
   nebulae: ({ kinds }) => /[PD]/.test(kinds), clusters: ({ kinds }) => /[OC]/.test(kinds), doubles: ({ kinds }) => /[2*]/.test(kinds),
 };
+/** What a row of the whole list calls an object; a cluster in a nebula is a cluster. */
+const TYPES = [[/^planet$/, "planet"], [/[OC]/, "cluster"], [/G/, "galaxy"], [/[PD]/, "nebula"], [/2/, "double"]];
 let shown = "all";
 let catalogue = null;
 /** How far down the list was left. */
@@ -85,7 +87,8 @@ function row({ object, altitude, unix }, from) {
   const bright = Number.isFinite(object.magnitude) && object.kinds !== "planet" ? `mag ${magnitude(object.magnitude)}` : "";
   const [az, high] = object.ra === undefined ? [] : angles(skyAt(from).place(object.ra, object.dec));
   const rises = altitude > high + HIGHER ? `${angle(altitude, 0)} at ${timeOfDay(unix)}` : "";
-  const figures = [rises, object.words ?? [bright, sizeOf(object)].filter(Boolean).join(" · ")].filter(Boolean).join(" · ");
+  const type = shown === "all" ? TYPES.find(([kinds]) => kinds.test(object.kinds))?.[1] ?? "" : "";
+  const figures = [type, rises, object.words ?? [bright, sizeOf(object)].filter(Boolean).join(" · ")].filter(Boolean).join(" · ");
   const parts = [
     el("b", {}, `${isMarked("favourites", name) ? "★ " : ""}${name}`),
     el("span", { class: "best" }, az === undefined ? "" : `${angle(high, 0)} ${azimuth(az).split(" ").at(-1)}`),
@@ -108,7 +111,7 @@ function content(objects, night) {
   const moon = night.altitude("moon", from, skyAt(from));
   const when = from > now ? `When it is dark, from ${timeOfDay(from)} ${zone(from)}` : "Now and within two hours";
   const up = `${found.length} of ${chosen.length} ${found.length === 1 ? "is" : "are"} up${shown === "own" ? "" : ", the best first"}`;
-  const words = `${chosen.length ? `${when}, ${up}` : "Nothing is here yet: mark favourites on their cards, or paste a list below"}. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
+  const words = `${chosen.length ? `${when}, ${up}` : "Your list is empty: mark favourites on their cards, or paste a list below"}. The Moon is ${moon > 0 ? `up, ${Math.round(100 * night.lit(from))} % lit` : "below the horizon"}.`;
   return { best, words, from: Math.max(from, now) };
 }
 
@@ -138,7 +141,7 @@ async function draw() {
   const night = await nightNow();
   for (const one of byId("tonight-kinds").children) one.setAttribute("aria-pressed", String(one.dataset.kind === shown));
   byId("tonight").querySelector(".own").hidden = shown !== "own";
-  if (!night || !skyAt(0).sky) return say(says, "Which objects are up depends on the site of the mount, which is not known yet.");
+  if (!night || !skyAt(0).sky) return say(says, "The list needs the site of the mount, which is not known yet. Set it under Readings.");
   const { best, words, from } = content([...planets(), ...catalogue], night);
   say(says, words);
   rows.replaceChildren(...best.map((one) => row(one, from)));

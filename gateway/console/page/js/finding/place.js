@@ -228,13 +228,12 @@ function draw() {
   if (chosen) tellWay(byId("go"), asked || onItsWay());
 }
 
-/** Update the card in place, because a button that is replaced under a finger is not pressed. At the target, sync comes next. */
+/** Update the card in place, because a button that is replaced under a finger is not pressed. Nobody needs a sync after an arrival, so it is not promoted. */
 function tellWay(goes, going) {
   const there = !going && isThere();
   say(goes, going ? BUTTONS.going : there ? BUTTONS.again : BUTTONS.go);
   goes.setAttribute("aria-disabled", String(going));
   goes.classList.toggle("primary", !there);
-  byId("sync").classList.toggle("primary", there);
   byId("sync").setAttribute("aria-disabled", String(Boolean(mount()?.moves)));
 }
 
@@ -246,7 +245,7 @@ function redraw(box, key) {
   document.body.classList.toggle("has-place", Boolean(chosen));
   const waits = Boolean(chosen && other);
   box.classList.toggle("stale", waits);
-  box.title = waits ? "Press Find for what is typed." : "";
+  box.title = waits ? "Press Find to look up what you typed." : "";
   document.querySelector("#search [type=submit]").classList.toggle("primary", waits);
   box.replaceChildren(...(chosen ? card(chosen.found) : []));
   if (focused) byId(focused)?.focus();
