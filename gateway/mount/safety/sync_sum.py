@@ -114,7 +114,7 @@ def check_sync(
     ways_out = "align the mount again, or set another sync-limit."
     if distance > limit:
         raise SyncTooFar(
-            f"Sync refused: {distance:.0f} degrees from the present position. Centre the object, {ways_out}"
+            f"Sync refused: {distance:.0f} degrees from the present position. Center the object, {ways_out}"
         )
     if then.size > limit and then.size > so_far.size:
         raise SyncTooFar(
