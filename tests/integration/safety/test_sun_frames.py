@@ -91,6 +91,7 @@ def test_a_sync_near_the_zenith_does_not_bring_the_tube_to_the_sun(
     run(program())
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "version", "driven"), NEXSTARS + MEADES)
 def test_what_was_synced_by_night_counts_by_day(mount: str, version: str | None, driven: str) -> None:
     """A plate solver near the zenith: half a degree on the sky, and 60 degrees of azimuth."""
