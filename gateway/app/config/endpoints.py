@@ -162,7 +162,7 @@ def _of_any(what: str, where: str) -> Endpoint:
 def _example(text: str, of: str) -> str:
     """Return an example of a whole endpoint, made from the half that was written."""
     if of == "surface":
-        return "lx200@tcp://127.0.0.1:4030"
+        return f"{_on_lines()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":

@@ -224,7 +224,7 @@ def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) 
     page.page.fill("#object", "Vega")
     page.until("the card of Capella starts nothing", lambda: not page.page.locator("#go, #sync").first.is_enabled())
     assert not page.page.locator("#sync").is_enabled() and page.page.locator("#search .primary").count() == 1
-    assert page.page.locator("#place").get_attribute("title") == "Press Find for what is typed."
+    assert page.page.locator("#place").get_attribute("title").startswith("Press Find")
     assert page.page.locator("#go").bounding_box() == before, "nothing jumps while one types"
     page.show("control")
     page.page.get_by_role("button", name="Sync…").click()
