@@ -65,8 +65,8 @@ def describe(text: str) -> Object:
         return Object(body, Body(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
         raise SunIsNoGoal(
-            "the Sun is no goal here: without a solar filter before the tube it blinds and burns. With a filter, start "
-            "the gateway with --sun 0 and write its place: mount-gateway goto RA DEC"
+            "no goto to the Sun: without a solar filter on the tube it blinds you and burns the optics. With a filter, "
+            "start the gateway with --sun 0 and give coordinates: mount-gateway goto RA DEC"
         )
     if match := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
         name, entry = _numbered(match[1], int(match[2]))

@@ -54,7 +54,7 @@ async def stopped(controller: MountController, who: str = WHO) -> Answer:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED  # a hibernating mount is at rest, and does not answer
         why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
-        owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.wanted.owed
+        owed = "; the gateway sends the stop first as soon as the mount answers again" * controller.wanted.owed
         return Answer(FAILED, f"{why}{owed}")
     try:
         await come_to_rest(controller.context, controller.reader)

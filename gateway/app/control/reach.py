@@ -105,8 +105,8 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
         pass
     except OSError as error:
         doubts.append(
-            f"{folder}: {error.strerror}: whether a gateway of that folder runs, or was killed in motion, "
-            "cannot be seen; stop as the user that the gateway runs as"
+            f"{folder}: {error.strerror}; cannot tell whether its gateway runs or was killed in motion; "
+            "run this command as the user that the gateway runs as"
         )
     for own_folder in folders()[0]:
         endpoints += _readable(own_folder, user())

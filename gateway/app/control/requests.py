@@ -227,7 +227,7 @@ class RequestHandler:
                 return f"allowed now: {self._controller.narrow(**asked)}"
             case requests.UnparkRequest():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
-                return "it is in service again, and tracks"
+                return "unparked and tracking"
             case requests.OperationRequest():
                 return await self._carry_out_operation(unpacked(request), active)
         return await self._move(request, active)

@@ -24,7 +24,9 @@ from gateway.system.runtime_folders import protect_from_cleanup
 
 #: So many requests are remembered, so that a repeated one gets the same answer.
 REMEMBERED = 64
-ENDING = Answer(FAILED, "the gateway is ending, and stops its mount at that; ask again to be sure", NoAnswer.__name__)
+ENDING = Answer(
+    FAILED, "the gateway is shutting down and stops its mount; run the command again to be sure", NoAnswer.__name__
+)
 
 Requests = dict[str, asyncio.Task[Answer]]
 

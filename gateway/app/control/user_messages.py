@@ -38,8 +38,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
         yield UserMessage(warning, warns=True)
     if status is not None and not status.aligned:
         yield UserMessage(
-            "the mount is not aligned: where it points means nothing yet, and no limit can be watched; align it "
-            "at its hand control",
+            "the mount is not aligned, so its position and limits mean nothing yet; align it at its hand control",
             warns=True,
         )
     if not state.site:

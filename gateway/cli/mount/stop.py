@@ -107,7 +107,7 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
         return (f"released: gateways may move the mounts of {folder} again" if release_folder(folder) else ""), ""
     except OSError as error:
         after = (
-            "a gateway that is started later will not know of the hold"
+            "a gateway started later will not hold the mount"
             if word == "hold"
             else ("a gateway that is started later is held again")
         )

@@ -102,12 +102,12 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     code, out, err = say("sync", "10:00:00", "60", *which)
     assert (code, out) == (1, "")
     assert err.startswith("mount-gateway: Sync refused: ")
-    assert say("unpark", *which)[:2] == (0, "it is in service again, and tracks")
+    assert say("unpark", *which)[:2] == (0, "unparked and tracking")
     code, out, err = say("goto", "nowhere", *which)
     assert (code, out) == (2, "") and "'nowhere' is no place: write RA DEC" in err
     code, out, err = say("goto", "Sun", *which)
     assert (code, out) == (1, "")  # refused as any goal: 2 is for what is mistyped
-    assert "the Sun is no goal here" in err
+    assert "no goto to the Sun" in err
     assert "mount-gateway goto RA DEC" in err
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
@@ -117,7 +117,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
         "mount-gateway_move * Move: it was moved north for",
         "mount-gateway_goto * Goto: it goes to 10:00:00 -05°30'00\"",
         "mount-gateway_sync ! Sync refused",
-        "mount-gateway_unpark * Unpark: it is in service again",
+        "mount-gateway_unpark * Unpark: unparked and tracking",
         "GVP",
     ):
         assert words in out, words
@@ -261,7 +261,7 @@ def test_an_object_is_of_2000() -> None:
     (("05:00:00",), "is no place: write RA DEC"),
     (("M999",), "there is no M999"),
     (("XYZ12",), "no catalogue is called 'XYZ'"),
-    (("Sun",), "the Sun is no goal here"),
+    (("Sun",), "no goto to the Sun"),
 ])  # fmt: skip
 def test_what_is_no_place_is_said(words: tuple[str, ...], told: str) -> None:
     with pytest.raises(UserError) as refused:

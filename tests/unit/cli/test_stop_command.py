@@ -210,7 +210,7 @@ def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
     place.write_text("")
     code, words = stop("--state", str(place))
     assert code == 1
-    assert words.startswith(f"{place}: Not a directory") and "cannot be seen" in words
+    assert words.startswith(f"{place}: Not a directory") and "cannot tell" in words
 
 
 def test_a_gateway_of_another_user_is_named(

@@ -192,7 +192,7 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
         return await asking
 
     answer = asyncio.run(program())
-    assert answer is not None and answer.words.startswith("the gateway is ending")
+    assert answer is not None and answer.words.startswith("the gateway is shutting down")
 
 
 # --- the files --------------------------------------------------------------------------------------------------

@@ -330,7 +330,7 @@ def test_parked_and_taken_up_again() -> None:
             assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
             assert await owner.outcome("p") == "done it is parked"
             assert not truth_of(bridge.sim).tracking
-            assert (await owner.wish(requests.UnparkRequest(number="u"))).startswith("done it is in service again")
+            assert (await owner.wish(requests.UnparkRequest(number="u"))).startswith("done unparked")
             assert truth_of(bridge.sim).tracking
 
     run(program())

@@ -154,7 +154,7 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
             for _ in range(2):  # at first it is only silent, then known to be down
                 answer = await stopped(bridge.controller)
                 assert not answer.done
-                assert "the stop is owed" in answer.words
+                assert "sends the stop first" in answer.words
                 await asyncio.sleep(20)
             sent = len(bridge.sent())
             bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
