@@ -50,11 +50,12 @@ export function lookingFrom(now, night, sceneAt) {
 }
 
 /** What an object is worth looking at: the formula of docs/console.md. */
-export function worth({ kinds, magnitude, size }, altitude, moonlight) {
+export function worth({ names, kinds, magnitude, size }, altitude, moonlight) {
   const large = Math.log10(Math.min(Math.max(size ?? SMALLEST, SMALLEST), LARGEST));
   const light = isFaint(kinds) ? moonlight : isCluster(kinds) ? moonlight / 3 : 0;
   const faint = (magnitude ?? UNMEASURED) + (kinds === "2" ? DOUBLE : 0) + light;
-  return 4 * Math.sin(altitude * DEGREE) - faint + (isCluster(kinds) ? 1 : 0.5) * large;
+  const messier = /^M\d/.test(names?.[0] ?? "") ? 1 : 0;
+  return 4 * Math.sin(altitude * DEGREE) - faint + messier + (isCluster(kinds) ? 1 : 0.5) * large;
 }
 
 /**
