@@ -105,7 +105,7 @@ def test_its_watchdog_stops_the_mount(one: str, tmp_path: Path, started: list[Ru
         os.kill(int(child), signal.SIGKILL)
         wait_for_moving(truth, False)
         run.end()
-        assert "the mount is told to stop" in run.said
+        assert "stopping the mount" in run.said
     finally:
         assert sim.end() == 0  # asked, not killed: what was unpacked would go on without the file that it came from
 

@@ -310,7 +310,7 @@ def parse_broker(text: str) -> Broker:
         parts = urlsplit(text)
         host, port, password = parts.hostname, parts.port, parts.password
     except ValueError:
-        raise UserError(f"this is no address of a broker: {BROKER}") from None
+        raise UserError(f"not a broker's address: {BROKER}") from None
     if password is not None:
         raise UserError(
             "the address holds a password, which others could see: put it into a file and name that with "

@@ -248,7 +248,7 @@ class Watch:
         for mount in mounts:
             text = (
                 f"mount-gateway watchdog: the gateway (process {self.gateway}) {why} while {mount.title} moved; "
-                "the mount is told to stop.\n"
+                "stopping the mount.\n"
             )
             try:
                 os.write(2, text.encode())

@@ -86,7 +86,7 @@ def add_report(commands: Commands) -> None:
         metavar="HTML",
         help="the file to write; without it, the recording's name with .html",
     )
-    report.add_argument("--force", action="store_true", help="let it replace a file that is no report")
+    report.add_argument("--force", action="store_true", help="overwrite a file that is not a report")
     report.set_defaults(run=_report)
 
 

@@ -85,7 +85,7 @@ def _user_and_group(named: str | None) -> tuple[str, str]:
         import grp
         import pwd
     except ImportError:
-        raise UserError("service: there is no systemd on this system") from None
+        raise UserError("service: this system has no systemd") from None
     user = named or os.environ.get("SUDO_USER") or str(os.getuid())
     try:
         user = (pwd.getpwuid(int(user)) if user.isdecimal() else pwd.getpwnam(user)).pw_name

@@ -102,7 +102,11 @@ def clock(facts: Facts) -> Iterator[Said]:
             f"compare it with another clock; 4 s are 1' on the sky. To have it kept: {set_it}",
         )
     else:
-        source = ", kept by a time server" if facts.clock_synchronized else "; whether it is kept cannot be told here"
+        source = (
+            ", set by a time server"
+            if facts.clock_synchronized
+            else "; this system does not say whether a time server sets it"
+        )
         yield GOOD, f"this computer's clock shows {now}{source}", ""
 
 

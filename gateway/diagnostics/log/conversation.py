@@ -113,7 +113,7 @@ class Side:
             if taken is None and len(self._rest) <= LONGEST:
                 break
             if taken is None:
-                taken = Heard(b"", "is no answer to anything that was asked", fails=True), len(self._rest)
+                taken = Heard(b"", "answers no request", fails=True), len(self._rest)
             heard, length = taken
             yield heard._replace(data=self._rest[:length])
             self._rest = self._rest[length:]

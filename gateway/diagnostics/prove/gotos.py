@@ -156,7 +156,7 @@ async def there_and_back(
             report.add(Finding(what, DIFFERS, measured, "at its goal", means))
         elif telescope.drift(said, arrived) > RESTS:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
-            report.add(Finding(what, DIFFERS, f"{measured}; it told its end too early", "at rest", early))
+            report.add(Finding(what, DIFFERS, f"{measured}; it reported its end too early", "at rest", early))
         else:
             report.add(Finding(what, SAME, measured))
         stay_if_elsewhere(arrived, to)

@@ -52,7 +52,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
                     telescope.check()
                 after = await telescope.rest()
                 if telescope.moved(before, after, tracks=True) > ACROSS:
-                    raise Ended("it was turned much farther than pulses do: somebody used its keys")
+                    raise Ended("it turned much farther than by pulses: somebody pressed its keys")
                 ways.append(telescope.turned(before, after)[axis - 1])
             rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
             if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier

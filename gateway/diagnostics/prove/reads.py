@@ -147,7 +147,7 @@ def _times(took: dict[str, float], usual: float) -> Finding:
     longest = max(took.values())
     measured = f"{usual * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
     if usual > SOON:
-        means = "A slow line: limits are kept from farther away, and arrows end later. The gateway adapts by itself."
+        means = "A slow line: limits stop the mount earlier, and arrows end later. The gateway adapts by itself."
         return Finding("reply times", DIFFERS, measured, f"below {SOON * 1000.0:.0f} ms", means)
     if longest > EXCHANGES * usual + BUSY:
         means = "At times it is busy and answers late; the gateway waits for it."

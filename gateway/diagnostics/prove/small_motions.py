@@ -167,7 +167,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
     measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * lasts:.1f}°"
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
-    means = "Limits are to be kept from so much farther away; run-on in gateway.toml does that."
+    means = "Limits must stop the mount that much earlier: set run-on in gateway.toml."
     seconds = round(most / rate + 0.05, 1)
     keys: dict[str, object] = {"run-on": seconds} if RUN_ONS[0] <= seconds <= RUN_ONS[1] else {}
     return Finding(what, DIFFERS, measured, assumed, means, keys)

@@ -97,7 +97,7 @@ class CheckedMount:
         """The last status. Raises Ended if the mount has not reported it."""
         status: op.Status | None = self.controller.cache.value(op.GetStatus)
         if status is None:
-            raise Ended("the mount has not told its status")
+            raise Ended("the mount has not reported its status")
         return status
 
     # --- who else acts ------------------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ class CheckedMount:
         await self.ask(requests.StateRequest())
         self.check()
         if self.latest is None:
-            raise Ended("the mount has not told its position")
+            raise Ended("the mount has not reported its position")
         return self.latest
 
     async def stop(self) -> str:

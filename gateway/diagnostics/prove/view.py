@@ -70,11 +70,13 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         for question in commands["position"]:
             values |= (await program.ask(question)).fields
         if not {"ra", "dec"} <= values.keys():
-            raise Ended("a program was not told the position")
+            raise Ended("a program did not receive the position")
         return "", op.Equatorial(values["ra"], values["dec"])
 
     names = f"goto of a program ({presented})", f"its goto back ({presented})"
     try:
-        await there_and_back(telescope, report, names, go, "Programs are told another place than the mount reached.")
+        await there_and_back(
+            telescope, report, names, go, "Programs read a different position from the one that the mount reached."
+        )
     finally:
         program.close()

@@ -148,7 +148,7 @@ class EndWatch:
             again = ending.again(self._now())
             self._ending = again if len(again.sent) < AT_MOST else None
             self._warn(
-                f"WARNING: the mount keeps moving although it was told {TIMES} times to stop: switch it off"
+                f"WARNING: the mount keeps moving after {TIMES} stop commands: switch it off"
                 if step is Step.ALARM
                 else "the mount has not stopped: the stop is sent again"
             )

@@ -334,7 +334,7 @@ class LimitWatch:
         stalled = self._stalls.find_stalled(axes, ordered, mount.link.typical_rtt * mount.timing.reads)
         if stalled is not None:
             self._stop(
-                f"stopped: axis {stalled} was told to move, but its position does not change; check the "
+                f"stopped: axis {stalled} should move, but its position does not change; check the "
                 "mount (a stalled motor, a cable?)"
             )
 
