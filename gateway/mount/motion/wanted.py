@@ -371,11 +371,14 @@ class Movement:
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
         self._wanted, self._cache, self._own = wanted, cache, False
-        #: Whether the mount reports a goto.
-        self.slewing = False
         cache.slews.connect(self._told)
         #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
         self.by_others_until = -1e9
+
+    @property
+    def slewing(self) -> bool:
+        """Whether the mount reports a goto."""
+        return bool(self._cache.value(op.Slewing))
 
     @property
     def anything(self) -> bool:
@@ -383,7 +386,6 @@ class Movement:
         return bool(self._wanted.value.by_hand) or self.slewing
 
     def _told(self, _: object) -> None:
-        self.slewing = bool(self._cache.value(op.Slewing))
         self._own = self.ordered
 
     @property
