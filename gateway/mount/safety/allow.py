@@ -278,8 +278,8 @@ def altitude(view: View) -> Verdict:
         if goes and now < min(view.floor, then):
             return Verdict(f"the altitude limit ({now:.1f} degrees, far below its way)")
         if leaving(limits, then, now, view.margin(rate) - beyond):
-            by = "by another site or clock" if number >= own else "if the syncs were wrong" if number else ""
-            return Verdict(f"the altitude limit ({now:.1f} degrees{', ' * bool(by)}{by})")
+            by = ", by another site or clock" if number >= own else ", if the syncs were wrong" if number else ""
+            return Verdict(f"the altitude limit ({now:.1f} degrees{by})")
         if now < then and limits.lowest > -90.0:
             soonest = _sooner(soonest, view.allowed_within(now - limits.lowest, rate, "the altitude limit"))
         elif now > then and limits.highest < 90.0:

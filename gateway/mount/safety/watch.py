@@ -26,7 +26,7 @@ from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import altitudes_by_others
+from gateway.mount.safety.admission.contradictions import altitude_by, other_sites
 from gateway.mount.safety.admission.slew_paths import APART, sun_reading
 from gateway.mount.safety.allow import (
     FASTER_THAN_TRACKING,
@@ -269,10 +269,11 @@ class LimitWatch:
             altitude += self.altitude_axis.tilt or 0.0
         unsynced = () if altitude is None else tuple(mount.suns.altitude(position, shift) for shift in shifts)
         told = altitude is None or self.altitude_axis.available  # by the axis, whatever the clocks say
-        found = [] if told else altitudes_by_others(mount.sources, astrometry.sky, self._limits.written(), position)
+        others = () if told else other_sites(mount.sources, self._limits.written())
+        by_others = tuple(altitude_by(*other, astrometry.sky, position) for other in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era, others = (mount.suns.era, shifts, len(found)), tuple(altitude for _, altitude in found)
-        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, unsynced, others)
+        era = (mount.suns.era, shifts, len(others))
+        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, unsynced, by_others)
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""

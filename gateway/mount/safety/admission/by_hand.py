@@ -20,7 +20,14 @@ from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.cache import Readings
-from gateway.mount.safety.admission.contradictions import altitudes_by_others, check_by, check_synced, too_near
+from gateway.mount.safety.admission.contradictions import (
+    Contradiction,
+    altitude_by,
+    check_by,
+    check_synced,
+    other_sites,
+    too_near,
+)
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import MIN_INTERVAL, leaving
 from gateway.mount.safety.hour_angle import past_meridian, told_by_axes, turned_by_axes
@@ -41,8 +48,8 @@ class Start(NamedTuple):
 
     ``tilt`` is the altitude axis minus the calculated altitude, degrees. ``shifts`` are the rotations by syncs, if the
     axes do not report them. ``turned`` is the angle of the first axis west of its middle, degrees; None if it is
-    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid. ``others``: other sources of site and time
-    count, too.
+    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid, ``others`` the sources
+    of site and time that contradict the best one and count, too, each with its site.
     """
 
     position: op.Equatorial
@@ -51,7 +58,7 @@ class Start(NamedTuple):
     turned: float | None = None
     suns: tuple[Sun, ...] = ()
     shifts: tuple[Shift, ...] = ()
-    others: bool = False
+    others: tuple[tuple[Contradiction, op.Place], ...] = ()
 
     def past(self, mount: Context, west: float) -> float | None:
         """Return how far the tube is past the meridian after the first axis has turned ``west``; None if unknown."""
@@ -123,12 +130,10 @@ def _check_altitudes(
         before, after = mount.suns.altitude(position, shift), mount.suns.altitude(soon, shift)
         if leaving(written, before, after):
             check_synced(written, before if only_beyond else after, shift)
-    if start.others:
-        sources, sky = mount.sources, mount.astrometry.sky
-        pair = (altitudes_by_others(sources, sky, written, place) for place in (position, soon))
-        for (_, before), (contradiction, after) in zip(*pair, strict=True):
-            if leaving(written, before, after):
-                check_by(contradiction, written, after)
+    for contradiction, site in start.others:
+        before, after = (altitude_by(contradiction, site, mount.astrometry.sky, at) for at in (position, soon))
+        if leaving(written, before, after):
+            check_by(contradiction, written, after)
 
 
 def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
@@ -157,7 +162,8 @@ class HandAdmission:
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
-        start = start._replace(others=not self._watch.altitude_axis.available)  # which tells the altitude
+        if not self._watch.altitude_axis.available:  # which tells the altitude, whatever the clocks say
+            start = start._replace(others=other_sites(mount.sources, limits.written()))
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:

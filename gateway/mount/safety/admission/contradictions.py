@@ -115,21 +115,24 @@ def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: 
     """
     if written.sun > 0.0 and time_unknown(sources.times()[0]):
         raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
-    for contradiction, altitude in altitudes_by_others(sources, sky, written, goal):
-        check_by(contradiction, written, altitude)
+    for contradiction, site in other_sites(sources, written):
+        check_by(contradiction, written, altitude_by(contradiction, site, sky, goal))
 
 
-def altitudes_by_others(
-    sources: BestSources, sky: Sky, written: Limits, position: Equatorial
-) -> list[tuple[Contradiction, float]]:
-    """Return the altitude of a place by every source that contradicts the best one; none if no limit is written."""
+def other_sites(sources: BestSources, written: Limits) -> tuple[tuple[Contradiction, Place], ...]:
+    """Return what contradicts the best site and clock, each with its site; nothing if no altitude limit is written."""
     if written.lowest <= -90.0 and written.highest >= 90.0:
-        return []
-    return [
-        (one, sky.horizon(position.ra, position.dec, one.place.latitude, one.place.longitude, one.unix)[1])
-        for one in contradictions(sources.sites(), sources.times())
-        if one.place is not None
-    ]
+        return ()
+    return tuple(
+        (contradiction, contradiction.place)
+        for contradiction in contradictions(sources.sites(), sources.times())
+        if contradiction.place is not None
+    )
+
+
+def altitude_by(contradiction: Contradiction, site: Place, sky: Sky, position: Equatorial) -> float:
+    """Return the altitude of a position by another site and clock, degrees."""
+    return sky.horizon(position.ra, position.dec, site.latitude, site.longitude, contradiction.unix)[1]
 
 
 def check_by(contradiction: Contradiction, written: Limits, altitude: float) -> None:
