@@ -122,13 +122,14 @@ class CommandSet:
         path = self.folder / file
         if file != "commands.toml" and self.folder.is_dir() and not path.exists():
             return {}
-        rows = {}
-        for key, value in read_table(f"{self.name}/{file}", self.folder).items():
-            try:
-                rows[key] = msgspec.convert(value, form)
-            except msgspec.ValidationError as error:
-                raise MappingError(self._where(file), key, str(error)) from None
-        return rows
+        table = read_table(f"{self.name}/{file}", self.folder)
+        return {key: self._converted(file, key, row, form) for key, row in table.items()}
+
+    def _converted(self, file: str, key: str, row: Any, form: type[_T]) -> _T:
+        try:
+            return msgspec.convert(row, form)
+        except msgspec.ValidationError as error:
+            raise MappingError(self._where(file), key, str(error)) from None
 
     @cached_property
     def surface(self) -> dict[str, SurfaceRow]:
@@ -247,10 +248,10 @@ class CommandSet:
     @cached_property
     def models(self) -> dict[str, Model]:
         """Model -> its row, and what it leaves to the model that it is ``like``."""
-        self._read("models.toml", ModelRow)
         rows = self._read("models.toml", Model)
         forms = {reply.when for command in self.commands.values() for reply, _ in command.replies}
         for name, row in rows.items():
+            self._converted("models.toml", name, row, ModelRow)
             if row.get("like", name) not in rows:
                 raise MappingError(self._where("models.toml"), name, f"like: there is no model {row['like']!r}")
             spoken = row.get("dialect", "")
