@@ -15,7 +15,7 @@ import pytest
 
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.alpaca.http.programs import AlpacaClient as Lines
+from gateway.protocols.alpaca.http.programs import AlpacaClient
 from tests.support import exact_sky
 
 START = 1769634000.0
@@ -39,7 +39,7 @@ class Program:
     """One of the two."""
 
     def __init__(self, stage: RehearsalMount, host: str) -> None:
-        self.own, self._lines = stage, Lines(stage.acceptor.accept, f"{host}:id-1", host)
+        self.own, self._lines = stage, AlpacaClient(stage.acceptor.accept, f"{host}:id-1", host)
 
     async def _ask(self, line: str) -> Any:
         told = json.loads(await self._lines.ask(line.encode() + b"\n"))

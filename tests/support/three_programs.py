@@ -13,7 +13,7 @@ from typing import Any
 from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.core.waiting import TimedEvent
-from gateway.protocols.alpaca.http.programs import AlpacaClient as Lines
+from gateway.protocols.alpaca.http.programs import AlpacaClient
 from gateway.transport.handler import Connected
 from gateway.transport.web_server import WebServer
 from tests.support.in_process_gateway import Bridge
@@ -70,7 +70,7 @@ class ThreePrograms(Bridge):
     async def alpaca(self, *lines: str, host: str = "10.0.0.1") -> Any:
         """Send requests of one Alpaca program; return the answer to the last one."""
         if not hasattr(self, "_lines"):
-            self._lines = Lines(self.faces["alpaca"].accept, f"{host}:id-1", host)
+            self._lines = AlpacaClient(self.faces["alpaca"].accept, f"{host}:id-1", host)
             await self._lines.ask(b"put connected Connected=True\n")
         told = None
         for line in lines:

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from gateway.astro.axes import Build, Geometry, Observer, Pair
-from gateway.astro.ephemeris.sky import Sky as Ephemeris
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
@@ -28,7 +28,7 @@ RISEN, CIRCLE = -0.9, 20.0
 #: Seconds between two looks at the tube.
 LOOK = 0.25
 HOUR = 3600.0
-EPHEMERIS = Ephemeris()
+EPHEMERIS = Sky()
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 

@@ -17,8 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
-from gateway.core.requests import Answer, ReleaseHoldRequest, StopOrHold
-from gateway.core.requests import HoldRequest as HoldIt
+from gateway.core.requests import Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
@@ -83,7 +82,7 @@ def test_no_program_moves_a_held_mount(
 ) -> None:
     async def program() -> None:
         async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
-            assert await _order(bridge, HoldIt()) == HELD
+            assert await _order(bridge, HoldRequest()) == HELD
             client = bridge.client()
             if presented == "lx200":
                 await client.ask(b":AL#", 2.0)
@@ -106,7 +105,7 @@ def test_no_program_moves_a_held_mount(
 def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
-            assert await _order(bridge, HoldIt()) == HELD
+            assert await _order(bridge, HoldRequest()) == HELD
             client = bridge.client()
             assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
             assert await client.ask(b":MS#", until=b"#") == b"2" + WORDS + b"#"
@@ -123,14 +122,14 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             assert not await _rests(bridge, 1.0)
-            assert await _order(bridge, HoldIt()) == HELD
+            assert await _order(bridge, HoldRequest()) == HELD
             assert await _rests(bridge)
             assert bridge.sim.tracking, "it follows the sky as before"
             await _order(bridge, ReleaseHoldRequest())
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            answer = await _order(bridge, HoldIt())
+            answer = await _order(bridge, HoldRequest())
             assert not answer.done
             assert answer.words.startswith("not stopped: ") and answer.words.endswith("; it is held from now on")
             assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
@@ -143,7 +142,7 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
 def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge(state=tmp_path) as first:
-            assert await _order(first, HoldIt()) == HELD
+            assert await _order(first, HoldRequest()) == HELD
         async with Bridge(state=tmp_path, on=first) as second:
             assert len(second.warned) == 1 and "stop --release" in second.warned[0]
             second.client().tell(b":RS#:Mn#")
@@ -167,7 +166,7 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
             monkeypatch.setattr(on_disk, "hold_folder", full)
-            answer = await _order(bridge, HoldIt())
+            answer = await _order(bridge, HoldRequest())
             assert not answer.done
             assert "a restart of the gateway forgets" in answer.words and f"{tmp_path}/hold" in answer.words
             bridge.client().tell(b":RS#:Mn#")
@@ -183,7 +182,7 @@ def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) 
             async with Bridge("cge", state=tmp_path / str(step)) as bridge:
                 bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
                 await asyncio.sleep(0.05 * step)
-                assert await _order(bridge, HoldIt()) == HELD
+                assert await _order(bridge, HoldRequest()) == HELD
                 bridge.client().tell(b":Mw#:Me#")
                 await asyncio.sleep(1)
                 assert await _rests(bridge), step

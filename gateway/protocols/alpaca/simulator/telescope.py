@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from gateway.astro.axes import Build, Observer, Pair
-from gateway.astro.ephemeris.sky import Sky as Ephemeris
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
     fold_declination,
@@ -113,7 +113,7 @@ class AlpacaTelescope(Simulated):
         self.platform, self.tells, self.senses = platform, dict(tells or {}), senses
         self.lacks = lacks | set(rows()["which"]["absent"]) | set(rows()["lacks"][model])
         self.lowest, self.blocks, self.quiet_axes = lowest, blocks, quiet_axes
-        self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Ephemeris()
+        self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Sky()
         first, second = self.kind.start
         if site[0] < 0.0 and self.kind.build is not Build.GERMAN:
             first = 0.0

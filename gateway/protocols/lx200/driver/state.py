@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.motion_kinds import MOVING
-from gateway.core.operations import Abilities as Can
 from gateway.core.operations import (
+    Abilities,
     Equatorial,
     Identity,
     Operation,
@@ -328,7 +328,7 @@ class Lx200Driver(Driver):
         known = {name: times * SPEEDS["RG"] for name, times in table.items() if isinstance(times, float)}
         return {**known, **self.own_speeds} or SPEEDS
 
-    def can_do(self, equatorial: bool) -> Can:
+    def can_do(self, equatorial: bool) -> Abilities:
         can = super().can_do(equatorial)
         able = can.can - {kind.__name__ for kind in (*MOVING, Sync)} if self.pushed else can.can
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))

@@ -13,7 +13,7 @@ import math
 from datetime import UTC, datetime, timedelta
 
 from gateway.astro.axes import Build, Observer, Pair
-from gateway.astro.ephemeris.sky import Sky as EphemerisSky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.operations import Values
 from gateway.protocols.nexstar.counting import fields_of, unix_of
@@ -35,7 +35,7 @@ from gateway.protocols.wireformat.rows import parse_version
 #: Slew limits of a fork, degrees of altitude.
 LOWEST, HIGHEST = -5.0, 90.0
 #: Converts the coordinates of a mount that has those of J2000.
-SKY = EphemerisSky()
+SKY = Sky()
 #: The equatorial mode of a SynScan with periodic error correction.
 WITH_PEC = 3
 #: The numbers of the tracking modes in the simulator.

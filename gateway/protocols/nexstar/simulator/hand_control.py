@@ -10,8 +10,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from gateway.protocols.mechanics.simulated import Later
-from gateway.protocols.mechanics.simulated import TimedFramer as AnyFramer
+from gateway.protocols.mechanics.simulated import Later, TimedFramer
 from gateway.protocols.nexstar.framing import NexStarFramer
 from gateway.protocols.nexstar.simulator.commands import COMMANDS
 from gateway.protocols.nexstar.simulator.devices import DEVICES
@@ -37,7 +36,7 @@ class SimulatedHandControl(SimulatedMount):
     def framer(self) -> NexStarFramer:
         return NexStarFramer(remembers=False)
 
-    def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
+    def feed(self, data: bytes, framer: TimedFramer | None = None, later: Later | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
         self.advance_to_now()
         if data:
