@@ -17,6 +17,7 @@ import pytest
 
 from gateway.astro.spherical import separation
 from gateway.diagnostics.virtual_time import run
+from tests.support.faces import degrees_of, nexstar_angle, nexstar_clock, unix_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import TwoGateways, equatorial
@@ -84,24 +85,15 @@ def test_sites_all_over_the_globe_reach_a_nexstar_mount() -> None:
                 (chance.uniform(-90, 90), chance.uniform(-180, 180)) for _ in range(as_a_rule(15, whole=40))
             ]
             for latitude, longitude in sites:
-                assert await client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
+                assert await client.ask(b"W" + nexstar_angle(latitude) + nexstar_angle(longitude)) == b"#"
                 await asyncio.sleep(3.0)
                 told = bridge.sim.feed(b"w")
-                here = _degrees(told[:4]), _degrees(told[4:8])
+                here = degrees_of(told[:4]), degrees_of(told[4:8])
                 # the field between them has arcminutes
                 assert abs(here[0] - latitude) <= 31 * ARCSECOND, (latitude, longitude, here)
                 assert abs((here[1] - longitude + 180) % 360 - 180) <= 31 * ARCSECOND, (latitude, longitude, here)
 
     run(program())
-
-
-def _dms(degrees: float) -> bytes:
-    seconds = round(abs(degrees) * 3600)
-    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
-
-
-def _degrees(raw: bytes) -> float:
-    return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
 
 
 @pytest.mark.sampled(every=2)
@@ -118,29 +110,13 @@ def test_utc_of_a_nexstar_program_reaches_a_nexstar_mount(instant: str) -> None:
             for number, hours in enumerate(whole):
                 for dst in as_a_rule(((number + each) % 2,), whole=(0, 1)):
                     local = moment + timedelta(hours=hours)
-                    fields = (
-                        local.hour,
-                        local.minute,
-                        local.second,
-                        local.month,
-                        local.day,
-                        local.year - 2000,
-                        int(hours - dst) % 256,
-                        dst,
-                    )
                     sent_at = asyncio.get_running_loop().time()
-                    assert await client.ask(b"H" + bytes(fields)) == b"#"
+                    assert await client.ask(b"H" + nexstar_clock(local, hours, dst)) == b"#"
                     await asyncio.sleep(4.0)
                     passed = asyncio.get_running_loop().time() - sent_at
-                    assert abs(_utc(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1
+                    assert abs(unix_of(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1
 
     run(program())
-
-
-def _utc(told: bytes) -> float:
-    hour, minute, second, month, day, year, zone, dst = told[:8]
-    local = calendar.timegm((2000 + year, month, day, hour, minute, second))
-    return local - ((zone - 256 if zone > 127 else zone) + dst) * 3600.0
 
 
 @pytest.mark.parametrize("instant", INSTANTS)
@@ -157,7 +133,7 @@ def test_utc_of_an_lx200_program_reaches_a_nexstar_mount_from_every_zone(instant
                 assert (await client.ask(command, until=b" #")).startswith(b"111")
                 await asyncio.sleep(2.0)
                 passed = asyncio.get_running_loop().time() - sent_at
-                assert abs(_utc(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1, hours
+                assert abs(unix_of(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1, hours
 
     run(program())
 

@@ -13,6 +13,7 @@ from msgspec import Struct
 from gateway.astro.axes import Build
 from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
 from gateway.protocols.lx200.simulator import motion, tracking
+from tests.support.faces import nexstar_angle
 
 RATES = ("guide", "center", "find", "max")
 _MEADE_RATE = dict(zip(RATES, (b"RG", b"RC", b"RM", b"RS"), strict=True))
@@ -103,7 +104,7 @@ def nexstar(sim: Any, event: Event) -> bytes:
         return bytes((80, 3, 16, 6, *_DRIVE[how[0]][1], 0, 0))
     if event.what == "site":
         latitude, longitude = sited(sim, *how)
-        return b"W" + _degrees(latitude) + _degrees(longitude)
+        return b"W" + nexstar_angle(latitude) + nexstar_angle(longitude)
     if event.what == "clock":
         local = datetime.fromtimestamp(sim.clock() + how[0], UTC)
         return bytes((72, local.hour, local.minute, local.second, local.month, local.day, local.year - 2000, 0, 0))
@@ -112,11 +113,6 @@ def nexstar(sim: Any, event: Event) -> bytes:
 
 def _turn(degrees: float) -> int:
     return round(degrees % 360.0 / 360.0 * 2**32) % 2**32 & 0xFFFFFF00
-
-
-def _degrees(value: float) -> bytes:
-    seconds = round(abs(value) * 3600.0)
-    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(value < 0)))
 
 
 def _shifted(sim: Any, east: float, north: float) -> tuple[float, float]:

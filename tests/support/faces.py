@@ -44,13 +44,27 @@ def parse_dec(text: bytes) -> float:
     return sign * (int(d) + int(m) / 60 + int(s) / 3600)
 
 
-def _dms(degrees: float) -> bytes:
+def nexstar_angle(degrees: float) -> bytes:
+    """The four bytes of a latitude or longitude."""
     seconds = round(abs(degrees) * 3600)
     return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
 
 
-def _degrees(raw: bytes) -> float:
+def degrees_of(raw: bytes) -> float:
     return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
+
+
+def nexstar_clock(local: datetime, offset: float, dst: int) -> bytes:
+    """The eight bytes of a local time, which is ``offset`` hours ahead of UTC, summer time included."""
+    date = (local.month, local.day, local.year - 2000)
+    return bytes((local.hour, local.minute, local.second, *date, int(offset - dst) % 256, dst))
+
+
+def unix_of(told: bytes) -> float:
+    """Unix seconds of the eight bytes of a clock."""
+    hour, minute, second, month, day, year, zone, dst = told[:8]
+    local = calendar.timegm((2000 + year, month, day, hour, minute, second))
+    return local - ((zone - 256 if zone > 127 else zone) + dst) * 3600.0
 
 
 class Face:
@@ -109,7 +123,7 @@ class Face:
 
     async def set_site(self, latitude: float, longitude: float) -> None:
         if self.nexstar:
-            assert await self.client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
+            assert await self.client.ask(b"W" + nexstar_angle(latitude) + nexstar_angle(longitude)) == b"#"
         else:
             west = round(-longitude * 60) % 21600
             said = f":St{dms(latitude)[:6]}#:Sg{west // 60:03d}*{west % 60:02d}#"
@@ -118,7 +132,7 @@ class Face:
     async def site(self) -> tuple[float, float]:
         if self.nexstar:
             told = await self.client.ask(b"w")
-            return _degrees(told[:4]), _degrees(told[4:8])
+            return degrees_of(told[:4]), degrees_of(told[4:8])
         north, west = await self.client.ask(b":Gt#"), await self.client.ask(b":Gg#")
         sign = b"" if west[:1] in b"+-" else b"+"
         return parse_dec(north.rstrip(b"#") + b":00#"), -parse_dec(sign + west.rstrip(b"#") + b":00#")
@@ -126,17 +140,7 @@ class Face:
     async def set_clock(self, unix: float, offset: float, dst: int) -> None:
         local = datetime.fromtimestamp(unix, UTC) + timedelta(hours=offset)
         if self.nexstar:
-            fields = (
-                local.hour,
-                local.minute,
-                local.second,
-                local.month,
-                local.day,
-                local.year - 2000,
-                int(offset - dst) % 256,
-                dst,
-            )
-            assert await self.client.ask(b"H" + bytes(fields)) == b"#"
+            assert await self.client.ask(b"H" + nexstar_clock(local, offset, dst)) == b"#"
         else:
             said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
             assert (await self.client.ask(said.encode(), 30.0, until=b" #")).startswith(b"111")
@@ -144,9 +148,7 @@ class Face:
     async def clock(self) -> float:
         """Unix seconds."""
         if self.nexstar:
-            hour, minute, second, month, day, year, zone, dst = (await self.client.ask(b"h"))[:8]
-            offset = (zone - 256 if zone > 127 else zone) + dst
-            return calendar.timegm((2000 + year, month, day, hour, minute, second)) - offset * 3600.0
+            return unix_of(await self.client.ask(b"h"))
         answers = [(await self.client.ask(said)).rstrip(b"#").decode() for said in (b":GC#", b":GL#", b":GG#")]
         local = datetime.strptime(" ".join(answers[:2]), "%m/%d/%y %H:%M:%S")
         return calendar.timegm(local.timetuple()) + float(answers[2]) * 3600.0

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import pytest
 
 from gateway.diagnostics.virtual_time import run
+from tests.support.faces import unix_of
 from tests.support.in_process_gateway import Bridge
 
 #: 9 o'clock in the evening of 14 March, five hours west of Greenwich: 15 March, 02:00 UTC.
@@ -17,10 +18,8 @@ TRUE = datetime(2027, 3, 15, 2, 0, tzinfo=UTC).timestamp()
 
 
 def shown(bridge: Bridge) -> float:
-    """UTC as the hand control shows it: ``h`` is hour, minute, second, month, day, year, zone, daylight saving."""
-    hour, minute, second, month, day, year, zone, dst = bridge.sim.feed(b"h")[:8]
-    local = datetime(2000 + year, month, day, hour, minute, second, tzinfo=UTC).timestamp()
-    return local - ((zone if zone < 128 else zone - 256) + dst) * 3600
+    """UTC as the hand control shows it."""
+    return unix_of(bridge.sim.feed(b"h"))
 
 
 @pytest.mark.parametrize("surface", ["autostar", "lx200", "lx200-16", "lx200gps"])
