@@ -118,7 +118,7 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
         raise UserError(f"no gateway runs here{f' for {mount}' if mount else ''}; mount-gateway run starts one")
     if len(gateways) > 1:
         names = ", ".join(sorted(endpoint.title for endpoint in gateways))
-        raise UserError(f"{len(gateways)} mounts run here; say which one is meant: {names}")
+        raise UserError(f"{len(gateways)} mounts run here; name the one you mean: {names}")
     return connected(gateways[0])
 
 

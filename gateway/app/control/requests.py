@@ -68,7 +68,7 @@ def _operation(request: object) -> type[op.Operation] | None:
     return op.named(request.operation) if isinstance(request, requests.OperationRequest) else None
 
 
-#: Refusals by limits that a page may have narrowed, and what is said of that.
+#: Refusals by limits that a page may have narrowed, and the explanation for a person.
 NARROWED = BelowHorizon | TooHigh | NearSun | PastMeridian
 BY_PAGE = (
     "A page of the console has narrowed the limits until the gateway ends ({0}); it can take that back under More."

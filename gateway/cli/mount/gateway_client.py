@@ -51,7 +51,7 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
         title, times = Counter(endpoint.title for endpoint in endpoints).most_common(1)[0]
         if times == 1:
             names = _flags(endpoint.title for endpoint in endpoints)
-            raise UserError(f"{len(endpoints)} mounts run here; say which one is meant: {names}")
+            raise UserError(f"{len(endpoints)} mounts run here; name the one you mean: {names}")
         processes = " and ".join(str(endpoint.pid) for endpoint in endpoints if endpoint.title == title)
         raise UserError(
             f"{times} gateways here have {title} (processes {processes}): end one of them, or give its mount a name "
