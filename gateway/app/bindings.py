@@ -73,7 +73,8 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """How many times faster than a real mount this one slews: a simulated one may also run in another process."""
+    """Return how many times faster than a real mount this mount slews; the simulated mount may run in another process.
+    """
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:
         warn(
@@ -129,7 +130,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
 
 
 def beside_hardware(where: str) -> bool:
-    """Whether programs connect there as to a telescope's own serial port, not over a plain network connection."""
+    """Whether programs connect here as to a telescope's own serial port, and not over a plain network connection."""
     return not where.startswith("tcp://") and where not in (SERVED, "-")
 
 
@@ -174,7 +175,9 @@ class AcceptorFactory:
         return AnyAcceptor(speaking, self._web)
 
     def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = "") -> ConnectionAcceptor:
-        """``titles``: those of all protocols of the surface, if there are several."""
+        """Make the acceptor of one protocol. ``titles`` are those of all protocols of the surface, if there are
+        several.
+        """
         entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
         later = endpoint.where == SERVED and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not titles
@@ -231,7 +234,7 @@ def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | No
 
 
 def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[str], Sequence[IPv4Network]]) -> str:
-    """Return the warning for a port that other computers reach; empty if it is as safe and as open as it looks.
+    """Return the warning for a port that other computers can reach; empty if there is nothing to warn of.
 
     ``reachable`` gives the networks of the addresses that the gateway prints for phones.
     """
@@ -269,7 +272,7 @@ def watched(
     controller: Callable[[], MountController],
     stopped: Callable[[], None],
 ) -> WatchedMount:
-    """Return the mount as the watchdog process is to know it. The ``controller`` exists before anything moves."""
+    """Return the mount's registration with the watchdog process. The ``controller`` exists before anything moves."""
 
     @cache
     def sent(url: str, protocol: str, command: bytes) -> bytes:

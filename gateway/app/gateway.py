@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 
 class Gateway:
-    """One mount and its surfaces, open for clients until it is closed. Gateways share nothing but the sky.
+    """A mount and its surfaces, open for clients until it is closed. Gateways share nothing but the sky.
 
     ``warn`` gets messages that the user should see at once.
     """
@@ -185,7 +185,7 @@ class Gateway:
         return await self.request_handler.take(request)
 
     async def fit(self) -> None:
-        """Once the mount is identified, present a model that fits it on surfaces for which the user named none."""
+        """When the mount is identified, present a model that fits it on surfaces for which the user named none."""
         await self.controller.identified.wait()
         while True:
             try:
@@ -211,7 +211,7 @@ class Gateway:
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def cautions(self) -> Iterator[str]:
-        """Yield the warnings for the user once the gateway serves; earlier, they would hide why it does not."""
+        """Yield the warnings for the user, after the start: earlier they would hide the reason if the start fails."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.where, surface, reachable_networks):
                 yield warning
@@ -246,12 +246,12 @@ class Gateway:
 
     @property
     def taken(self) -> str:
-        """That another gateway has this mount, in words; empty if none is known to."""
+        """A sentence that another gateway has this mount; empty if none is known to have it."""
         return taken(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
 
     @property
     def unopened(self) -> str:
-        """Why the mount's port cannot be opened, or which other gateway has it; empty if neither is so."""
+        """Why the mount's port cannot be opened, or which other gateway has it; empty if the port can be opened."""
         why = self.controller.line.unopened
         return why and (self.taken or f"{self.title}: {why}")
 

@@ -1,8 +1,8 @@
 """``MountState``: what one mount does and what is known of it at one moment, without asking the mount.
 
-It is made here alone, from the cached readings. The status line, ``status`` and ``watch``, the page, MQTT and the
-metrics are all drawn from it, so they cannot contradict each other. It holds values; sentences are made when they are
-shown, because most of those who look need none.
+Only this module makes it, from the cached readings. The status line, ``status`` and ``watch``, the page, MQTT and the
+metrics all use it, so they cannot contradict each other. It contains values; the sentences are made when they are
+shown, because most callers need none.
 """
 
 from __future__ import annotations
@@ -33,13 +33,12 @@ LATELY, MOST = 60.0, 10
 
 
 class MountState(Struct, frozen=True, dict=True):
-    """One mount at the loop time ``now`` and at ``clock`` by this computer.
+    """A mount at the loop time ``now`` and at ``clock`` by this computer.
 
-    ``over`` is where it points over the horizon, ``goal`` where a goto under way leads; both None if not known.
-    ``pier_kept``: whether a limit of the hour angle can be kept.
-    ``programs`` are the hosts of connected programs, ``sites`` and ``times`` all reported ones, best first.
-    ``answers`` counts the replies of the mount, ``reply`` is its typical reply time in seconds; ``sky`` says what the
-    sky at its time is calculated from.
+    ``over`` is its position over the horizon, ``goal`` the goal of a goto under way; both None if not known.
+    ``pier_kept``: whether a limit of the hour angle can be enforced. ``programs`` are the hosts of connected programs;
+    ``sites`` and ``times`` are all reported ones, best first. ``answers`` counts the replies of the mount, ``reply`` is
+    its typical reply time in seconds; ``sky`` names the source of the calculated sky.
     """
 
     look: StatusLine
@@ -67,7 +66,7 @@ class MountState(Struct, frozen=True, dict=True):
     clock: float
 
     def drawn(self, surfaces: Sequence[str] = ()) -> State:
-        """Return what ``status`` shows. With several ``surfaces`` these tell the programs of one computer apart."""
+        """Return what ``status`` shows. ``surfaces`` tell several programs on one computer apart."""
         identity = self.identity
         return State(
             self.look,
@@ -87,12 +86,12 @@ class MountState(Struct, frozen=True, dict=True):
 
     @cached_property
     def site_doubts(self) -> list[Contradiction]:
-        """What other sources say of the site that differs."""
+        """The reports of other sources that differ from the site in use."""
         return list(contradictions(self.sites, self.times[:1]))
 
     @cached_property
     def clock_doubts(self) -> list[Contradiction]:
-        """What other sources say of the time that differs."""
+        """The reports of other sources that differ from the time in use."""
         return list(contradictions((), self.times))
 
     @property
@@ -116,7 +115,7 @@ class MountState(Struct, frozen=True, dict=True):
 
     @property
     def goal_words(self) -> str:
-        """Where a goto under way leads; empty if none does, or only the mount knows."""
+        """The goal of a goto under way as text; empty if there is none, or only the mount knows it."""
         if isinstance(self.goal, op.Horizontal):
             return f"azimuth {self.goal.az:.1f}°, altitude {self.goal.alt:.1f}°"
         return "" if self.goal is None else format_position(self.goal)

@@ -1,14 +1,13 @@
 """What the web servers of the console and the fleet share: static files, access checks.
 
-The files are read once at the start; a path to any other file is not served. Every refusal is one plain line of text.
-A page's modules are sent as one. Its style sheets and plain scripts are in the page itself, admitted by their digests:
-so it is there after few round trips. The page names its files by a path with a digest of all of them, under which a
-browser keeps them for a year: after an update the path is another one.
+The files are read once at the start; a path to any other file is not served. A page's modules are sent as one file. Its
+style sheets and plain scripts are in the page itself, admitted by their digests, so the page needs few round trips. The
+path of its files contains a digest of all of them: a browser caches them for a year, and an update changes the path.
 
-Only the server's own page may send requests, in a browser that reached it by an address of this computer. A foreign
-page in the same browser could send requests here, or let its own name point here (DNS rebinding). So ``Host`` must be
-an address or a name of this computer, ``Origin`` must be the page's own, and every action needs the token that only
-the served page has. The port is not compared: an SSH tunnel may use another one.
+Only the server's own page may send requests. A foreign page in the same browser could send requests to this server, or
+resolve its own name to this computer (DNS rebinding). So ``Host`` must be an address or a name of this computer,
+``Origin`` must be the page's own, and every action needs the token that only the served page has. The port is not
+compared, because an SSH tunnel may use another one.
 """
 
 from __future__ import annotations
@@ -43,10 +42,10 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
     """Return the script ``main`` and all that it imports as one module, served in the folder ``at``.
 
     Nothing is compiled; lines of comments are left out. Every module becomes a function that is called when it is first
-    needed. Modules have imports at the beginning of a line, no default exports, no circles, and no exported variable
-    that changes; everything else is an error at the start.
+    needed. A module may have imports only at the beginning of a line, no default exports, no circular imports, and no
+    exported variable that changes.
 
-    ``texts`` are the files by their paths. Raises ValueError for a module of another style.
+    ``texts`` are the files by their paths. Raises ValueError, at the start, for a module that breaks these rules.
     """
     bodies: dict[str, str] = {}
     exports: dict[str, set[str]] = {}
@@ -141,7 +140,7 @@ class Pages:
         self._index = self._in_one(self._files["index.html"][0].decode())
 
     def _in_one(self, page: str) -> str:
-        """Return the page with its style sheets and plain scripts in it; its modules are one file."""
+        """Return the page with its style sheets and plain scripts in it, and its modules as one file."""
         texts = {name: body.decode() for name, (body, kind) in self._files.items() if kind in _TEXTS}
 
         def script(match: re.Match[str]) -> str:
@@ -159,7 +158,7 @@ class Pages:
         return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._kept}\2"', _SCRIPT.sub(script, page)))
 
     async def index(self, request: web.Request, **texts: str) -> web.Response:
-        """Return the page with each ``{{name}}`` replaced by the word of that name."""
+        """Return the page with each ``{{name}}`` replaced by its value."""
         page = self._index
         for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
@@ -194,7 +193,7 @@ def application(
 ) -> web.Application:
     """Return an application that answers requests to this computer; ``logs`` record all other requests.
 
-    ``names`` are further host names by which clients may call it, ``ports`` the access rules of ports that have some.
+    ``names`` are further host names by which clients may call it; ``ports`` are the access rules by port.
     """
 
     @web.middleware
@@ -248,7 +247,9 @@ def from_other_site(headers: Mapping[str, str]) -> bool:
 
 
 def from_own_page(headers: Mapping[str, str], path: str) -> bool:
-    """Whether a request comes from the page itself; the page may also be requested from elsewhere, by a link."""
+    """Whether a request comes from the page itself; for the page's address, it may also come from a link on another
+    site.
+    """
     same = same_origin(headers.get("Origin"), headers.get("Host"))
     return same and (path == "/" or not from_other_site(headers))
 

@@ -30,7 +30,7 @@ def parse_time(text: str) -> float:
 
 
 def running_clock(start: float | None) -> Callable[[], float]:
-    """Return this computer's clock, or one that starts now at ``start`` (Unix seconds)."""
+    """Return this computer's clock, or a clock that starts now at ``start`` (Unix seconds)."""
     if start is None:
         return time.time
     began = time.monotonic()
@@ -46,9 +46,9 @@ def make_simulator(
     speed: float = 1.0,
     **settings: object,
 ) -> Simulated:
-    """Make the simulated mount that an endpoint names; ``settings`` are those of only one protocol's simulator.
+    """Make the simulated mount that an endpoint names; ``settings`` are those that only one protocol's simulator has.
 
-    Raises UserError for a version that the model never had, and for a protocol that has no simulator.
+    Raises UserError for a version that the model never had, and for a protocol without a simulator.
     """
     make = PROTOCOLS[endpoint.protocol].make_simulator
     if make is None:

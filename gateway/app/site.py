@@ -1,4 +1,6 @@
-"""What a gateway serves over HTTP, at every port that speaks it: its mounts to programs, and a page if there is one."""
+"""The web application of a gateway, served at every port that speaks HTTP: its mounts for programs, and the page if
+there is one.
+"""
 
 from __future__ import annotations
 

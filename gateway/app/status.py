@@ -1,7 +1,7 @@
 """The status line: which mount it is, where it points, what it does, how many programs are connected, how busy it is.
 
-Functions turn values into text; nothing here asks the mount. If the terminal is too narrow, the least important parts
-are left out first, the same ones for every mount.
+Functions turn values into text; none asks the mount. If the terminal is too narrow, the least important parts are left
+out first, and the same parts for every mount.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ LEAST = 2
 
 
 class StatusLine(Struct, frozen=True):
-    """The last known state of one mount. ``state`` is that of the line, ``age`` that of the position in seconds.
+    """The last known state of one mount. ``state`` is that of the line to it, ``age`` that of the position in seconds.
 
-    ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the mount's own keys; ``ends``: a
-    motion was ended, and the position does not show the mount at rest yet; ``unknown``: it has not reported one since.
-    ``parked``: it stands at its park position.
+    ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the hand control's keys; ``ends``: a
+    motion was ended, and the position does not show the mount at rest yet; ``unknown``: the mount has not reported a
+    position since. ``parked``: it is at its park position.
     """
 
     name: str
@@ -56,8 +56,9 @@ class StatusLine(Struct, frozen=True):
 
 
 class Served(Struct, frozen=True):
-    """A surface, or the console, and where it is reached: ``at`` is its own address; ``addresses`` are those at which
-    other computers reach it now; ``words`` says what to type there, or that no other computer reaches it."""
+    """A surface, or the console, and its addresses: ``at`` is the one that was configured; ``addresses`` are those at
+    which other computers reach it now; ``words`` says what to type on them, or that no other computer reaches it.
+    """
 
     name: str
     at: str
@@ -99,7 +100,7 @@ class State(Struct, frozen=True):
 
     @property
     def found(self) -> str:
-        """What the mount identified itself as; empty before that."""
+        """The identity that the mount reported; empty before that."""
         version = f", version {self.version}" if self.version and self.version != "?" else ""
         return f"{self.title or self.product}, {self.model}{version}" if self.product else ""
 

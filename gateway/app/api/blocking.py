@@ -1,8 +1,8 @@
-"""``BlockingMount``: the methods of ``Mount`` for programs without an event loop, each of which waits for its result.
+"""``BlockingMount``: the methods of ``Mount`` for programs without an event loop. Each method waits for its result.
 
-A gateway inside the program runs on an event loop in a thread of its own, with nothing left out: other programs are
-served while this one waits or calculates. The signatures are derived, so that type checkers know them. Several threads
-may use one mount.
+The gateway runs on an event loop in a thread of its own, so it serves other programs while this one waits or
+calculates. The signatures are derived from ``Mount``, so that type checkers know them. Several threads may use one
+mount.
 """
 
 from __future__ import annotations
@@ -46,9 +46,10 @@ def _waits(
 
 
 class BlockingMount:
-    """One mount whose methods wait; all is as in ``Mount``. Made by ``open_blocking_gateway`` and ``connect_blocking``.
+    """A mount whose methods wait; they are those of ``Mount``. Made by ``open_blocking_gateway`` and
+    ``connect_blocking``.
 
-    Ctrl-C ends the wait, and as it leaves the block of ``open_blocking_gateway``, it stops the mount.
+    Ctrl-C ends the wait. When it also leaves the block of ``open_blocking_gateway``, the mount is stopped.
     """
 
     def __init__(self, mount: Mount, run: Run) -> None:
@@ -173,7 +174,7 @@ class _Thread(threading.Thread):
 def _in_a_thread(
     opens: Callable[_P, contextlib.AbstractAsyncContextManager[Mount]],
 ) -> Callable[_P, contextlib.AbstractContextManager[BlockingMount]]:
-    """Return ``open_gateway``, with all that can be set there, for programs without an event loop."""
+    """Return a version of ``open_gateway``, with the same parameters, for programs without an event loop."""
 
     @functools.wraps(opens, assigned=())
     @contextlib.contextmanager

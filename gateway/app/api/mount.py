@@ -1,7 +1,7 @@
-"""``Mount``: one mount for Python programs, whether its gateway is in this process or runs already.
+"""``Mount``: one mount for Python programs, whether its gateway runs in this process or in another one.
 
-Every method is one request, or one request after the other; ``send`` has them carried out, by the gateway in this
-process or through the control endpoint of another one. So limits, checks and errors are the same.
+Every method is one request, or several in a row. ``send`` passes them to the gateway in this process, or to the control
+endpoint of another process. So limits, checks and errors are the same in both cases.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ SILENT = "Is it switched on, and the cable in the hand control? mount-gateway de
 
 
 class Mount:
-    """One mount. Made by ``open_gateway`` and ``connect``; ``name`` is the mount's name, or its port if it has none.
+    """A mount. Made by ``open_gateway`` and ``connect``; ``name`` is the mount's name, or its port if it has none.
 
     Positions are right ascension and declination of the equinox of date, in degrees. Every method raises ``Fault`` if
-    the gateway or the mount refuses, whose text is one sentence for the user, and ``NoAnswer``, which is one, if either
-    does not answer. ``BlockingMount`` has the same methods for programs without an event loop.
+    the gateway or the mount refuses (its text is one sentence for the user), and ``NoAnswer``, a kind of ``Fault``, if
+    either does not answer. ``BlockingMount`` has the same methods for programs without an event loop.
     """
 
     def __init__(self, name: str, send: Send, who: str) -> None:
@@ -74,7 +74,7 @@ class Mount:
         ]
 
     async def status(self) -> State:
-        """Return all that is known of the mount, newly read: what ``mount-gateway status --json`` shows."""
+        """Ask the mount, and return its state: what ``mount-gateway status --json`` shows."""
         return await self._state(fresh=True)
 
     async def position(self) -> tuple[float, float]:
@@ -93,7 +93,8 @@ class Mount:
         return look.moves
 
     async def site(self) -> op.Place:
-        """Return the site that counts, of the mount, a program or the settings. Raises Unsupported if none is known."""
+        """Return the site in use: the mount's, a program's or the configured one. Raises Unsupported if none is known.
+        """
         return await self.perform(op.GetSite())
 
     async def time(self) -> op.Moment:
@@ -105,7 +106,8 @@ class Mount:
     async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
 
-        ``j2000``: the position is one of a catalogue. Raises Invalid for a bad number or declination.
+        ``j2000``: the position is of the equinox J2000, as in catalogues. Raises Invalid for a bad number or
+        declination.
         """
         await self._ask(requests.GotoRequest(_spot(op.Goto(ra, dec), j2000)))
 
@@ -118,15 +120,15 @@ class Mount:
         await self._ask(requests.ParkRequest())
 
     async def unpark(self) -> None:
-        """Take a parked or sleeping mount up again, so that it tracks."""
+        """Unpark the mount, or wake it, so that it tracks."""
         await self._ask(requests.UnparkRequest())
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
-        """Wait until the goto, park or home of this program has ended, or if it has none under way until no program has
-        one; return the position.
+        """Wait until the goto, park or home of this program has ended, and return the position.
 
-        Raises Stopped with the reason if the motion ended before its goal, also if it did before this was called,
-        TimeoutError if it has not ended within ``seconds``, and NoAnswer if the mount is lost meanwhile.
+        If this program has none under way, wait until no program has one. Raises Stopped with the reason if the motion
+        ended before its goal (also if that was before the call), TimeoutError if it has not ended within ``seconds``,
+        and NoAnswer if the mount stops answering.
         """
         now = asyncio.get_running_loop().time
         heard, gone = now(), ""
@@ -159,11 +161,13 @@ class Mount:
         await self._ask(requests.SyncRequest(_spot(op.Sync(ra, dec), j2000)))
 
     async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
-        """Press an arrow for so long, at the rate of the hand control's key 1 to 9; the gateway itself releases it."""
+        """Press an arrow for some seconds, at the rate of the hand control's key 1 to 9. The gateway releases it."""
         await self._ask(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
-        """End every motion, whoever began it, ahead of all else; return when the mount is seen at rest."""
+        """End every motion, whoever began it, before all other orders; return when the position shows the mount at
+        rest.
+        """
         await self._answer(requests.StopRequest(self._who))
 
     async def hold(self) -> None:
@@ -179,8 +183,8 @@ class Mount:
     async def perform(self, operation: op.Operation[AnswerT]) -> AnswerT:
         """Carry out any operation of ``gateway.op`` and return its answer; see its docstring.
 
-        A motion that ``Move`` began ends if the program calls ``perform`` no more for ``dead_man`` seconds. Raises
-        Invalid for what is no operation, and for a field of a wrong type.
+        A motion that ``Move`` began ends if the program does not call ``perform`` for ``dead_man`` seconds. Raises
+        Invalid if the argument is no operation, or a field has a wrong type.
         """
         towards = isinstance(operation, GOTOS)
         request = packed(operation, requests.new_number() if towards else self._number)
@@ -195,7 +199,7 @@ class Mount:
         return msgspec.json.decode((await self._answer(requests.StateRequest(fresh))).words, type=State)
 
     async def _ask(self, request: requests.Base, lasts: float = 0.0) -> str:
-        """Have a request carried out, and return the gateway's words. Raises Fault."""
+        """Send a request, and return the text of the answer. Raises Fault."""
         named = cast(requests.Request, checked(replace(request, who=self._who)))
         text = (await self._answer(named, lasts)).words
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):

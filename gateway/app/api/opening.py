@@ -1,8 +1,8 @@
-"""A gateway inside another Python program, and one that runs already: where a program gets its ``Mount``.
+"""How a program gets a ``Mount``: it opens a gateway in its own process, or connects to a gateway that already runs.
 
 ``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, starts
-the watchdog process for a real mount, and stops the mount at the end. Everything runs on the caller's event loop; only
-the tables of the sky are calculated by a process of their own. ``connect`` finds a gateway as ``mount-gateway goto``
+the watchdog process for a real mount, and stops the mount at the end. Everything runs on the caller's event loop,
+except that a process of its own calculates the tables of the sky. ``connect`` finds a gateway as ``mount-gateway goto``
 does.
 """
 
@@ -107,11 +107,11 @@ def inside(gateway: Gateway) -> Mount:
 
 
 def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
-    """Find a gateway that runs on this computer, as a service or in another program, and return its mount.
+    """Find a gateway on this computer, in a service or another program, and return its mount.
 
-    ``mount`` is its name, or its port; it may be left out where only one runs. ``state`` is a gateway's state folder,
-    where that was named. Nothing stays open between two requests, and nothing ends with the program that asks: what it
-    has begun goes on. Raises UserError if none runs, or several do.
+    ``mount`` is the mount's name or port; it may be omitted if only one gateway runs. ``state`` is the gateway's state
+    folder, if it is not the default one. Nothing stays open between two requests, and a motion continues after the
+    program that requested it has ended. Raises UserError if no gateway runs, or if several do.
     """
     gateways = running(mount, state)
     if not gateways:

@@ -13,7 +13,7 @@ from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):
-    """One key: ``right`` describes the valid values, ``choices`` lists them if they are few."""
+    """A key of the configuration. ``right`` describes the valid values, ``choices`` lists them if they are few."""
 
     name: str
     words: str
@@ -32,7 +32,7 @@ class Key(NamedTuple):
 
     @property
     def help(self) -> str:
-        """The words, followed by the default if it is a number or a word."""
+        """The description, followed by the default if it is a number or a word."""
         if self.default is None or isinstance(self.default, bool | list):
             return self.words
         shown = f"{self.default:g}" if isinstance(self.default, float) else self.default
@@ -122,7 +122,7 @@ def _words(kind: object, metas: list[msgspec.Meta]) -> str:
 
 
 def _range(metas: list[msgspec.Meta]) -> str:
-    """Return the limits in words: `` from 1 to 9``."""
+    """Return the limits as text: `` from 1 to 9``."""
     limits: dict[str, object] = {}
     for meta in metas:
         limits |= {name: getattr(meta, name) for name in ("ge", "gt", "le", "lt") if getattr(meta, name) is not None}

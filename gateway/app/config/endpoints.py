@@ -43,7 +43,7 @@ def resolve_name(text: str) -> str | None:
 
 
 def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
-    """Return a hint for an unknown word: the name that is most like it, else the protocol of each maker.
+    """Return a hint for an unknown word: the most similar name, else the protocol of each maker.
 
     ``among`` are the protocols that may be meant.
     """
@@ -131,7 +131,7 @@ def parse_endpoint(text: str, of: str = "") -> Endpoint:
 
 
 def _over_http(endpoint: Endpoint, of: str) -> Endpoint:
-    """Return the endpoint of a mount, whose address is one of HTTP if its protocol needs that. Raises UserError."""
+    """Return the endpoint of a mount; if its protocol uses HTTP, with an HTTP address. Raises UserError."""
     where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.over_http is not None]
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
     if where.startswith("http") and (endpoint.protocol not in over or of == "surface"):
@@ -211,7 +211,8 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
     """Return the probable correction of an address of a surface (``listening``) or a mount; empty if it may be right.
 
-    Wrong are an address without its scheme or with the other side's, and a serial port without its folder.
+    It recognises an address without its scheme, an address with the scheme of the other side, and a serial port without
+    its folder.
     """
     scheme, slashes, rest = where.partition("://")
     if slashes:
@@ -267,7 +268,9 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
 
 def _angle(text: str, sides: str) -> float | None:
-    """Return the degrees of an angle as on maps, with one of two ``sides``, the positive first; None if it is none."""
+    """Return the degrees of an angle written as on maps, with one of two ``sides`` (the positive one first); None if it
+    is not an angle.
+    """
     match = _ON_MAPS.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None
@@ -302,9 +305,9 @@ class Broker(msgspec.Struct, frozen=True):
 
 
 def parse_broker(text: str) -> Broker:
-    """Parse the address of a broker, which may hold a user's name but no password: all users can see flags.
+    """Parse the address of a broker. It may contain a user's name but no password, because all users can see flags.
 
-    Raises UserError that says what would be right, and does not repeat a password.
+    Raises UserError with the correct form; its text does not repeat a password.
     """
     try:
         parts = urlsplit(text)

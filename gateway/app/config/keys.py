@@ -1,10 +1,10 @@
-"""Every key of a mount and of a surface, declared once: its type, range, default, and the words that describe it.
+"""Every key of a mount and of a surface, declared once: its type, range, default and description.
 
-A new key is one field here, and whoever reads it (docs/adding-a-key.md). ``key`` takes the words for ``--help`` and the
-documentation, the name of the value there, an example for keys without a default, and the limits that msgspec checks,
-which belong to the inner type of a key that may be absent. Every key of ``[mount]`` is also a flag of ``run``, except
-those with ``flag=False``, and so is every key that only a surface has; a list is separated by commas in a flag. The
-keys that are ``common`` have their flags in ``run --help``, the others in ``run --help all``.
+A new key is one field here, and the code that reads it (docs/adding-a-key.md). ``key`` takes the description for
+``--help`` and the documentation, the name of the value, an example for keys without a default, and the limits that
+msgspec checks; if a key may be absent, its limits belong to the inner type. Every key of ``[mount]`` is also a flag of
+``run``, except those with ``flag=False``, and so is every key that only a surface has. In a flag, commas separate the
+values of a list. ``run --help`` shows the ``common`` keys, ``run --help all`` the others.
 """
 
 from typing import Annotated, Any, Literal

@@ -31,7 +31,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program. ``first``: the bytes with which only it begins a connection; ``told``: how that is known.
+    """A program. ``first``: the first bytes of a connection that only this program sends; ``told``: how that is known.
 
     ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
     """
@@ -74,7 +74,9 @@ def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]
 
 
 def _numbers(endpoint: Endpoint) -> Version:
-    """Return the version that programs see; ``NEWEST`` for one with a word such as ``starsense`` in it, or none."""
+    """Return the version that programs see, as numbers; ``NEWEST`` if it is a word such as ``starsense``, or if there
+    is none.
+    """
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
     if version is None or version.partition("-")[0] in spec.version_words:
@@ -93,7 +95,8 @@ def as_fields(needs: list[Need]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return for how many seconds the text of a refusal is held back: for ever from a program that leaves it unread."""
+    """Return for how many seconds the text of a refusal is held back: without end for a program that does not read it.
+    """
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)
@@ -107,10 +110,10 @@ def stops_arrows(protocol: str, program: str) -> bool:
 
 
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
-    """Return first bytes -> program, for the programs that need something else than the surface has.
+    """Return first bytes -> program, for the programs that need other settings than those of the surface.
 
-    Only for network surfaces, where every program has its own connection: on a serial line one program may follow
-    another unnoticed.
+    Only for network surfaces, where every program has its own connection: on a serial line another program may take
+    over unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(LISTENING):

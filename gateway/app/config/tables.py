@@ -48,9 +48,9 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
 
 
 class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
-    """``[mqtt]``: the broker on which the mounts of this gateway are shown, and through which they can be stopped.
+    """``[mqtt]``: the broker to which this gateway publishes its mounts, and over which they can be stopped.
 
-    The password is neither here nor in a flag, where other users and backups would see it: it is in a file of its own,
+    The password is neither here nor in a flag, where other users and backups would see it. It is in a file of its own,
     or in the environment.
     """
 

@@ -1,11 +1,10 @@
 """Endpoint files and authenticated datagrams, by which commands and gateways reach each other.
 
-An endpoint file holds a gateway's port and secret. An entry that cannot be read as such (half written, a directory,
-another program's) is ignored and never hides the others. The file of a killed gateway stays behind, and is removed by
-the next gateway, or ``stop``, that finds nothing listening on its port. A datagram is ``SEAL NUMBER TEXT``: the asking
-side draws the number, the answer repeats it, and the seal is an HMAC of the rest. The texts are ``ask`` with a request
-in JSON, and the ``Answer`` in JSON. A long answer is sent in numbered parts, because the system limits the size of a
-datagram.
+An endpoint file contains a gateway's port and secret. An invalid file (half written, a directory, another program's) is
+ignored and never hides the others. A killed gateway leaves its file behind; the next gateway, or ``stop``, removes it
+if nothing listens on its port. A datagram is ``SEAL NUMBER TEXT``: the client draws the number, the answer repeats it,
+and the seal is an HMAC of the rest. The text is ``ask`` with a request in JSON, or the ``Answer`` in JSON, in numbered
+parts if it exceeds the size of a datagram.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class ControlEndpoint(Struct, frozen=True):
 
     @property
     def title(self) -> str:
-        """The mount's name, or the port it is at if it has none."""
+        """The mount's name; its port if it has no name."""
         return self.name or self.mount
 
     def called(self, only: str | None) -> bool:

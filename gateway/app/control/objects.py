@@ -30,9 +30,9 @@ _YEAR = 365.25 * 86400.0
 
 
 class Object(NamedTuple):
-    """An object: its name, where it is, its kind in words; its magnitude, length and width (arcminutes) if known.
+    """An object: its name, position and kind (as text); its magnitude, length and width (arcminutes) if known.
 
-    ``also`` are its other names, ``seen`` is what there is to see of a double.
+    ``also`` are its other names; ``seen`` describes a double star in the eyepiece.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Object(NamedTuple):
 
 
 class NotSupplied(UserError):
-    """An object that only another package has; ``remedy`` says how to install that, for a person at a shell."""
+    """An object that only another package contains; ``remedy`` tells a person at a shell how to install it."""
 
     def __init__(self, reason: str, remedy: str) -> None:
         super().__init__(reason)

@@ -1,7 +1,7 @@
 """Operations as values of a request: checked, packed as name and fields, unpacked, and their answers as JSON.
 
-A Python program checks what it hands over before it is sent, so that the mistake is told where it was made; the gateway
-checks what it receives, because not only Python programs send requests.
+A Python program checks an operation before sending it, so that the error is raised where the mistake was made. The
+gateway checks what it receives, because other programs send requests, too.
 """
 
 from __future__ import annotations
@@ -80,13 +80,13 @@ def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
 
 
 def _right(kind: type[Struct], field: str) -> str:
-    """Return what to write for a field whose type is one of those that programs seldom get right at first."""
+    """Return the correct form for a field whose type programs often get wrong at first."""
     hint = str(kind.__annotations__.get(field, ""))
     return next((f"; write op.{right}" for name, right in EXAMPLES.items() if name in hint), "")
 
 
 def _plain(value: object) -> object:
-    """Return a number of another library as one of Python's own, and everything else as it is."""
+    """Convert a number of another library to Python's type; return everything else unchanged."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
     return int(value) if isinstance(value, Integral) else float(value)

@@ -1,8 +1,8 @@
 """Finds the gateways of this computer and the mounts that killed gateways left moving, and sends requests to gateways.
 
-``stop`` may say that there is nothing to stop only after it has searched the state folder, the runtime folders and the
-processes of this computer. Whatever it could not see is reported as a doubt: a whole sentence that says what the user
-can do about it. A request is repeated until it is answered or times out.
+``stop`` may report that there is nothing to stop only after a search of the state folder, the runtime folders and the
+processes of this computer. Whatever the search could not read is reported as a doubt: a sentence that says what the
+user can do about it. A request is repeated until it is answered or times out.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def reachable(process: processes.Process) -> bool:
 def search(scope: Scope) -> SearchResult:
     """Search the folders of the scope; this sends nothing to any gateway.
 
-    Motion markers count in the state folder of the scope and in those of this user's gateways. What another user's
-    gateway has left moving is for that user: root would open whatever port a file of theirs names.
+    It looks for motion markers in the state folder of the scope and in those of this user's gateways. Markers of
+    another user's gateways do not count: root would open whatever port such a file names.
     """
     endpoints, doubts = _all_endpoints(scope.folder)
     folder = os.path.realpath(scope.folder)
@@ -88,7 +88,7 @@ def search(scope: Scope) -> SearchResult:
 
 
 def is_own(folder: Path) -> bool:
-    """Whether a folder is there and belongs to this user."""
+    """Whether a folder exists and belongs to this user."""
     try:
         return user() is None or os.lstat(folder).st_uid == user()
     except OSError:
@@ -190,7 +190,7 @@ def _no_answer(why: str) -> Answer:
 
 
 def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
-    """Return the gateways that run here and can be asked, of one mount or all, of a state folder or all."""
+    """Return the gateways on this computer that accept requests: of one mount or all, of a state folder or all."""
     gateways = search(scope_of(state)).gateways
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]
 

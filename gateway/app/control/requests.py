@@ -1,7 +1,8 @@
-"""Carries out requests of people, from every door, under the same limits and rules as the commands of programs.
+"""Carries out requests of people, from every source, under the same limits and rules as the commands of programs.
 
 A motion belongs to the request that began it: cancelling the request ends that motion, and no other that a program or
-another request has begun since. A timer here ends a ``move``, even if the command that asked for it was killed.
+another request has begun since. A timer in the gateway ends a ``move``, even if the command that requested it was
+killed.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ _T = TypeVar("_T")
 
 
 class ActiveRequest:
-    """A request that was begun: its activity as a client, the number of stops then, its goal, and its cancellation."""
+    """A request under way: its activity as a client, the number of stops at its start, its goal, and its cancellation.
+    """
 
     def __init__(self, activity: HostActivity, stops: int) -> None:
         self.activity, self.stops = activity, stops
@@ -76,7 +78,7 @@ BY_PAGE = (
 
 
 def explain(fault: Fault, limits: Limits) -> str:
-    """Return a refusal for a person: the text that programs get, and an explanation."""
+    """Return a refusal for a person: the text that programs get, followed by an explanation."""
     if limits.by_page and isinstance(fault, NARROWED):
         return f"{fault} {BY_PAGE.format(limits)}"
     if fault.brief or not fault.means:  # a text with a brief form says what to do
@@ -122,7 +124,7 @@ class RequestHandler:
         return replace(state, served=ports, folder=folder, unopened=self._gateway.unopened)
 
     async def take(self, request: requests.Request) -> Answer:
-        """Carry out a request. A name becomes a position before."""
+        """Carry out a request. First look up the position of a named object."""
         if isinstance(request, requests.StopOrHold):
             assert self._gateway.store is not None
             return await halt(request, self._controller, self._gateway.store)

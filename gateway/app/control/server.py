@@ -32,9 +32,9 @@ Requests = dict[str, asyncio.Task[Answer]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Serves requests, which ``carry_out`` carries out.
+    """Receives requests, which ``carry_out`` carries out.
 
-    Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's own name, or empty.
+    Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's name, or empty.
     """
 
     def __init__(

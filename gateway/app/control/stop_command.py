@@ -1,7 +1,8 @@
 """``mount-gateway stop``: stops every mount of a state folder, with or without a running gateway.
 
 A running gateway is asked to stop its mount. If none runs and the last one ended while its mount moved, this process
-opens the mount's port and sends the stop itself. Either way the mount counts as stopped only once it is seen at rest.
+opens the mount's port and sends the stop itself. Either way the mount counts as stopped only when its position shows it
+at rest.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ LOOKS, BETWEEN, STARTED = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
-    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts. A mount is listed by
-    its name, else by its endpoint. ``others`` run here, or were left moving, and were not selected.
+    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts.
+
+    A mount is listed by its name, else by its endpoint. ``others`` are mounts that were not selected.
     """
 
     outcomes: list[tuple[str, Answer]]
@@ -40,7 +42,8 @@ class StopReport(Struct):
 async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
-    All mounts are served at once: a gateway that does not answer, or a doubt, must not keep another mount moving.
+    All mounts are served at once, so that a gateway that does not answer, or a doubt, does not keep another mount
+    moving.
     """
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
@@ -93,7 +96,8 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
 async def _order_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, left: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
-    """Return the answers of a mount's gateways; if none exists any more, stop the mount from here and return that."""
+    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return that answer.
+    """
     asked = await asyncio.gather(*(ask(endpoint, request, LONGEST) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if left is not None and not answers:

@@ -1,7 +1,8 @@
-"""Messages for the user once the mount has identified itself, one line each, the most serious last, and at the end.
+"""Messages for the user, one line each: when the mount has identified itself (the most serious one last), and at the
+end.
 
-First what was found, and whose site and clock are in use; then everything that does not fit: a different model than
-the one that was named, a mount that is not aligned, sites and clocks that contradict each other.
+The first messages say what was found, and whose site and clock are in use. Then follows everything that does not fit: a
+different model than the user named, a mount that is not aligned, sites and clocks that contradict each other.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from gateway.mount.safety.hour_angle import NOT_KEPT
 
 
 class UserMessage(Struct, frozen=True):
-    """One message; ``warns``: the user should do something about it."""
+    """A message; ``warns``: the user should do something about it."""
 
     text: str
     warns: bool = False

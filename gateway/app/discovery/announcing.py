@@ -1,13 +1,13 @@
-"""Announces surfaces on the network, so that programs find them and their users need not type an address.
+"""Announces surfaces on the network, so that programs find them and users need not type an address.
 
 SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
 mount, to UDP port 4031. The answer is the question with ``@`` and an address in place of the question mark:
-``skyfi:NAME@192.168.1.5``. It holds no port: SkySafari connects to the one in its settings.
+``skyfi:NAME@192.168.1.5``. It contains no port: SkySafari connects to the port in its settings.
 
-mDNS (RFC 6762) and DNS-SD (RFC 6763) need the extra ``mdns``: every offer is a service of a type such as
-``_lx200._tcp``, and the console one of ``_http._tcp``, like other web pages. No registered type means "a mount that
-speaks LX200", so the protocol's own name is the type; the TXT record has the presented model, the transport, and the
-mount's name if there are several mounts.
+mDNS (RFC 6762) and DNS-SD (RFC 6763) need the extra ``mdns``. Every offer is a service of a type such as
+``_lx200._tcp``, and the console is one of type ``_http._tcp``. No registered type means "a mount that speaks LX200", so
+the type is the protocol's name. The TXT record has the presented model, the transport, and the mount's name if there
+are several mounts.
 
 SkyFi only answers questions; mDNS also announces a service when it begins. If an announcement fails, a message says so,
 and everything else works.
@@ -45,7 +45,7 @@ LONGEST = 63
 
 
 class Announcement:
-    """All announcements, until it is closed. ``warn`` gets messages for the user, ``note`` gets those for the log."""
+    """All announcements, until it is closed. ``warn`` gets messages for the user, ``note`` gets lines for the log."""
 
     def __init__(self, warn: Callable[[str], object], note: Callable[[str], object]) -> None:
         self._warn, self._note = warn, note
@@ -193,7 +193,8 @@ def service(offer: Offer) -> ServiceInfo:
 
 
 def addresses(offer: Offer) -> Iterator[str]:
-    """Yield the address that an offer listens on, or for a wildcard all addresses of this computer of its kind."""
+    """Yield the address on which an offer listens; for a wildcard, all addresses of this computer of the same family.
+    """
     if offer.host not in EVERYWHERE:
         yield offer.host
         return

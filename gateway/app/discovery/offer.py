@@ -73,7 +73,8 @@ def reachable_addresses(
     every: Callable[[], Held] = interface_addresses,
     first: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
-    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only without IPv4."""
+    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only if there is no IPv4.
+    """
     if offer.host not in EVERYWHERE:
         return [offer.host] if offer.wide else []
     outer = [
@@ -102,7 +103,7 @@ def web_address(host: str, port: int) -> str:
 
 
 def phone_line(offer: Offer, addresses: list[str]) -> str:
-    """Return the line that says what to type on a phone or another computer, for a web page into its browser."""
+    """Return the line that says what to type on a phone or another computer; for a web page, in its browser."""
     page = offer.protocol == WEB
     if not addresses:
         port = f"the console's port {offer.port}" if page else f"port {offer.port}"

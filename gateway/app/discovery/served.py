@@ -1,7 +1,7 @@
-"""Where the surfaces of a gateway, and its console, are reached now, in the words that are typed into a program.
+"""The present addresses of a gateway's surfaces and console, as users type them into a program.
 
-A computer gets its addresses after the gateway has started (Wi-Fi), and others later (a new lease); so they are looked
-up whenever they are told, and ``PhoneLines`` tells each of them once.
+A computer gets its addresses after the gateway has started (Wi-Fi), and new ones later (a new lease). So they are
+looked up whenever they are shown, and ``PhoneLines`` shows each of them once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CONSOLE = "console"
 
 
 class Serving(Protocol):
-    """What is asked of a gateway."""
+    """The interface of a gateway that this module needs."""
 
     web: WebServer
     store: StateStore | None
@@ -44,7 +44,7 @@ def served(gateway: Serving) -> Iterator[Served]:
 
 
 def _served(name: str, where: str, offer: Offer | None) -> Served:
-    """Return one surface; ``offer`` is None for a serial port, a real or a virtual one."""
+    """Return a surface with its addresses; ``offer`` is None for a serial port, real or virtual."""
     if offer is None:
         return Served(name, where)
     if not offer.wide:

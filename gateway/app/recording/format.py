@@ -1,7 +1,7 @@
 """The file format of recordings: a log of all that passed on both sides, as text.
 
-The header holds the settings; then every line is one event: seconds, side, an arrow, bytes or words. ``>`` is towards
-the mount, ``<`` from it; received bytes are recorded in the chunks in which they arrived, sent ones as they were
+The header holds the settings; then every line is one event: seconds, side, an arrow, bytes or text. ``>`` is towards
+the mount, ``<`` from it. Received bytes are recorded in the chunks in which they arrived, sent ones as they were
 written. ``ARROWS`` names the other events.
 """
 

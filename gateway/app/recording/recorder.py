@@ -132,9 +132,8 @@ class Recorder:
     def _write_out(self, entries: list[Entry], began: float, until: float) -> bool:
         """Write entries; return whether the oldest file was deleted for the first time.
 
-        ``began`` is when the recording began by the clock of the entries, which may have been set meanwhile, and
-        ``until`` the second of the recording that it is now. Raises OSError after the end of a file that cannot be
-        written any more.
+        ``began`` is the start of the recording by the clock of the entries, which may have been set since; ``until`` is
+        the present second of the recording. Raises OSError after the end of a file that cannot be written any more.
         """
         full = False
         for start in range(0, len(entries) if self._file >= 0 else 0, PORTION):
@@ -174,7 +173,9 @@ class Recorder:
         return first
 
     def _end_early(self, line: str) -> None:
-        """End a file that cannot be written any more with this line, behind the last whole one that leaves room."""
+        """End a file that cannot be written any more with this line, after the last complete line that leaves room for
+        it.
+        """
         with contextlib.suppress(OSError):
             with open_plain(self._path) as file:
                 file.seek(max(0, self._size - ROOM - LONGEST_LINE))
@@ -224,7 +225,7 @@ def record(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:
 def _rotate(path: Path, keep: int) -> bool:
     """Rename existing files to FILE.1 and so on; return whether the oldest had to be deleted.
 
-    Raises OSError, and UserError for a file that is no recording, which is left alone.
+    Raises OSError, and UserError for a file that is not a recording, which stays unchanged.
     """
     if not path.is_file():
         return False

@@ -56,8 +56,8 @@ class SavedState(Struct, omit_defaults=True):
 
 
 class MarkerContent(Struct):
-    """The content of a motion marker: the moving mount, how to reach it, and the driver's state needed to stop it; when
-    the marker was written, by this computer's clock, and what moved.
+    """The content of a motion marker: the moving mount, its endpoint, the driver's state that a stop needs; when the
+    marker was written, by this computer's clock, and what moved.
     """
 
     mount: str
@@ -96,7 +96,7 @@ def read_state(path: Path) -> SavedState:
 
 
 def read_marker(path: Path) -> MarkerContent | None:
-    """Read a motion marker; None if there is none. One that cannot be read still counts, as an unknown mount's."""
+    """Read a motion marker; None if there is none. An unreadable marker still counts, as that of an unknown mount."""
     try:
         return msgspec.json.decode(_content(path), type=MarkerContent)
     except FileNotFoundError:

@@ -30,7 +30,7 @@ class MountTaken(UserError):
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    If there is no folder for locks, ``warn`` gets a message and the mount is served without a lock. Raises MountTaken
+    If there is no folder for locks, ``warn`` gets a message, and the mount is served without a lock. Raises MountTaken
     if another gateway has this mount.
     """
     name = address(mount.where)
@@ -44,7 +44,7 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
 
 
 def taken(mount: str, by: str) -> str:
-    """Return the words for a mount that another gateway has; ``by`` is its process."""
+    """Return the message for a mount that another gateway has; ``by`` is its process."""
     return (
         f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount connect to that "
         "one's surfaces"

@@ -40,7 +40,9 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run. A mount that it left moving is stopped first, or judged if that is old."""
+    """Restore the state of the previous run. A mount left moving is stopped first, or examined first if that was long
+    ago.
+    """
     controller.driver.restore_state(previous_run.kept.mount, moving=False)
     controller.synced.value = previous_run.kept.synced
     controller.same_mount.left = previous_run.kept.left

@@ -203,12 +203,12 @@ class WatchedMount:
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
-        """Pass the descriptor of the line, which was opened, to the process."""
+        """Pass the descriptor of the open line to the process."""
         self._descriptor = descriptor
         self.register()
 
     def reached(self, host: str, port: int, beside: bool) -> None:
-        """Pass the address of the mount's server, which was reached, to the process; whether it may connect before."""
+        """Pass the address of the mount's server to the process, and whether it may connect to it in advance."""
         self._server = host, str(port), "beside" if beside else "alone"
         self.register()
 

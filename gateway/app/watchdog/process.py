@@ -1,14 +1,11 @@
 """The watchdog process: it stops the mounts that its gateway has set moving if the gateway dies or hangs.
 
-It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it starts within
-milliseconds and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
-single lines of ASCII from a socket: ``line``, ``server``, ``gone``, ``moving``, ``clear``, ``rest``, ``beat`` (see
-``client.py``). It connects to a server when a motion begins, and sends it requests that the gateway has prepared.
-While no mount moves, it sleeps. While one moves, ``SILENCE`` seconds without a message, or the end of the socket, mean
-that the gateway no longer supervises it: the process sends the stop of every moving mount, and repeats it for some
-seconds. It waits longer, up to ``STARVED`` seconds, if every moving mount is on a path that was checked (``clear``) and
-the gateway was ready to run all the time, on a computer too busy to run it. It leaves a mount alone as soon as another
-gateway has taken its lock, and it ends with its gateway; signals that end a gateway are blocked in it.
+It runs as a script, without ``site``, and imports nothing of the gateway, so it starts within milliseconds and stays
+under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads the messages that ``client.py``
+describes. While a mount moves, ``SILENCE`` seconds without a message (``STARVED`` on a computer too busy to run the
+gateway, if all paths were checked), or the end of the socket, mean that the gateway no longer supervises it: the
+process then sends stops for some seconds. It leaves a mount alone when another gateway has taken its lock, and it ends
+with its gateway.
 """
 
 from __future__ import annotations
@@ -74,8 +71,9 @@ class GuardedMount:
 
 
 class ServedMount(GuardedMount):
-    """A mount behind a server. Each stop command is a whole request, on a connection of its own: servers may close one
-    after its answer. The first connection is opened beforehand if the server answers others ``beside`` an idle one.
+    """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
+    a connection after an answer. The first connection is opened in advance if the server answers others ``beside`` an
+    idle one.
     """
 
     def __init__(self, title: str, lock: str, host: str, port: str, when: str) -> None:
@@ -164,7 +162,7 @@ class Watch:
                 self.stop_for_silent_gateway(moving)
 
     def heard(self) -> None:
-        """Begin a new silence."""
+        """Note that the gateway has sent something: its silence begins anew."""
         self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), SILENCE
 
     def starved(self) -> bool:
