@@ -73,7 +73,8 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """Return how many times faster than a real mount this mount slews; the simulated mount may run in another process.
+    """Return how many times faster than a real mount this mount slews; the simulated mount may run in
+    another process.
     """
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:

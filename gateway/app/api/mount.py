@@ -93,7 +93,8 @@ class Mount:
         return look.moves
 
     async def site(self) -> op.Place:
-        """Return the site in use: the mount's, a program's or the configured one. Raises Unsupported if none is known.
+        """Return the site in use: the mount's, a program's or the configured one. Raises Unsupported if
+        none is known.
         """
         return await self.perform(op.GetSite())
 

@@ -95,7 +95,8 @@ def as_fields(needs: list[Need]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return for how many seconds the text of a refusal is held back: without end for a program that does not read it.
+    """Return for how many seconds the text of a refusal is held back: without end for a program that does
+    not read it.
     """
     if not surface.hold_text:
         return 0.0

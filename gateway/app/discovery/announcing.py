@@ -193,7 +193,8 @@ def service(offer: Offer) -> ServiceInfo:
 
 
 def addresses(offer: Offer) -> Iterator[str]:
-    """Yield the address on which an offer listens; for a wildcard, all addresses of this computer of the same family.
+    """Yield the address on which an offer listens; for a wildcard, all addresses of this computer of the
+    same family.
     """
     if offer.host not in EVERYWHERE:
         yield offer.host

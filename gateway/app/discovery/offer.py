@@ -73,7 +73,8 @@ def reachable_addresses(
     every: Callable[[], Held] = interface_addresses,
     first: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
-    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only if there is no IPv4.
+    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only if there
+    is no IPv4.
     """
     if offer.host not in EVERYWHERE:
         return [offer.host] if offer.wide else []
