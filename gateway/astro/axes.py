@@ -37,10 +37,10 @@ class Geometry(NamedTuple):
     """Axis positions <-> hour angle and declination.
 
     A fork on a wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
-    counterweight down and its tube at that pole. The motors turn the same way everywhere: positive on axis 1
-    is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar
-    mount towards the elevated pole. ``flipped`` is the second way to point in the same direction: the tube has
-    been driven through the pole, or through the zenith.
+    counterweight down and its tube at that pole. The motors turn the same way in both hemispheres: positive on axis 1
+    is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount towards
+    the elevated pole. ``flipped`` is the second way to point in the same direction: the tube has been driven through
+    the pole, or through the zenith.
     """
 
     build: Build
@@ -79,8 +79,9 @@ class Geometry(NamedTuple):
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
     def readings(self, position: Pair, reads: Pair, goal: Pair) -> Pair:
-        """Return the axis readings for a goal, counted from what the mount ``reads`` where it points now: its counting
-        may begin elsewhere. Here and goal are hour angles and declinations; a German mount keeps its counterweight low.
+        """Return the axis readings for a goal, counted from what the mount ``reads`` at its present ``position``,
+        because its count may begin elsewhere. Both positions are hour angles and declinations; a German mount keeps its
+        counterweight low.
         """
         ways = [self.axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(reads[0] - first), wrap180(reads[1] - second)) for first, second in ways]
@@ -93,7 +94,9 @@ class Geometry(NamedTuple):
         return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0
 
     def travel(self, axis: int, start: float, end: float) -> float:
-        """Return the degrees an axis turns: the shorter way; a German mount keeps its counterweight low."""
+        """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the
+        first axis of a German mount goes the way that keeps its counterweight low.
+        """
         if self.build is Build.GERMAN:
             return wrap180(end - 90.0) - wrap180(start - 90.0)
         return wrap180(end - start) if axis == 1 else wrap180(end) - wrap180(start)

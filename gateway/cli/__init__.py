@@ -29,7 +29,7 @@ LONGEST = 500
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command and return its exit code: 0 done, 1 not (no mount found, one not stopped), 2 bad input.
+    """Run a command and return its exit code: 0 done, 1 not done (no mount found, a mount not stopped), 2 bad input.
 
     If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
@@ -90,10 +90,10 @@ def _shortened(text: str) -> str:
 def _protected(argv: list[str]) -> list[str]:
     """Rewrite words that argparse would misunderstand.
 
-    ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag.
-    A negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
-    ``--log=true`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``; any other word is the name
-    of a file. Raises UserError if there is no such file behind ``--log``: a word of it was meant.
+    ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag. A
+    negative declination gets a blank before it: ``goto 05:35:17 -05:23:28``. ``--log`` and ``--read-only`` become
+    ``--log=true`` and ``--read-only=all``, and ``--log changes`` becomes ``--log=changes``. Raises UserError if the
+    word after ``--log`` is neither a value of it nor an existing file: it is probably a misspelt value.
     """
     rewritten: list[str] = []
     alone = ""

@@ -53,7 +53,7 @@ _ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
 def _row(line: str, width: int) -> list[str]:
-    """Wrap a line that begins with a blank: its second column stays one, a command can be copied."""
+    """Wrap a line that begins with a blank: its second column stays one column, and a command can be copied."""
     if len(line) <= width:
         return [line]
     indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_ROW, line)
@@ -105,9 +105,9 @@ class _Help(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
-    ``late`` makes the text below the flags, and ``more`` what ``--help all`` adds to it, when the user asks for help.
-    ``hidden`` are the flags that only ``--help all`` shows; nothing shows those that are ``elsewhere``, in the help of
-    another command.
+    When the user asks for help, ``late`` makes the text below the flags, and ``more`` what ``--help all`` adds to it.
+    Only ``--help all`` shows the ``hidden`` flags; the help of this command never shows those that are ``elsewhere``,
+    in the help of another command.
     """
 
     def __init__(
@@ -227,7 +227,9 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def parser(asked: Sequence[str] = ()) -> Parser:
-    """Return the parser of the whole command line, or with only the commands in ``asked``; for help without theirs."""
+    """Return the parser of the whole command line, or of the commands in ``asked`` alone; for help without
+    their flags.
+    """
     *shown, rest = GROUPS
     whole = Parser(
         prog="mount-gateway",

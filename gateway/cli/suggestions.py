@@ -123,7 +123,7 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 
 def _key(flag: str) -> str:
-    """Return where to write a key that has no flag; empty if there is no such key either."""
+    """Return what to write in gateway.toml for a key that has no flag; empty if there is no such key."""
     from gateway.app.config.describing import find_key, title
 
     table = next((table for table in ("mount", "surface", "console") if find_key(table, flag[2:])), "")

@@ -94,7 +94,9 @@ class ClientAdmission:
         self._access, self._number, self._log = access, number, wire_log
 
     def check(self, new: Connected, hosts: Sequence[str]) -> None:
-        """Raises ConnectionRefused if those ``hosts`` are the most allowed; one on a line needs no file."""
+        """Raises ConnectionRefused if ``hosts`` already has as many clients as allowed; a client on a serial line needs
+        no file.
+        """
         host, most = new.host, self._access.most
         if not self._access.admits(host):
             why = "it is not in allow"
@@ -111,7 +113,7 @@ class ClientAdmission:
 
 
 def _within(host: str, among: Networks) -> bool:
-    """Whether a host is in one of these networks; a serial line has no address, so never."""
+    """Whether a host is in one of these networks; never for a serial line, which has no address."""
     try:
         address = ip_address(host)
     except ValueError:

@@ -1,12 +1,11 @@
-"""One client connection: recognises the client, tells when its bytes are old, and cleans up at its end.
+"""One client connection: recognises the client, notices when its bytes are old, and cleans up at its end.
 
 On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
 before anything it sent is processed.
 
-A connection whose unread bytes exceed one read is behind. When they were sent is unknown, so they begin no
-motion if a stop came after the connection fell behind. After a second behind, the client may be gone, so nothing in the
-backlog begins a motion. The connection has caught up when a read leaves nothing; after having been late, when that has
-been so for a second.
+A connection is behind if it has more unread bytes than one read takes. Such bytes may be old: they begin no motion if a
+stop came after the connection fell behind, and after a second behind, they begin none at all. The connection has caught
+up when a read leaves no bytes; after more than a second behind, when that has been so for a second.
 """
 
 from __future__ import annotations
@@ -34,7 +33,9 @@ Deliver = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Whether a connection is behind; times are those of the event loop, seconds. ``late``: for more than a second."""
+    """Whether a connection is behind; times are those of the event loop, seconds. ``late``: behind for more than a
+    second.
+    """
 
     def __init__(self) -> None:
         self.late = False

@@ -84,5 +84,5 @@ class SurfaceBinding(Struct, frozen=True):
 
     @property
     def converter(self) -> EquinoxConverter | None:
-        """What converts the coordinates of its clients; None if these are of date."""
+        """The converter for the coordinates of its clients; None if these use the equinox of date."""
         return self.equinox or (self.by_model if self.model.get("equinox") == "j2000" else None)

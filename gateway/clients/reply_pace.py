@@ -18,7 +18,9 @@ AS_HARDWARE = 0.006
 
 
 class ReplyPace:
-    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the handler that gives them."""
+    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the handler that produces the
+    replies.
+    """
 
     def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
         self._write, self._seconds = connected.write, seconds
@@ -50,7 +52,7 @@ class ReplyPace:
         return None if unsent is None else unsent + len(self._waiting)
 
     def flush(self) -> None:
-        """Send what waits now."""
+        """Send the waiting replies now."""
         data, self._waiting = self._waiting, b""
         if self._timer is not None:
             self._timer.cancel()
@@ -71,12 +73,12 @@ class ReplyPace:
         self._handler.peer_closed()
 
     def close(self) -> None:
-        """End the connection; what waits belongs to a program that has gone."""
+        """End the connection; drop the waiting replies, whose program has gone."""
         self._waiting = b""
         self.flush()
         self._handler.close()
 
 
 def paced(accept: Callable[[Connected], ConnectionHandler], seconds: float) -> Callable[[Connected], ConnectionHandler]:
-    """Wrap ``accept`` so that replies wait so many seconds; 0: not at all."""
+    """Wrap ``accept`` so that replies wait this number of seconds; 0: not at all."""
     return (lambda connected: ReplyPace(connected, accept, seconds)) if seconds else accept

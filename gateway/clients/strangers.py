@@ -1,13 +1,13 @@
 """Recognises strangers: web browsers, port scanners and proxies, by the first bytes of their connection.
 
-Only the beginning of a connection is examined. There no bytes of a telescope program can be mistaken for a stranger's;
-later the same bytes may be part of a site's name or of an angle. ``mappings/strangers.toml`` lists the greetings. An
-HTTP request with an unknown method is recognised by its form.
+Only the beginning of a connection is examined, where the bytes of a telescope program cannot be a stranger's; later the
+same bytes may be part of a site's name or of an angle. ``mappings/strangers.toml`` lists the greetings. An HTTP request
+with an unknown method is recognised by its form.
 
-Bytes that may still become a greeting are held back. A complete, well-formed command never waits, even if a greeting
-may follow (``E`` may become ``EHLO``), so no reply is delayed. Incomplete commands wait, and so do bytes that are no
-command. No greeting contains a well-formed command that does more than read, so nothing that a stranger sends is
-carried out. Once the client is known, none of this applies.
+Bytes that may still become a greeting are held back, and so are incomplete commands. A complete, well-formed command
+never waits, even if a greeting may follow (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
+well-formed command that does more than read, so no command of a stranger is carried out. Once the client is known, none
+of this applies.
 """
 
 from __future__ import annotations
@@ -110,10 +110,10 @@ def _beginning_with(byte: int, served: str) -> list[Greeting]:
 class OwnMethod:
     """Recognises an HTTP request with an unknown method at the beginning of a connection.
 
-    A web page that was given our address may choose any word as the method. (DNS rebinding: the page's own host name
-    resolves to this computer, so the browser does not ask for permission.) Whatever the word, it is followed by a
-    blank, the ``/`` of the address and two printable characters. No telescope program begins like this, though a
-    latitude of 32°47' comes near. The word itself is not held back, because each letter may be a command.
+    A web page that was given our address may choose any word as the method. (DNS rebinding: the page's host name
+    resolves to this computer, so the browser does not ask for permission.) The word is followed by a blank, the ``/``
+    of the address and two printable characters. No telescope program begins like this, though a latitude of 32°47'
+    comes near. The word itself is not held back, because each letter may be a command.
     """
 
     def __init__(self) -> None:
@@ -211,7 +211,7 @@ class Piece(NamedTuple):
 class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
-    ``commands`` matches the well-formed commands and idle bytes of the protocol ``served`` with which the bytes begin.
+    ``commands`` is a pattern of the well-formed commands and idle bytes of the protocol ``served``.
     """
 
     def __init__(self, commands: bytes, served: str = "") -> None:

@@ -39,15 +39,15 @@ def _first(protocol: CommandSet, sent: bytes) -> bytes:
 
 
 def other(served: str, sent: bytes) -> str:
-    """Return the telescope type of the other protocol to which these bytes belong; empty if they belong to none."""
+    """Return the telescope type of the other protocol to which these bytes belong; empty if they belong to no other."""
     match = foreign(served, sent)
     return PROTOCOLS[match[0]].preset if match else ""
 
 
 def advice(served: str, sent: bytes, where: str) -> str:
-    """Return what to say of a connection that has sent only these bytes; empty if they are of no other protocol.
+    """Return the advice for a connection that has sent only these bytes; empty if they are of no other protocol.
 
-    ``where`` is the address of the surface; the advice offers a neighbouring one.
+    ``where`` is the address of the surface; the advice offers a neighbouring address.
     """
     match = foreign(served, sent)
     if match is None:

@@ -1,8 +1,8 @@
 """The arrows that pages hold down on one mount.
 
-A page names with every beat what it holds, and what it does not name is released. Every press has a number, so that
-what concerns an old press changes nothing of a newer one. The newest press of an axis moves it; the release of another
-one changes nothing. If a second page still holds the same arrow, the motion becomes its own.
+Every beat of a page names the arrows that it holds; all others are released. Every press has a number, so that a
+message about an old press changes nothing of a newer one. The newest press of an axis moves it; the release of an older
+one changes nothing. If a second page still holds the same arrow, the motion becomes that page's.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyReques
 
 
 class HeldKey(NamedTuple):
-    """An arrow that is held down: the number of the press, and of its request, its rate, and the loop time.
+    """An arrow that is held down: the number of the press and of its request, its rate, and the loop time.
 
-    ``ends`` are the numbers of stops and gotos until then: after another one the arrow moves nothing any more.
+    ``ends`` are the numbers of stops and gotos at that time: after the next stop or goto, the arrow moves nothing any
+    more.
     """
 
     press: int
@@ -36,7 +37,7 @@ async def _over() -> Answer:
 
 
 class Arrows:
-    """The arrows that one page holds on one mount; ``pages`` are those of all pages."""
+    """The arrows that one page holds on one mount; ``pages`` are the ``Arrows`` of all pages."""
 
     def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
         self._gateway, self._who, self._pages = gateway, who, pages
@@ -92,7 +93,7 @@ class Arrows:
                 self.release(direction, lost=True)
 
     def release(self, direction: Direction | None = None, press: int = 0, lost: bool = False) -> None:
-        """Release one arrow, or all of them; with the number of a press only if that press is still held.
+        """Release one arrow, or all of them; if a press is given, only if that press is still held.
 
         If the page is ``lost``, a motion that has not begun is dropped.
         """
@@ -105,9 +106,9 @@ class Arrows:
                 self._let_go(held, lost)
 
     def take_over(self, direction: Direction, released: HeldKey, refused: Callable[[], None]) -> bool:
-        """Move the mount by this page's arrow, if it was pressed before one that another page has released.
+        """Move the mount by this page's arrow, if it was pressed before the arrow that another page has released.
 
-        If that is ``refused``, the motion of the other page ends: nobody holds it any more.
+        If that is ``refused``, the motion of the other page ends, because nobody holds it any more.
         """
         held = self._held.get(direction)
         if held is None or held.since > released.since or held.ends != self._ends():

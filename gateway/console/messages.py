@@ -1,6 +1,6 @@
-"""The messages of a page over its WebSocket: what it asks of the gateway, like everybody, and what only pages ask.
+"""The messages of a page over its WebSocket: requests that every client has, and requests that only pages have.
 
-A message is a JSON object: ``do`` names what is asked, ``mount`` is the number of the mount, ``id`` that of the answer,
+A message is a JSON object: ``do`` is the request, ``mount`` the number of the mount, ``id`` the number of the answer,
 which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
 ``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times Unix seconds.
 """
@@ -27,7 +27,7 @@ class HeldArrow(Struct, frozen=True):
 
 
 class Beat(Struct, frozen=True, tag="beat"):
-    """The page is alive, and holds these arrows. What it does not name is released; without these messages all is."""
+    """The page is alive, and holds these arrows. All others are released; if beats are missing, all are."""
 
     held: Annotated[list[HeldArrow], Meta(max_length=1000)] = []
 
@@ -57,7 +57,7 @@ class Search(Struct, frozen=True, tag="search"):
 
 
 class ShowNight(Struct, frozen=True, tag="night"):
-    """Return where Sun and Moon stand through the night."""
+    """Return the positions of Sun and Moon through the night."""
 
 
 class Explain(Struct, frozen=True, tag="explain"):

@@ -62,7 +62,7 @@ class Mounts:
         return await self._run(argv, "explanation")
 
     async def report(self, recording: Path) -> Path:
-        """Make the report of a recording beside it, in a subprocess, and return its path. Raises UserError."""
+        """Make the report of a recording in the same folder, in a subprocess, and return its path. Raises UserError."""
         target = recording.with_suffix(".html")
         done, text = await self._run(
             [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"

@@ -33,9 +33,9 @@ SUGGESTED, NIGHT, STEP = 12, 57600.0, 7200.0
 
 
 async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
-    """Return the coordinates of a target, and ``may`` the mount go, and if not, ``why``.
+    """Return the coordinates of a target, whether the mount ``may`` go to it, and if not, ``why``.
 
-    Of an object also its name, kind and magnitude. Raises UserError, Fault.
+    For an object also its name, kind and magnitude. Raises UserError, Fault.
     """
     about: dict[str, Any] = {}
     if isinstance(where, Named):

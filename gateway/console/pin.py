@@ -1,8 +1,8 @@
 """The console's PIN, and how often it may be tried.
 
-An address has five free tries, then one a minute; all addresses together have ten wrong tries a minute. Both count
+An address has five free tries, then one try a minute; all addresses together have ten wrong tries a minute. Both count
 wrong tries only, and an address that has given the right PIN before is not slowed by others. A try that has to wait is
-not compared, so that it tells nothing. Only the PIN waits: stopping and reading need none.
+not compared, so that its refusal reveals nothing. Only the PIN waits: stopping and reading need none.
 """
 
 from __future__ import annotations

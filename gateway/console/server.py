@@ -34,13 +34,13 @@ LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
 
 @cache
 def page_files() -> Pages:
-    """Return the files of the page. Reading them takes tens of milliseconds: first on a thread, where clients wait."""
+    """Return the files of the page. Reading them takes tens of milliseconds: call it on a thread if clients wait."""
     files = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")}
     return Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.SHARED})
 
 
 class Console:
-    """The console of these gateways, with access rules besides those of the port of a request."""
+    """The console of these gateways; its access rules apply besides those of the port of a request."""
 
     def __init__(self, gateways: Sequence[Gateway], access: AccessRules, pin: str) -> None:
         self._mounts, self._access = Mounts(gateways, pin), access

@@ -32,7 +32,7 @@ class UserError(GatewayError):
 
 
 class SunIsNoGoal(UserError):
-    """The Sun was named as a goal. What was typed is right, so it is refused like any other goal."""
+    """The Sun was named as a goal. The input is valid, so the goal is refused like any other."""
 
     exit_code = 1
 

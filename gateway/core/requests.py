@@ -1,8 +1,8 @@
 """Requests to a gateway from a page, a broker, a shell or Python, in one vocabulary.
 
-Every door (the page's socket, MQTT, the control endpoint) decodes what comes in once, and inside the gateway a request
+Every source (the page's socket, MQTT, the control endpoint) decodes its messages once, and inside the gateway a request
 is one of these values. Recordings and the control endpoint hold it as one line of plain ASCII JSON. Angles are in
-degrees, north and east positive. With the number of a request, drawn at random, one follows it or cancels it.
+degrees, north and east positive. The number of a request, drawn at random, serves to follow or cancel it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def new_number() -> str:
 
 
 class Base(Struct, frozen=True, kw_only=True):
-    """A request that does something; ``who`` asks for it, empty for the command itself."""
+    """A request that changes something; ``who`` makes it, empty for the command line."""
 
     number: str = msgspec.field(default_factory=new_number)
     who: str = ""
@@ -95,7 +95,7 @@ class PressRequest(Base, frozen=True, tag="press"):
 class ReleaseKeyRequest(Base, frozen=True, tag="let go"):
     """End the motion that ``PressRequest`` began under this number.
 
-    One that has not begun is a tap; ``lost`` drops it.
+    If the motion has not begun, the press becomes a tap; with ``lost``, it is dropped.
     """
 
     lost: bool = False
@@ -148,7 +148,7 @@ class NarrowLimitsRequest(Base, frozen=True, tag="narrow"):
 
 
 class OperationRequest(Base, frozen=True, tag="perform"):
-    """Carry out an operation of ``core/operations``, by its name and fields; the words of the answer are JSON."""
+    """Carry out an operation of ``core/operations``, by its name and fields; the text of the answer is JSON."""
 
     operation: str
     fields: dict[str, Any] = {}
@@ -207,9 +207,10 @@ DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
 
 
 class Answer(NamedTuple):
-    """What became of a request, and words for whoever asked; of ``StateRequest`` they are a ``State`` as JSON.
+    """The outcome of a request, and its text for the person who made it; for ``StateRequest`` the text is a ``State``
+    as JSON.
 
-    ``fault`` is the class of the error, if it failed and one of ``core/errors.py`` says why.
+    ``fault`` is the class of the error, if the request failed with an error of ``core/errors.py``.
     """
 
     outcome: str

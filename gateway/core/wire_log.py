@@ -96,14 +96,16 @@ class WireLog:
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, of: str = "", kind: str = "") -> None:
-        """Like `note`, but only the first time that this text, or one of its ``kind``, is logged for ``of``."""
+        """Like `note`, but only the first time that this text (or, if given, any text of its ``kind``) is logged for
+        ``of``.
+        """
         if (of, kind or text) not in self._logged and len(self._logged) < MOST:
             self._logged.add((of, kind or text))
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
-        """Record that a client's command was refused; with ``once_of`` (a host), of texts that differ by their numbers
-        alone only the first is logged.
+        """Record that a client's command was refused; with ``once_of`` (a host), only the first of several texts that
+        differ only by numbers.
         """
         self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
@@ -121,7 +123,7 @@ class WireLog:
         self.note_once(side, text, host)
 
     def remember(self, host: str, text: str) -> None:
-        """Remember a recent event without logging it. A host that tries all the time hides no other one."""
+        """Remember a recent event without logging it. Repeated events of one host do not displace those of others."""
         if same := next((old for old in self.recent if old.text == text), None):
             self.recent.remove(same)
         self.recent.append(Notice(self.clock(), host, text))

@@ -43,7 +43,8 @@ class MountKind(NamedTuple):
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
     """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model, if it matters.
 
-    The word of the row, or if it is *translated*, that of the row by which the mount carries out the first operation.
+    It is the ``outcome`` of the row, or if that is *translated*, of the row by which the mount carries out the first
+    operation.
     """
     if row is None:
         return MISSING
@@ -60,7 +61,7 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
 
 
 def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, face: frozenset[str] | None) -> bool:
-    """Whether all these words are true of such a mount, and of the presented model."""
+    """Whether all these traits are true of such a mount, and of the presented model."""
 
     def is_true(word: str) -> bool:
         if word in (ELSE, UNABLE, UNALIGNED):
@@ -76,13 +77,15 @@ def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, face: f
 
 
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
-    """Return how a mount carries out the operations of a row: for each the first way whose commands it has."""
+    """Return how a mount carries out the operations of a row: for each the first implementation whose
+    commands it has.
+    """
     ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 
 
 def carried(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
-    """Yield the ways in which such a mount can carry out an operation, the one that it takes first."""
+    """Yield the implementations of an operation that such a mount can carry out, the preferred one first."""
     traits = _traits(mount, kind.model, kind.wedge)
     for way in mount.driver.get(operation, ()):
         if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):

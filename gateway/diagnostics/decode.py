@@ -128,9 +128,10 @@ class NoConversation(UserError):
 
 
 def decode(chunks: Iterable[Chunk], of: Callable[[str], Side], began: float | None) -> Iterator[str]:
-    """Yield lines of text. ``of`` makes the decoder of a connection by its name; ``began`` is in Unix seconds.
+    """Yield lines of text. ``of`` takes a connection's name and returns its decoder; ``began`` is in Unix seconds.
 
-    Only ``NOISE`` unknown commands are shown. Raises NoConversation if a capture without times is mostly unknown.
+    Only the first ``NOISE`` unknown commands are shown. Raises NoConversation if most of a capture without times is
+    unknown.
     """
     talks: dict[str, Side] = {}
     for chunk in chunks:

@@ -49,7 +49,7 @@ def of_star(number: int, year: float) -> CatalogObject:
 
 
 def beginning(text: str, most: int) -> list[str]:
-    """Return names that begin with a text, or have a word that does: stars first, the brightest before."""
+    """Return names that begin with a text, or contain a word that does: stars first, sorted by brightness."""
     typed = normalized(text)
     if not typed:
         return []

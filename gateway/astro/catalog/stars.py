@@ -107,7 +107,9 @@ class NoCrossNumbers(NotInstalled):
 
 
 def hipparcos_number(catalogue: str, number: int) -> int | None:
-    """Return the Hipparcos number, or None; of a pair that shares a number, the first. Raises NoCrossNumbers."""
+    """Return the Hipparcos number, or None; for a pair that shares a number, that of the first star. Raises
+    NoCrossNumbers.
+    """
     try:
         data = data_file(CROSS_PACKAGE, "data/catalogs/cross-id.dat").read_bytes()
     except NotInstalled:

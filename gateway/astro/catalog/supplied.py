@@ -102,9 +102,9 @@ def stars() -> dict[int, Star]:
 
 @cache
 def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
-    """Return the numbers of stars by letter and constellation (``αOri``); and all spellings of constellations.
+    """Return the numbers of stars by letter and constellation (``αOri``), and all spellings of constellations.
 
-    Of stars with the same letter it means the well-known double (ε1 Lyr), or else the brightest.
+    If stars share a letter, it means the well-known double (ε1 Lyr), or else the brightest star.
     """
     numbers: dict[str, int] = {}
     for star in sorted(stars().values(), key=lambda star: (star.number not in doubles(), star.magnitude)):

@@ -1,8 +1,8 @@
 """The almanac: the sky of many days in one file, which a separate process calculates and every gateway reads.
 
-A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of
-astropy's own result (for the Moon; the others far less), in microseconds. The file must have the name of the format and
-a right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED` is the one of
+A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of astropy's
+result (for the Moon; far less for the rest), and takes microseconds. The file must have the name of the format and a
+right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED` is the almanac of
 the rehearsals, in the package.
 """
 
@@ -73,7 +73,7 @@ class Almanac(msgspec.Struct, frozen=True):
         return Almanac({**self.days, **newer.days})
 
     def newest(self) -> Almanac:
-        """Return it without the oldest of too many days."""
+        """Return the almanac without its oldest days, if there are too many."""
         return Almanac(dict(list(self.days.items())[-KEPT:]))
 
     def encoded(self) -> bytes:
@@ -83,7 +83,9 @@ class Almanac(msgspec.Struct, frozen=True):
 
 
 def decoded(data: bytes) -> Almanac:
-    """Return the almanac of a file. Raises ValueError if it is none, is of another version, or is damaged."""
+    """Return the almanac in the bytes of a file. Raises ValueError if they are no almanac, of another version, or
+    damaged.
+    """
     start = len(MAGIC) + 4
     if not data.startswith(MAGIC):
         raise ValueError("it is no almanac of this version")
@@ -110,7 +112,7 @@ def read(path: Path) -> Almanac:
 
 
 def stored(named: str | None = None) -> Almanac:
-    """Return the almanac of the cache folder, empty if none can be used, with that of a ``named`` file.
+    """Return the almanac of the cache folder (empty if it has no usable one), joined with that of a ``named`` file.
 
     Raises UserError if the named file cannot be used.
     """

@@ -79,9 +79,10 @@ def _sidereal_times(days: tuple[int, ...]) -> Any:
 
 
 def from_earth(name: str, at: Any) -> Any:
-    """Return the geocentric vector, J2000 in km, to where the body was when its light left it.
+    """Return the geocentric vector, J2000 in km, to the position of a body when its light left it.
 
-    Only the Sun's has aberration. The Moon moves around the Sun with the Earth, so light time is its only aberration.
+    Aberration is included for the Sun only. The Moon moves around the Sun with the Earth, so light time is its only
+    aberration.
     """
     if name == "Sun":
         return get_sun(at).cartesian.xyz.to_value(u.km)

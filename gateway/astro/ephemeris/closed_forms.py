@@ -1,10 +1,9 @@
 """Closed formulas for the orientation of the Earth, Sun and Moon: `math` alone, at once and for any date.
 
-Results are in the true equator and equinox of date. They are used where there is no table, and by the simulated mounts.
-There are no planets, because their formulas would be too long. The orientation of the Moon, with libration, always
-comes from this module.
-Greatest errors for 1900..2050: axes 0.4", sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees,
-Moon 0.04 degrees and 150 km. They were measured against ERFA and against JPL's DE421.
+Results are in the true equator and equinox of date. The gateway uses them for days without a table, the simulated
+mounts always. There are no planets, because their formulas would be too long. The orientation of the Moon, with
+libration, always comes from this module. Greatest errors for 1900..2050, against ERFA and JPL's DE421: axes 0.4",
+sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees, Moon 0.04 degrees and 150 km.
 """
 
 from __future__ import annotations

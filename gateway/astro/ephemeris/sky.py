@@ -1,17 +1,14 @@
 """The sky over a site: sidereal time, azimuth and altitude, equinox of date, Sun, Moon and planets.
 
-Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no
-refraction unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
-Commands interpolate in the tables of an almanac, which a separate process has calculated with astropy
-(``keeper.py``). Where there is no table, and before 1973 and after 2099, the closed formulas are used, and the day is
-noted as missing. No call waits, no method raises for finite arguments.
+Right ascension and declination are of the equinox of date (true equator) and geometric: no aberration and no refraction
+unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds. Results are interpolated in the
+tables of an almanac, which a separate process has calculated with astropy (``keeper.py``). For a day without a table,
+which is noted as missing, and before 1973 and after 2099, closed formulas are used. No call waits; no method raises for
+finite arguments.
 
-                      closed formulas     tables
-    sidereal time     0.02 s + UT1-UTC    0.005 s
-    of date / J2000   0.4"                0.03"
-    Sun               0.01 deg            0.03"
-    Moon              0.04 deg            3" rms, 19" at worst
-    planets           none                1.5'
+                      closed formulas     tables     sidereal time     0.02 s + UT1-UTC    0.005 s     of date / J2000
+0.4"                0.03"     Sun               0.01 deg            0.03"     Moon              0.04 deg            3"
+rms, 19" at worst     planets           none                1.5'
 """
 
 from __future__ import annotations

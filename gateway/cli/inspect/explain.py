@@ -1,4 +1,4 @@
-"""``explain``: what becomes of one command, in words and bytes."""
+"""``explain``: what the gateway makes of one command, in sentences and bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``prove``: a guided check of the mount that is really there, in the terminal.
+"""``prove``: a guided check of the connected mount, in the terminal.
 
 Lines have at most 60 columns, and every answer is one key, so that it can be used through ssh on a phone. The space bar
 stops the mount at any time. The gateway runs meanwhile as ``run`` runs it: its page shows the mount and can stop it.
@@ -120,8 +120,9 @@ class Terminal(Screen):
             print(before + text, end="", flush=True)
 
     async def key(self, question: str, keys: str) -> str:
-        """Return one of these keys, or the space bar; what was pressed before the question does not count, but that,
-        and q after it. Any other key repeats the question."""
+        """Return one of these keys, or the space bar. Any other key repeats the question. Of the keys pressed before
+        the question, only the space bar, and a q after it, count.
+        """
         while not self._keys.empty():
             self._keys.get_nowait()
         while not self.stop.is_set():
@@ -234,7 +235,7 @@ def checked(config: Config) -> Config:
 
 
 def summary(findings: Findings) -> Iterator[str]:
-    """Yield how many things are the same, and those that are not, what differs first, as far as they fit a screen."""
+    """Yield the number of things that are the same, then the things that differ, as many as fit a screen."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES
 

@@ -1,4 +1,4 @@
-"""``decode`` and ``report``: show a recording in words, or make a web page of it.
+"""``decode`` and ``report``: show a recording as text, or make a web page of it.
 
 ``decode`` understands captures of a serial line as well.
 """

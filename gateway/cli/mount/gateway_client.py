@@ -69,7 +69,7 @@ def _flags(names: Iterable[str]) -> str:
 
 
 def no_such_mount(mount: str, others: Iterable[str]) -> str:
-    """Return the message for a mount that nothing here has, where there are others."""
+    """Return the message for a mount that no gateway on this computer has, when gateways with other mounts run."""
     return f"no gateway runs here for {mount}; write {_flags(others)}"
 
 

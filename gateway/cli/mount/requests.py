@@ -1,8 +1,8 @@
 """``goto``, ``sync``, ``move``, ``park``, ``unpark``: the user's requests to the mount, through the running gateway.
 
-Each is one request to that gateway, whose limits apply; a refusal is explained in words, with exit code 1. Ctrl-C
-cancels the request: the motion that it began is stopped. A place is two angles or the name of an object; angles are of
-the equinox of date, as the mount and ``status`` show them, or with ``--j2000`` of J2000.
+Each is one request to that gateway, whose limits apply; a refusal is explained, with exit code 1. Ctrl-C cancels the
+request: the motion that it began is stopped. A place is two angles or the name of an object; angles are of the equinox
+of date, as the mount and ``status`` show them, or with ``--j2000`` of J2000.
 """
 
 from __future__ import annotations

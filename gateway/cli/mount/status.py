@@ -95,7 +95,7 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
 
 
 def blocks(states: Sequence[State]) -> Iterator[list[str]]:
-    """Yield the lines of every mount; with several state folders, those of one folder stand below its name."""
+    """Yield the lines of every mount; if there are several state folders, grouped below the folder's name."""
     folders = {state.folder for state in states}
     above = None
     for state in states:
@@ -132,5 +132,5 @@ def lines(state: State) -> Iterator[str]:
 
 
 def _counted(names: Iterable[str]) -> Iterator[str]:
-    """Return every name once, with its count if it is there several times."""
+    """Return every name once, with a count if it occurs several times."""
     return (f"{name} ({often} times)" if often > 1 else name for name, often in Counter(names).items())

@@ -1,7 +1,7 @@
 """``stop``: stops every mount of this computer, with or without a running gateway; holds and releases mounts.
 
-It prints one line for each mount. Exit code 0: each was seen at rest, or there is none; 1: one could not be stopped or
-seen, or some gateways cannot be asked. It is fit for systemd's ``ExecStopPost``.
+It prints one line for each mount. Exit code 0: the positions show every mount at rest, or there is none; 1: a mount
+could not be stopped, its position is missing, or a gateway cannot be asked. It is fit for systemd's ``ExecStopPost``.
 """
 
 from __future__ import annotations

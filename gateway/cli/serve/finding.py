@@ -59,7 +59,7 @@ async def serve(
 async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up early if there is little hope.
 
-    A port may be silent for `FIRST_WORD` seconds, or for ``more`` at a repeated wait.
+    A port may be silent for `FIRST_WORD` seconds, or for ``more`` seconds when the wait is repeated.
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
     began, said, soon = now(), more is not None, NAMED if gateway.mount.model else UNNAMED
@@ -108,7 +108,9 @@ async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = G
 
 
 async def _check_for_another(gateway: Gateway) -> None:
-    """Look for a mount of another protocol or rate on the port, which must be closed. Raises UserError if one is."""
+    """Look for a mount of another protocol or baud rate on the port, which must be closed. Raises UserError if it finds
+    one.
+    """
     from gateway.diagnostics.detect import who_answers
 
     protocol = await who_answers(gateway.mount.where, gateway.config.baud)
@@ -134,7 +136,7 @@ async def _answers_at(where: str, baud: int) -> bool:
 
 
 def _other_gateway(gateway: Gateway, reason: str) -> int | None:
-    """Return the process of the gateway that has this mount's port; None if the port is not in use by one of ours."""
+    """Return the process of the gateway that has this mount's port; None if no gateway has it."""
     if "in use" not in reason or gateway.store is None or gateway.store.held:
         return None
     return read_pid(gateway.store.lock_path)

@@ -88,9 +88,8 @@ async def serve_mounts(
 ) -> int:
     """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
 
-    A ``guest`` uses the first mount once it is ready, and has a ``screen`` of its own; all ends when it has ended.
-
-    Raises UserError if a port cannot be opened, or if no mount is found.
+    A ``guest`` is a program such as ``prove``: it uses the first mount once it is ready, has a ``screen`` of its own,
+    and its end ends everything. Raises UserError if a port cannot be opened, or if no mount is found.
     """
     from gateway.app.discovery.announcing import Announcement
     from gateway.app.discovery.offer import network_offers

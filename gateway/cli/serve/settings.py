@@ -67,7 +67,7 @@ def surface_keys() -> list[Key]:
 
 
 def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Add the flags for everything that can be configured to a command; return those that few users need."""
+    """Add to a command the flags for everything that can be configured; return the flags that few users need."""
     before = {action.dest for action in parser._actions}
     ends = parser.add_argument_group("connections")
     ends.add_argument(
@@ -127,7 +127,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """Add the flag of a key. A flag for true, false or one of some words needs no value, or has ``=WORD``."""
+    """Add the flag of a key. A flag for true, false or a choice of words needs no value, or has ``=WORD``."""
     help_text = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=help_text)
@@ -141,7 +141,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
 
 
 def _word(text: str) -> bool | str:
-    """Return the value of a flag for true, false or one of some words, as the file has it."""
+    """Return the value of a flag for true, false or a choice of words, as the file has it."""
     return {"true": True, "false": False}.get(text, text)
 
 
@@ -155,7 +155,7 @@ def naming_flag(flag: str) -> Iterator[None]:
 
 
 class Once(argparse.Action):
-    """A flag that may be given only once; ``because`` says what to write instead."""
+    """A flag that may be given only once; ``because`` says what to write instead of a second one."""
 
     def __init__(self, *arguments: Any, because: str, **others: Any) -> None:
         super().__init__(*arguments, **others)
@@ -194,7 +194,7 @@ def settings(arguments: argparse.Namespace, served: bool = True) -> tuple[Config
 
 
 def _file(arguments: argparse.Namespace) -> Path | None:
-    """Return the file to read: the named one, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
+    """Return the file to read: the named file, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
     if alone is not None:

@@ -59,8 +59,8 @@ def until_signal() -> asyncio.Event:
 def _when_the_window_closes(end: Callable[[], object]) -> None:
     """On Windows, call ``end`` when the terminal's window closes, and let the process end by itself after that.
 
-    This comes after the signals: the handler that is added last is asked first, and that of Python's C library would
-    take a closed window for Ctrl-Break and return at once, which ends the process.
+    Call it after the signals were set up: Windows asks the handler that was added last first, and Python's C library
+    would take a closed window for Ctrl-Break, return at once, and so end the process.
     """
     import ctypes
 

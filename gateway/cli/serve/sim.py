@@ -79,7 +79,7 @@ def _flag(name: str) -> str:
 
 
 def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
-    """Return the switches of this protocol's simulator that were given. Raises UserError for those of another one."""
+    """Return the given switches of this protocol's simulator. Raises UserError for a switch of another protocol."""
     chosen = {}
     for spec in PROTOCOLS.values():
         for name in spec.simulator_switches:

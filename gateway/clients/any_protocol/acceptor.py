@@ -1,9 +1,9 @@
 """Accepts connections on a port for every protocol, and finds out which protocol each client speaks.
 
-Each protocol has an acceptor, like behind a port of its own. Once the protocol is known, the port feeds that acceptor's
+Each protocol has an acceptor, as on a port of its own. Once the protocol is known, the port feeds that acceptor's
 connection directly. A client that sends nothing for some seconds gets the greeting of the protocol whose clients wait
-for one; its first byte ends that and decides. An incomplete command that is not continued within a second decides
-nothing. Access rules and the maximum number of clients apply to all protocols together.
+for a greeting; its first byte ends that and decides. An incomplete command that is not continued within a second
+decides nothing. Access rules and the maximum number of clients apply to all protocols together.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ MAX_IDLE = 64
 
 
 class AnyConnection:
-    """A connection to such a port. ``closed`` is called at its end; the other arguments are those of an acceptor."""
+    """A connection to a port for every protocol. ``closed`` is called at its end; the other arguments are those of an
+    acceptor.
+    """
 
     def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed

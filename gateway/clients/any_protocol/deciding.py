@@ -59,7 +59,7 @@ def may_change(protocol: str, sent: bytes) -> bool:
 
 
 def protocol_that_waits() -> str | None:
-    """Return the protocol whose clients wait for a greeting."""
+    """Return the protocol whose clients wait for a greeting before they send anything."""
     return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
 
 

@@ -2,8 +2,8 @@
 
 Commands that can be answered from the readings cache are answered within the call that delivered the bytes. The others
 wait in a task of this connection, so that no client waits for another. A reply made only of cached readings is reused
-while they are valid. Replies keep the order of the commands: one that is not ready in time is never sent, and the next
-commands are answered. What that command requested is still done, unless it would start a motion that late.
+while they are valid. Replies keep the order of the commands: a late reply is dropped, and the next commands are
+answered. The operation of its command is still carried out, unless it would begin a motion that late.
 """
 
 from __future__ import annotations
@@ -71,11 +71,11 @@ class Releases:
 
 
 class Pushes:
-    """The subscriptions of one connection, which is sent readings without a request.
+    """The subscriptions of one connection: readings that are sent without a request.
 
     Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
-    is skipped, and so is one that falls due while earlier bytes are unread. ``read`` takes a reading in this client's
-    form, ``send`` writes bytes, ``unsent`` counts pending bytes.
+    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read`` takes a reading in this
+    client's form, ``send`` writes bytes, ``unsent`` counts pending bytes.
     """
 
     def __init__(
@@ -176,9 +176,9 @@ class CommandProcessor:
     def feed(self, data: bytes, stops: int | None = None, arrived: float | None = None) -> None:
         """Process received bytes.
 
-        If they were sent earlier, ``stops`` is the controller's count of stops at that time; if they were held back,
-        ``arrived`` is the loop time of their arrival. No bytes: what the framer has held back is processed, if the line
-        is quiet.
+        If they were sent earlier, ``stops`` is the controller's count of stops at that time. If they were held back,
+        ``arrived`` is the loop time of their arrival. Without bytes, bytes that the framer has held back are processed,
+        if the line is quiet.
         """
         self.activity.sent_data |= stops != LONG_AGO
         if self.log.sinks and data:
@@ -257,7 +257,7 @@ class CommandProcessor:
     # --- commands in order ------------------------------------------------------------------------------------------
 
     def _pump(self) -> None:
-        """Answer waiting commands until one must wait for the mount, or the gateway closes."""
+        """Answer waiting commands until a command must wait for the mount, or the gateway closes."""
         while self._inbox and not self.controller.context.closed:
             turn = self._inbox.take()
             try:

@@ -1,10 +1,10 @@
-"""The commands of one connection, and how one is carried out: answered from the cache, started, refused, or waited for.
+"""The commands of one connection, and how each is carried out: answered from the cache, started, refused, or waited
+for.
 
-A command is answered within a limited time or never. A reply that was made only of cached readings is valid as long as
-they are: until one of them is renewed, which increments ``version``, or expires. ``advance`` runs until the command
-must wait, ``finish`` runs the rest. This module refuses operations that the client may not request, or requests too
-late, for every protocol. The number of operations that run without a reply is limited, except for those that end a
-motion.
+A command is answered within a limited time or never. A reply that was made only of cached readings is valid until one
+of them is renewed, which increments ``version``, or expires. ``advance`` runs a command until it must wait, ``finish``
+runs the rest. For every protocol, this module refuses operations that the client may not request, or requests too late.
+The number of operations that run without a reply is limited, except for those that end a motion.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ INBOX = 256
 class Turn(Struct, eq=False):
     """A command and the ``steps`` that carry it out; it ``arrived`` at this loop time, after ``stops`` stops.
 
-    ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached
-    ``readings``. ``ended_motion``: the last thing it did was to end a motion. ``lasting``: its reply may take until the
-    next command. ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: seconds
-    after which the arrow that it presses was released, before its turn.
+    ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached ``readings``.
+    ``ended_motion``: its last operation ended a motion. ``lasting``: its reply may take until the next command.
+    ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: for how many seconds the
+    arrow that it presses was held, if its release has arrived already.
     """
 
     frame: bytes
@@ -104,9 +104,10 @@ class Inbox(deque[Turn]):
         return count
 
     def release(self, presses: frozenset[bytes], now: float) -> bool:
-        """Note the release of the newest of these presses, and remove those before it. Return whether one waits.
+        """Note the release of the newest of these presses, and remove the earlier presses. Return whether a press
+        waits.
 
-        One that has waited for too long does not count.
+        A press that has waited for too long does not count.
         """
         waiting = [turn for turn in self if turn.frame in presses]
         if not waiting or now - waiting[-1].arrived > LONGEST_HELD:
@@ -119,7 +120,7 @@ class Inbox(deque[Turn]):
         return True
 
     def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
-        """Remove the commands that would begin what ``by`` ends."""
+        """Remove the commands that would begin the motion that ``by`` ends."""
         for turn in [turn for turn in self if turn.frame in frames]:
             self.remove(turn)
             self._log.put("x", turn.frame, f"cancelled by {by!r}, which arrived before its turn")
@@ -141,7 +142,9 @@ class ReplyCache:
         self._version, self._until = -1, 0.0
 
     def reply(self, command: bytes, version: int, now: float) -> tuple[bytes, Kinds] | None:
-        """Return the cached reply to this command and the kinds of readings it was made of; None if it is not valid."""
+        """Return the cached reply to this command and the kinds of readings it was made of; None if there is no valid
+        reply.
+        """
         return self._replies.get(command) if self._version == version and now < self._until else None
 
     def remember(self, command: bytes, reply: bytes, kinds: Kinds, version: int, now: float, until: float) -> None:
@@ -162,7 +165,7 @@ MAX_BACKGROUND = 16
 
 
 class BackgroundOperations:
-    """The operations of one client that run without a reply. True while there are any."""
+    """The operations of one client that run without a reply; true while any runs."""
 
     def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
         self._controller, self._log, self._activity = controller, log, activity
@@ -258,7 +261,7 @@ class TurnRunner:
                 answer = self._to_client(wanted, value)
 
     async def finish(self, turn: Turn, wanted: Operation) -> bytes | None:
-        """Wait for one operation after the other until the command is done. Return its reply."""
+        """Wait for each operation of the command until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
             try:

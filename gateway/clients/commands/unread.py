@@ -1,9 +1,9 @@
 """Holds back the part of a reply that some programs leave unread on a network connection.
 
-INDI's LX200 drivers read one byte of ``1Object Below Horizon.#`` and discard the rest in a way that has no effect on a
-socket: they would take the text for the reply to their next question, and every reply after it for the one before. So
-the text waits until the program asks anew, and is then dropped; one that reads on gets it ``HOLD`` seconds later. None
-of those drivers begins with a ``#``: a program that does gets its replies whole.
+INDI's LX200 drivers read one byte of ``1Object Below Horizon.#``, and discard the rest in a way that has no effect on a
+socket. They would take the text for the reply to their next question, and from then on every reply for the one before.
+So the text waits: it is dropped at the next command, and sent after ``HOLD`` seconds to a program that reads on. A
+program that begins with a ``#`` is none of those drivers and gets its replies whole.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ _IGNORED = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The text that waits on one connection. ``send`` sends and logs bytes; 0 s of ``hold`` hold nothing back."""
+    """The text that waits on one connection. ``send`` sends and logs bytes. With a ``hold`` of 0 s, nothing is held
+    back.
+    """
 
     def __init__(
         self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
@@ -40,7 +42,7 @@ class UnreadText:
             self.drop()
 
     def drop(self) -> None:
-        """Drop what waits: the program has asked anew, or is gone."""
+        """Drop the waiting text: the program has sent another command, or has gone."""
         if text := self._take():
             self._log.put("x", text, "not sent: the program has not waited for it")
 
@@ -67,7 +69,7 @@ class UnreadText:
             self._send(text)
 
     def whole(self) -> None:
-        """Send what waits, and hold nothing back from now on."""
+        """Send the waiting text, and hold nothing back from now on."""
         self._release()
         self.hold = 0.0
 

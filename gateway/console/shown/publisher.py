@@ -56,7 +56,7 @@ class AnswerTimes:
             self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
     def newest(self, now: float) -> list[Sample]:
-        """Return those of the last seconds: a page may miss a message."""
+        """Return the answers of the last seconds; several, because a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - NEWEST]
 
 

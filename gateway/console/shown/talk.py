@@ -23,7 +23,7 @@ RECENT = 3.0
 
 
 class ConversationView:
-    """The conversation at one mount: stores the log entries, and makes rows of them when a frame is made."""
+    """The conversation at one mount: stores the log entries, and makes rows of them for the next message."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index
@@ -65,7 +65,9 @@ class ConversationView:
                 yield as_row(row, self._index, pair, surface)
 
     def _surface(self, entry: Entry) -> str:
-        """Return the surface of a connection; one of any protocol is looked up again when it has turned out."""
+        """Return the surface of a connection; a surface for any protocol is looked up again once its
+        protocol is known.
+        """
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
             known[side] = "" if side == MOUNT else connected(self._gateway).get(side, "")

@@ -28,7 +28,7 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 
 
 def state(gateway: Gateway, index: int) -> dict[str, Any]:
-    """Return the state except what ``ShownMount`` caches, in about 0.1 ms."""
+    """Return the state of a mount, without what ``ShownMount`` caches, in about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
     shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
     position = None if look.position is None else coordinates(controller, look.position, state.over)
@@ -53,7 +53,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
 
 
 def on_page(text: str) -> str:
-    """Return a sentence as a page says it."""
+    """Return a sentence in the page's wording."""
     return text.replace(RELEASE, "")
 
 

@@ -53,8 +53,8 @@ class Sync(Operation[None], frozen=True):
 class Move(Operation[None], frozen=True):
     """Start moving in a sky direction at a hand rate, until halted.
 
-    ``lowest`` and ``highest`` narrow the altitude limits during the motion. ``ms``: it is a tap of so many milliseconds
-    at guide rate, for which a mount that times guide pulses is sent one -> Pulsed.
+    ``lowest`` and ``highest`` narrow the altitude limits during the motion. ``ms``: a tap of this many milliseconds at
+    guide rate; a mount that times guide pulses is sent a pulse -> Pulsed.
     """
 
     called = "Arrow"
@@ -101,7 +101,8 @@ class AbortMotion(Operation[None], frozen=True):
 class Pulse(Operation[Pulsed | None], frozen=True):
     """Guide in a direction for some milliseconds.
 
-    ``sky``: north is north on both sides of the pier, and on an alt-az mount both axes turn; else a motor's direction.
+    ``sky``: the direction is that on the sky: north is north on both sides of the pier, and on an alt-az mount both
+    axes turn. Otherwise it is a motor's direction.
     """
 
     direction: Direction
@@ -129,8 +130,8 @@ class AbortSlew(Operation[None], frozen=True):
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
-    ``heard``: look at what the mount reports afterwards. Raises Refused then if it has not changed. ``code`` is the
-    number of the mode in the mount's own protocol, from a program that is presented the mount itself.
+    ``heard``: wait for what the mount reports afterwards; raises Refused if it has not changed. ``code`` is the number
+    of the mode in the mount's own protocol, from a program to which the mount itself is presented.
     """
 
     called = "Tracking"
@@ -199,7 +200,7 @@ class PassThrough(Operation[Values | None], frozen=True):
 
 
 class Choose(Operation[Chosen], frozen=True):
-    """Select an object of the mount's own library -> Chosen. ``first`` are commands that its number depends on.
+    """Select an object of the mount's library -> Chosen. ``first`` are the commands on which its number depends.
 
     This is no motion but takes its turn among motions: the mount has one target, which gotos and syncs set as well.
     ``ra`` and ``dec`` are the present target, which stays if no object is found.

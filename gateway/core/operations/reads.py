@@ -47,7 +47,8 @@ class GetAbilities(Read[Abilities], frozen=True):
 
 class TubeSide(Read[str], frozen=True):
     """-> ``"E"`` or ``"W"``: the true pier side of the tube of a German mount, whatever letter its hand control
-    reports. Raises Unsupported for every other mount."""
+    reports. Raises Unsupported for every other mount.
+    """
 
 
 class GetIdentity(Read[Identity], frozen=True):
@@ -128,10 +129,10 @@ class HomeState(Read[int], frozen=True):
 class Own(Read[bytes], frozen=True):
     """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
-    Only if client and mount speak the same protocol. ``fields`` are those of the request, ``keep`` says how long a
-    reply is shared by all clients and which setting overrides it (``KEEPS``, ``wireformat/rows.py``), or ``dialect``
-    that it is a command of the mount's own dialect. Raises
-    Unsupported if a client has set another value that the mount did not take, Silence if the mount does not reply.
+    Only if client and mount speak the same protocol. ``fields`` are those of the request. ``keep`` says how long all
+    clients share a reply, and which setting overrides it (``KEEPS``, ``wireformat/rows.py``), or ``dialect`` for a
+    command of the mount's dialect. Raises Unsupported if a client has set another value that the mount did not take,
+    Silence if the mount does not reply.
     """
 
     command: str

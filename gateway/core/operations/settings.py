@@ -8,8 +8,8 @@ from gateway.core.operations.values import Operation
 class SetSite(Operation[None], frozen=True):
     """Set latitude and/or longitude (east positive) in degrees; None keeps the present value.
 
-    With ``others`` the mount's own site counts again, whatever clients have set. It is then sent the site given here
-    only if its present site is one of ``others``, which the gateway set, or if it reports no site.
+    With ``others``, the mount's own site is in force again, whatever clients have set. The mount is then sent the given
+    site only if it reports none, or one of ``others``, the sites that the gateway had sent it.
     """
 
     latitude: float | None = None
@@ -30,7 +30,7 @@ class SetClock(Operation[None], frozen=True):
 
 
 class SetZone(Operation[None], frozen=True):
-    """Set the zone in which this program reads the time, and no other: local minus UTC in hours. UTC stays."""
+    """Set the zone in which this program reads the time, and nothing else: local minus UTC in hours. UTC stays."""
 
     offset: float
 

@@ -54,10 +54,11 @@ def _is_number(value: object, most: float) -> bool:
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):
-    """Base of all operations. One that ``survives_abort`` is no motion: a stop leaves it alone.
+    """Base of all operations. An operation that ``survives_abort`` is no motion: a stop leaves it alone.
 
-    ``called`` is the name for people, if it is not the words of the class name. Raises Invalid for a number that is
-    missing, not finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to a place that is none.
+    ``called`` is its name for people, if that is not the words of the class name. Raises Invalid for a number that is
+    missing, not finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to an impossible
+    position.
     """
 
     polar: ClassVar[tuple[str, ...]] = POLAR
@@ -80,7 +81,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
 
     @classmethod
     def title(cls) -> str:
-        """Return the kind of the operation in words, to begin a line of the log: ``Goto``, ``Release of an arrow``."""
+        """Return the kind of the operation as text, to begin a line of the log: ``Goto``, ``Release of an arrow``."""
         return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
 
 
@@ -101,7 +102,7 @@ def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
 
 @cache
 def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...]:
-    """Return the fields of an operation that have a few values only, and these; a default is one of them."""
+    """Return the fields of an operation that have only a few values, and these values; a default is one of them."""
     without = _defaults(kind)
     return tuple(
         (name, (*CHOICES[name], without[name]) if name in without else CHOICES[name])
@@ -154,8 +155,8 @@ class Tracking(Enum):
 class Rate(Struct, frozen=True):
     """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
 
-    ``max`` together with ``degrees`` is the fastest rate, limited to so many degrees/s. Raises Invalid for another name
-    or key.
+    ``max`` together with ``degrees`` is the fastest rate, limited to that many degrees/s. Raises Invalid for any other
+    name or key.
     """
 
     name: str | None = None
@@ -225,12 +226,12 @@ class Status(Struct, frozen=True):
 
 class Activity(Struct, frozen=True):
     """The motion of a mount by orders of this gateway: a goto, an axis by hand, a guide pulse; whether it is parked,
-    and whether it was sent home last and has not been moved since. ``short`` is why the last goto ended before its
-    goal, in words.
+    and whether it was sent home last and has not been moved since. ``short`` is the reason why the last goto ended
+    before its goal.
 
-    An order that has not begun counts, so that no client sees the mount at rest between an order and its motion.
-    ``ends``: a motion has ended, and the position does not show the mount at rest yet; ``unknown``: it has reported
-    none for so long that it is not known whether it moves.
+    A pending order counts, so that no client sees the mount at rest between an order and its motion. ``ends``: a motion
+    has ended, and the position does not show the mount at rest yet. ``unknown``: the mount has reported no position for
+    so long that nobody knows whether it moves.
     """
 
     goto: bool = False

@@ -1,6 +1,7 @@
 """Identify a mount with the driver and the mount link that the gateway would use for it.
 
-What is listed as answered was asked and answered here; what the mount's model should have is in the tables.
+The commands listed as answered were sent to this mount, and it answered them; the tables list those that its model
+should have.
 """
 
 from __future__ import annotations

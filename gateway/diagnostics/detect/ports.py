@@ -51,7 +51,7 @@ def here() -> list[SerialPortInfo]:
 
 
 def is_usb_or_named(url: str) -> bool:
-    """Whether a port is none of those that are built into a computer, or into a Raspberry Pi."""
+    """Whether a port is not built into a computer, or into a Raspberry Pi."""
     return not re.match(r"/dev/tty(S|AMA)\d", url)
 
 
@@ -91,13 +91,15 @@ def serving_gateway(url: str) -> int | None:
 
 
 def gateway_of_another() -> str:
-    """Return which gateway of another user, whose ports are hidden, may have a port that is in use; empty if none."""
+    """Return the gateway of another user that may have a port that is in use (its ports are hidden); empty if there is
+    none.
+    """
     owner = next((process for process in gateways() if not reachable(process)), None)
     return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
 
 
 def unsupported_device(where: str) -> str:
-    """Return what usually listens at a network address, if that is a device that no gateway can use; else nothing."""
+    """Return the name of the device that usually listens at a network address, if no gateway can use it; else empty."""
     try:
         url = urlsplit(where)
         names = (url.hostname, str(url.port)) if url.scheme == "socket" else ()

@@ -134,7 +134,9 @@ def hints(mount: FoundMount) -> list[str]:
 
 
 def endpoint(finding: PortFinding) -> str:
-    """Return the mount's endpoint, with the model that the user named, or the classic's, which cannot be asked for."""
+    """Return the mount's endpoint, with the model that the user named; for a classic, whose model cannot be read, with
+    that.
+    """
     mount, place = finding.mount, finding.place
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:
@@ -194,7 +196,7 @@ def toml(finding: PortFinding, network: bool = False) -> str:
 
 
 def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
-    """Return one port's values for programs; unknown ones are None."""
+    """Return the values of one port for programs; unknown values are None."""
     mount = finding.mount
     known: dict[str, object] = {
         "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,

@@ -37,7 +37,9 @@ _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """The result for a port without a mount. For a mount it is the name of its protocol, or one of its states."""
+    """The result for a port without a mount. If there is a mount, the result is the name of its protocol, or one of its
+    states.
+    """
 
     SILENT = "silent"
     ECHO = "echo"
@@ -69,7 +71,8 @@ ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 def questions(named: str | None) -> list[Question]:
     """Return the queries that may be sent, in order.
 
-    A user who names a protocol may be wrong: the queries that come before its own are sent as well, later ones are not.
+    A user who names a protocol may be wrong. So the queries that come before the query of the named protocol are sent
+    as well; later ones are not.
     """
     every = sorted(
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
@@ -170,9 +173,10 @@ UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class PortFinding(Struct, frozen=True):
-    """The result for one port. ``state`` is a verdict, or why there is none: ``served``, ``busy``, ``foreign``,
-    ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified). ``reason`` says
-    more; it took ``seconds``."""
+    """The result for one port. ``state`` is a verdict, or the reason for its absence: ``served``, ``busy``,
+    ``foreign``, ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified).
+    ``reason`` says more; the search took ``seconds``.
+    """
 
     place: SerialPortInfo
     state: str
@@ -208,7 +212,9 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
 ) -> PortFinding:
-    """Examine one port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
+    """Examine one port; problems with it are part of the result. ``wire`` is used instead of the port of a pyserial
+    URL.
+    """
     if wire is None and (process := serving_gateway(place.url)):
         return PortFinding(place, SERVED, reason=f"mount-gateway, process {process}")
     who = holder(place.url) if wire is None else ""

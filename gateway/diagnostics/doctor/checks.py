@@ -111,7 +111,9 @@ def clock(facts: Facts) -> Iterator[Said]:
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
-    """Check how long the tables of the Earth's rotation and of the leap seconds last, without astropy the almanac."""
+    """Check how long the tables of the Earth's rotation and of the leap seconds last; without astropy, how long the
+    almanac lasts.
+    """
     if facts.without_astropy:
         yield _almanac(facts)
         return

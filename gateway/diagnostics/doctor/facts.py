@@ -57,9 +57,10 @@ class ListeningProcess(Struct, frozen=True):
 
 
 class Running(Struct, frozen=True):
-    """A running gateway and its mount; ``mount`` is empty if the gateway cannot be queried from here.
+    """A running gateway and its mount; ``mount`` is empty if the gateway does not answer this user.
 
-    ``foreign``: it belongs to another user. ``served``: where programs connect to it now; ``folder``: of its state.
+    ``foreign``: it belongs to another user. ``served``: its present addresses for programs; ``folder``: its state
+    folder.
     """
 
     process: int
