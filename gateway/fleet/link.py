@@ -1,8 +1,9 @@
 """The connection to a broker, on a separate thread: it is always restored, and a mount never waits for it.
 
-Messages are taken from the outbox, a few at a time; the next ones are sent when the broker has acknowledged the last of
-these. Only that one needs an acknowledgement, because a broker takes messages in order; after a reconnect all states
-are sent again. A slow broker gets the newest states; one that floods the gateway is left for a while.
+Messages are taken from the outbox in groups of a few; the next group is sent when the broker has acknowledged the last
+message of the group before. No other message needs an acknowledgement, because a broker takes messages in order; after
+a reconnect all states are sent again. A slow broker gets the newest states; a broker that floods the gateway is
+disconnected for a while.
 """
 
 from __future__ import annotations

@@ -46,7 +46,8 @@ class Orders:
     """The orders for one mount, of the ``allowed`` kinds, under the same limits and rules as those of any user.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``doubt`` returns why only stops are obeyed now, or "".
+    be carried out again at every connection. ``doubt`` returns the reason why only stops are obeyed now; empty if all
+    orders are.
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
@@ -125,9 +126,10 @@ MOST = 100
 class BrokerPresence:
     """The gateway's presence on the broker.
 
-    Each gateway publishes on ``PREFIX/ID/gateway`` who it is, and subscribes to it. One that receives another's message
-    publishes its own once more, so that both know. Orders could then be meant for either, so only stops are carried
-    out. ``conflict``: a message about another gateway with this ID, or empty."""
+    Each gateway publishes its identity on ``PREFIX/ID/gateway``, and subscribes to that topic. A gateway that receives
+    another's identity there publishes its own again, so that both know of the conflict. Orders could then be meant for
+    either, so only stops are carried out. ``conflict``: a message about another gateway with this ID, or empty.
+    """
 
     def __init__(self, topics: Topics, publish: Callable[[MqttMessage], None], warn: Callable[[str], None]) -> None:
         self._topics, self._publish, self._warn = topics, publish, warn

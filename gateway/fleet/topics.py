@@ -52,7 +52,7 @@ class Topics(Struct, frozen=True):
 
     @property
     def gateway(self) -> str:
-        """The topic on which the process that has this ID says who it is."""
+        """The topic on which the process that has this ID publishes its identity."""
         return f"{self.prefix}/{self.id}/gateway"
 
     @property

@@ -42,7 +42,9 @@ def wanted(log: bool | str) -> bool:
 
 
 def kept(log: bool | str) -> str:
-    """Return the filter of a value of ``log``, whatever the format: "normal" for true, "all" if it names none."""
+    """Return the filter that a value of ``log`` names, whatever the format: "normal" for true, "all" if it
+    names none.
+    """
     if log is True:
         return "normal"
     return (log.removeprefix(FORM).removeprefix("-") if isinstance(log, str) else "") or "all"

@@ -1,7 +1,7 @@
-"""Describe the commands and replies of one connection in words, which come from the command tables.
+"""Describe the commands and replies of one connection in sentences, whose parts come from the command tables.
 
-A live gateway passes frames that it has already split; a raw capture is split here with the framer of the surface. A
-reply is parsed as a driver parses it: according to the command that it answers.
+A live gateway passes frames that it has already split; a raw capture is split with the framer of the surface. A reply
+is parsed as a driver parses it: according to the command that it answers.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Side:
     def reply(self, data: bytes) -> Heard:
         """Describe a complete reply on a connection with one request at a time: it answers the last command.
 
-        The words are empty if it does not fit that command.
+        The description is empty if it does not fit that command.
         """
         if (message := self._unasked(data)) is not None:
             return message[0]._replace(data=data)

@@ -72,7 +72,7 @@ def wrapped(row: Row, columns: int) -> list[str]:
 
 
 def _in_columns(data: str, note: str, room: int) -> list[str]:
-    """Return lines with the bytes, and the words beside or below them."""
+    """Return lines with the bytes, and the text beside or below them."""
     beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
     pieces = _pieces(data, room)
     text = _words(note, room - beside)

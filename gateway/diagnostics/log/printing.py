@@ -1,9 +1,9 @@
-"""The sink that prints the log: entries of the wire log become rows, and the rows that are shown lines of a stream.
+"""The sink that prints the log: entries of the wire log become rows, and some of the rows become lines of a stream.
 
 A query that repeats is shown once, then counted. Only queries are ever left out, and only while their replies bring
 nothing new: positions and clocks may change, any other change is shown. Commands that move or set something, failures
-and notes are always shown, and the next query after one of them is shown again. A program that reconnects for every
-query counts as one connection.
+and notes are always shown, and so is the next query after each of them. A program that reconnects for every query
+counts as one connection.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ class _Party:
 
 
 class Folding:
-    """Filters all lines, in order.
+    """Decides which lines are shown, in their order.
 
-    ``kept`` is the user's choice: "all", "normal" without lists of what was asked again, "changes" without queries that
-    are answered, "refusals" without everything that succeeds.
+    ``kept`` is the user's choice: "all"; "normal", without the counts of repeated queries; "changes", without queries
+    that are answered; "refusals", without everything that succeeds.
     """
 
     def __init__(self, shown: str = "all") -> None:
@@ -255,7 +255,7 @@ class Rows:
         return self._folding.take(LogLine(row, host, heard, asked))
 
     def knows(self, side: str, protocol: str) -> None:
-        """Note the protocol of a connection that was there before this log began."""
+        """Note the protocol of a connection that was open before this log began."""
         self._sides[side] = Side(protocol)
 
     def _surface(self, entry: Entry) -> str:
@@ -270,7 +270,7 @@ class Rows:
                 self._sides[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
-        """Describe an entry in words."""
+        """Describe an entry as text."""
         if entry.arrow not in "<>x":
             note = entry.note
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):

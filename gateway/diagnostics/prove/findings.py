@@ -1,8 +1,8 @@
-"""What was found of a mount: one finding for each thing that the gateway believes, with its verdict.
+"""What the check has found: one finding for each assumption of the gateway about the mount, with its verdict.
 
-A finding holds what was measured beside what the gateway assumed, in words for the owner, and the keys of gateway.toml
-that adapt the gateway to a difference. They are kept in a file from one session to the next. Another file is for
-whoever maintains the gateway: it has verdicts and measured values, and nothing that tells a place or a time.
+A finding contains the measured value beside the assumed one, sentences for the owner, and the keys of gateway.toml that
+adapt the gateway to a difference. They are saved in a file from one session to the next. Another file is for the
+maintainers of the gateway: it has verdicts and measured values, and nothing that reveals a place or a time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class MeasuredRate(Struct, frozen=True):
 
     @property
     def rounded(self) -> MeasuredRate:
-        """The same to 0.04"/s and 0.01°: in more digits somebody might find where the mount pointed."""
+        """The same rounded to 0.04"/s and 0.01°: more digits might reveal where the mount pointed."""
         run_ons = tuple(round(way, 2) for way in self.run_ons)
         return MeasuredRate(self.axis, round(self.assumed, 5), round(self.real, 5), run_ons, self.evenly)
 
@@ -54,7 +54,7 @@ class Finding(Struct, frozen=True, omit_defaults=True):
 
     @property
     def line(self) -> str:
-        """The finding in one line, without what it means."""
+        """The finding in one line, without its consequence."""
         beside = f": {self.measured}" if self.measured else ""
         return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
 
@@ -74,8 +74,8 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity, of which ``model`` and ``version`` name the output file;
-    ``told`` are its first replies about its settings, by command.
+    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file. ``told``
+    are the first replies of the mount about its settings, by command.
     """
 
     mount: str = ""
@@ -99,7 +99,7 @@ class Findings(Struct):
 
 
 def load(path: Path) -> Findings:
-    """Return the findings of earlier sessions; none if there is no file, or one that cannot be read."""
+    """Return the findings of earlier sessions; empty if there is no file, or if it cannot be read."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Findings)
     except (OSError, msgspec.DecodeError):
@@ -127,7 +127,7 @@ class ProofFile(Struct, frozen=True):
 
 
 def result(findings: Findings, simulated: bool) -> ProofFile:
-    """Return what others may read of the findings."""
+    """Return the part of the findings that others may read."""
 
     def shown(stage: str, finding: Finding) -> Finding:
         if stage == "sky" or finding.verdict == NOT_TRIED:

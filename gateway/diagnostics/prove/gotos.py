@@ -1,6 +1,8 @@
-"""The gotos: to a place where the small motions have room, if there is none here; then 5° and back, and one cancelled.
+"""The gotos: to a place where the small motions have room, if the mount is not at one; then 5° and back, and one that
+is cancelled.
 
-Every goal is one that the gateway's rules allow, which are asked before; by day they keep 40° from the Sun here.
+Before each goto, the gateway's rules are asked whether they allow its goal. By day, goals here are at least 40° from
+the Sun.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
 def cramped(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
-    """Return why the small motions have no room there, or where the mount points; empty if they have."""
+    """Return the reason why the small motions have no room at ``sky``, by default where the mount points; empty if they
+    have.
+    """
     if sky is None and telescope.latest is not None:
         sky = telescope.latest.sky
     if sky is None:
@@ -93,7 +97,7 @@ async def near(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equ
     west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
 
     def stays(goal: op.Equatorial) -> bool:
-        """Whether a German mount goes there without changing the side of its pier."""
+        """Whether a German mount goes to a goal without changing the side of its pier."""
         before = 90.0 if west is None else wrap180(west)
         after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
         return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > BESIDE

@@ -1,8 +1,8 @@
-"""Leads through the stages: asks before each, stops at once, and leaves the mount as it was.
+"""Leads through the stages: asks before each, stops at once if the person wants it, and leaves the mount as it was.
 
-A stage that ends before its time leaves what it has found; what it has not is ``not tried``, and another session asks
-for that stage again, whose motions go on behind the last rate. What the stage had set moving is stopped then, and
-nothing is moved any more; tracking that it had turned on is turned off. Findings are kept after every stage.
+A stage that ends early keeps its findings; the rest is ``not tried``. Another session asks for that stage again, and
+its motions begin after the last measured rate. At an early end, the motion that the stage began is stopped, and nothing
+moves any more; tracking that it had turned on is turned off. Findings are saved after every stage.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A part of the check. ``will`` says what comes, in one sentence; ``moves``: whether it moves the mount;
-    ``points``: whether it needs a mount that knows where it points, as every one does that moves it.
+    """A part of the check. ``will`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
+    whether the mount must know where it points, which every stage that moves it requires.
 
-    ``run`` raises Ended. ``why`` says why it is needed; nothing if it is not.
+    ``run`` raises Ended. ``why`` is the reason why it is needed; empty if it is not.
     """
 
     name: str
@@ -52,7 +52,9 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """Whoever looks on. ``stop`` is set when the space bar is pressed, at any time; it answers every question, too."""
+    """The person at the terminal. ``stop`` is set when the space bar is pressed, at any time, also as the answer to a
+    question.
+    """
 
     stop: asyncio.Event
 
@@ -135,7 +137,7 @@ class GuidedCheck:
         return any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
 
     def _where(self) -> str:
-        """Return in words where it points; empty if that is not known."""
+        """Return the mount's position as text; empty if it is not known."""
         if (latest := self._telescope.latest) is None:
             return ""
         try:
@@ -214,7 +216,7 @@ class GuidedCheck:
         self._keep(self._findings)
 
     async def _answer(self, question: str, keys: str) -> str:
-        """Return the key that the person presses; the space bar stops the mount here, too, and just before."""
+        """Return the key that the person presses. The space bar stops the mount, also if it was pressed just before."""
         while (key := await self._person.key(question, keys)) == " ":
             self._person.stop.clear()
             await self._stop()

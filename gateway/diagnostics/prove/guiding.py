@@ -68,8 +68,9 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def judged(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
-    """Return the finding on the guide rate of an axis: it shows to two steps of the reading (``tick``, degrees) in all
-    pulses, and to half an exchange (seconds) of each pulse, which the gateway may time."""
+    """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``tick``, degrees)
+    for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
+    """
     rates = rate_words(rate), rate_words(assumed)
     if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", rates[1])

@@ -1,6 +1,6 @@
-"""The reads: who the mount is, whether it answers every question of its protocol in its form, and how soon.
+"""The reads: the mount's identity, whether it answers every question of its protocol in the right form, and how soon.
 
-Every question goes to the mount itself, whatever the gateway knows already or answers its programs.
+Every question goes to the mount itself, even if the gateway has the answer in its cache or answers programs itself.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ EXCHANGES = 6.0
 
 
 async def told(telescope: CheckedMount, name: str) -> Heard:
-    """Ask the mount itself, whatever the gateway knows already. Raises Fault."""
+    """Ask the mount itself, even if the gateway has the answer in its cache. Raises Fault."""
     driver = telescope.driver
     side = Side(driver.protocol.name, driver.model)
     side.command(driver.protocol.commands[name].request.encode({}))
@@ -112,7 +112,7 @@ async def settings(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:
-    """Return the name of a mount, and its version; a server's own texts may name its owner, and are left out."""
+    """Return the name of a mount, and its version; a server's texts are left out, because they may name its owner."""
     if driver.protocol.name not in streams():
         return f"{driver.protocol.name} {identity.model}", ""
     return " ".join(f"{identity.product} {identity.model} {identity.version}".split()), identity.version

@@ -1,6 +1,6 @@
 """The sky: whether altitude and azimuth, right ascension and declination, site and clocks agree with each other.
 
-A difference is told as a contradiction between two sources: which of them is wrong is not known here.
+A difference is reported as a contradiction between two sources: this check cannot know which of them is wrong.
 """
 
 from __future__ import annotations

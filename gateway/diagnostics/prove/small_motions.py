@@ -1,8 +1,8 @@
 """The small motions: every direction at every rate, by which real rates, directions and run-on are measured.
 
 The two directions of an axis are judged together: half of the difference of their velocities over the ground is the
-rate, whatever the sky, tracking and a suspended drive add to both. A motion of a few seconds hardly gets beyond the
-run-up of the motors, so that it shows a rate only roughly. Angles are degrees, rates degrees a second.
+rate, whatever the sky, tracking and a suspended drive add to both. A motion of a few seconds is hardly longer than the
+run-up of the motors, so it shows a rate only roughly. Angles are degrees, rates degrees a second.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
 class Velocity(NamedTuple):
-    """How fast one axis turned, by how much that may be wrong, how far it went, and how far the tube ran on."""
+    """How fast one axis turned, the error of that value, how far it turned, and how far the tube ran on."""
 
     rate: float
     error: float
@@ -58,7 +58,9 @@ class Velocity(NamedTuple):
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
-    """Return how an axis (1 or 2) moved that was to turn at this speed; None without a position before and after."""
+    """Return how an axis (1 or 2) moved that had been ordered to turn at ``speed``; None without a position before and
+    after.
+    """
     if motion.before is None or motion.after is None:
         return None
     number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended - motion.began
@@ -126,7 +128,9 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 
 
 def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:
-    """Return the finding on one rate; ``way`` is how far it went, ``least`` what that must be to show anything."""
+    """Return the finding on one rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
+    nothing.
+    """
     measured, assumed = rate_words(rate), rate_words(speed)
     if way <= least:
         if speed * LONGEST > 2.0 * least:
@@ -158,7 +162,9 @@ def directions(pair: tuple[Direction, Direction], turned_round: list[bool]) -> F
 
 
 def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) -> Finding:
-    """Return the finding on how far the tube runs on after a stop, by rates and degrees; it should for ``lasts`` s."""
+    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes ``lasts``
+    seconds.
+    """
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
@@ -174,7 +180,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
 
 
 async def tracking(telescope: CheckedMount) -> Finding:
-    """Watch whether the mount tracks as it says. Raises Ended."""
+    """Check whether the mount tracks when it reports that it does. Raises Ended."""
     tracks = telescope.status.tracking is not op.Tracking.OFF
     before = await telescope.rest()
     sky, least = abs(SIDEREAL_RATE) * cos(radians(before.sky.dec)), 2.0 * max(telescope.ticks)

@@ -1,8 +1,8 @@
 """The mount as ``prove`` sees and moves it: requests to the gateway, and the positions that the mount reports.
 
-Every order is a request like those of the command line, under the same rules. While it waits, it looks whether somebody
-else has stopped or moved the mount, or the cable is out: then the stage ends (``Ended``), and nothing is moved any
-more. Angles are degrees, times seconds of the event loop's clock.
+Every order is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
+somebody else has stopped or moved the mount, or the cable is out: then the stage ends (``Ended``), and nothing moves
+any more. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -43,14 +43,16 @@ Pair = tuple[float, float]
 
 
 class Ended(Exception):
-    """A stage ends before its time; the text says why, without a full stop, which a refusal in it may end with."""
+    """A stage ends early. The text is the reason, without a full stop, because it may end with a refusal
+    that has one.
+    """
 
     def __init__(self, why: str) -> None:
         super().__init__(why.removesuffix("."))
 
 
 class StoppedByOthers(Ended):
-    """Somebody else has stopped the mount, and decides what it does now."""
+    """Somebody else has stopped the mount, and now decides what it does."""
 
 
 class Motion(NamedTuple):
@@ -69,7 +71,7 @@ class Motion(NamedTuple):
 
 
 class CheckedMount:
-    """The mount of one gateway, from when it has been identified."""
+    """The mount of one gateway, after it was identified."""
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
@@ -103,7 +105,7 @@ class CheckedMount:
     # --- who else acts ------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin a stage: earlier stops are over."""
+        """Begin a stage, and forget earlier stops."""
         self._stops, self.tracking_by_others = self.controller.stops, False
 
     def check(self) -> None:
@@ -167,12 +169,14 @@ class CheckedMount:
         return self.latest
 
     async def stop(self) -> str:
-        """Stop everything, ahead of all orders; return an empty text, or why the mount may still move."""
+        """Stop everything, before all other orders; return an empty text, or the reason why the mount may
+        still move.
+        """
         answer = await stopped(self.controller)
         return "" if answer.done else answer.words
 
     async def rest(self) -> TimedPosition:
-        """Wait until the mount rests, and return where. Raises Ended."""
+        """Wait until the mount rests, and return its position. Raises Ended."""
         controller = self.controller
 
         def rests() -> bool:
@@ -227,7 +231,7 @@ class CheckedMount:
         return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:
-        """Go to a position, and cancel that after so many seconds. Return why it was refused. Raises Ended."""
+        """Go to a position, and cancel the goto after ``seconds``. Return the reason if it is refused. Raises Ended."""
         number = requests.new_number()
         where = requests.Spot(goal.ra % 360.0, goal.dec)
         self.mine, controller, over = True, self.controller, False
@@ -252,14 +256,16 @@ class CheckedMount:
         return answer.words
 
     def speed(self, key: int) -> float:
-        """Return how fast a rate is for this model; the limits count with the fastest of all."""
+        """Return the speed of a rate on this model. The limits assume the fastest rate of all."""
         return min(self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "facts", {}).get("max_rate", inf)))
 
     # --- what a position means ----------------------------------------------------------------------------------------
 
     @property
     def ticks(self) -> Pair:
-        """The steps of the two angles that the mount reports; no protocol says those of a server: the least seen."""
+        """The resolution of the two angles that the mount reports. No protocol defines that of a server: then the
+        smallest observed step.
+        """
         return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _seen(self) -> None:

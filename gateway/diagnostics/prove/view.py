@@ -1,6 +1,7 @@
-"""The view of programs of the other protocol: the goto that such a program would order, in its own words.
+"""The view of programs of the other protocol: the goto that such a program would send, in its protocol.
 
-The program is at a surface of the gateway, in this process: it sends the bytes of a protocol and gets the replies.
+The program is connected to a surface of the gateway, in this process: it sends the bytes of its protocol and gets the
+replies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Explain one command: words and bytes on both sides, found by playing it through a complete gateway.
+"""Explain one command: its meaning and the bytes on both sides, found by playing it through a complete gateway.
 
 The mount is a simulated one, aligned and tracking, in virtual time.
 """
@@ -105,7 +105,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
 
 @cache
 def sky() -> Sky:
-    """Return the exact sky of the days of all rehearsals, which are in the package, so that nobody loads astropy."""
+    """Return the exact sky of the days of all rehearsals. It is in the package, so that no rehearsal loads astropy."""
     exact = Sky()
     exact.use(decoded(SHIPPED.read_bytes()))
     return exact
@@ -126,7 +126,7 @@ def counted(mount: Endpoint) -> Version | None:
 def traits(face: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
     """Return the traits of a presented model for a command; empty if its version does not have the command.
 
-    ``facts`` are those of the model that is presented because it fits the mount, which may lack a part.
+    ``facts`` are those of the presented model, if it was chosen to fit the mount, which may lack a part.
     """
     spec = PROTOCOLS[face.protocol]
     protocol, model = spec.commands, facts["name"] if facts else face.model or spec.default_model or ""
@@ -144,10 +144,10 @@ def before(face: Endpoint, row: SurfaceRow) -> Before:
 def play_one(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
 ) -> tuple[Play, str, str]:
-    """Play a frame on a stage of its own, whose model fits the mount if none is named.
+    """Play a frame on a new stage, whose model fits the mount if none is named.
 
-    Return the play, the outcome (that of the tables, unless the play is refused or changes nothing), and that of the
-    tables.
+    Return the play, the outcome, and the outcome by the tables. The two are equal, unless the play is refused or
+    changes nothing.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
     match = protocol.find(frame)
@@ -177,7 +177,7 @@ def play_one(
 
 
 def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield in words, and as settings of a stage, how a mount may be otherwise than in examples."""
+    """Yield circumstances of a mount other than those of the examples: as text, and as settings of a stage."""
     driven, spec = load(mount.protocol).of(mount.model), PROTOCOLS[mount.protocol]
     yield "before the alignment", {"aligned": False}
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):

@@ -67,8 +67,8 @@ class Before(NamedTuple):
 
 
 class Play(NamedTuple):
-    """Everything that one frame caused, in order; ``wire`` are the received commands that change the mount, ``refused``
-    is whether the log counts a refusal.
+    """Everything that one frame caused, in order; ``wire`` are the commands that reached the mount and change it;
+    ``refused``: whether the log counts a refusal.
     """
 
     frame: bytes
@@ -107,7 +107,7 @@ def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> boo
 
 
 def no_form(surface: Surface, frame: bytes) -> bytes:
-    """Return the surface's refusal of a command that no mount can do; empty if the protocol has none."""
+    """Return the surface's refusal of a command that no mount has; empty if the protocol has no refusal."""
     form = surface.unanswered(frame, Unsupported())
     return b"" if form == ACKNOWLEDGED else form
 
@@ -133,8 +133,8 @@ def stage(
 ) -> RehearsalMount:
     """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
 
-    ``lacking`` is a part of the simulated mount that this one has not.
-    What old mounts do not report is in the settings: name, site, and on a wedge the tracking mode.
+    ``lacking`` is a part that this simulated mount does not have. What old mounts do not report is in the settings:
+    name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
     return RehearsalMount(
@@ -163,7 +163,7 @@ async def _until(reached: Callable[[], bool], seconds: float) -> None:
 
 
 class Player:
-    """Plays frames on one stage, each as a connection of its own."""
+    """Plays frames on one stage, each frame on a new connection."""
 
     def __init__(self, stage: RehearsalMount) -> None:
         self.stage = stage
@@ -202,7 +202,7 @@ class Player:
         return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusals)
 
     def begin(self) -> None:
-        """React to the beginning of the play, after what a program sends first."""
+        """Note that the play begins now, after the commands that a program sends first."""
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Wait until everything sent was answered, at most as long as a program waits."""
@@ -210,7 +210,7 @@ class Player:
         await _until(lambda: visitor.answered, PATIENCE)
 
     async def _at_rest(self) -> None:
-        """Wait until the mount has arrived and the gateway has seen it there."""
+        """Wait until the mount has arrived and its position shows that to the gateway."""
         await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), ARRIVED)
 
     def _ask(self, wanted: SurfaceStep) -> bool:

@@ -1,7 +1,7 @@
 """An example of every command, with ordinary values for the time and site of a rehearsal.
 
-The value of a field comes from a list by command, else from a list by name, else it is the first one that the format
-accepts; so a new row has an example without being listed here.
+The value of a field comes from a list by command, else from a list by name, else it is the first value that the format
+accepts. So a new row has an example without an entry in this file.
 """
 
 from __future__ import annotations

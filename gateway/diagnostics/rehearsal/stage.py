@@ -32,9 +32,9 @@ class RehearsalMount:
     """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. It needs a running
     event loop.
 
-    ``start`` is Unix time; with ``ramps`` False the motors change their speed at once; ``on`` is an ended stage whose
-    mount is used again; ``simulated`` are further settings of the simulator. The driver identifies the mount, unless it
-    is ``named``, as on the command line.
+    ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an ended stage whose
+    mount is used again. ``simulated`` are further settings of the simulator. The driver identifies the mount, unless a
+    model is ``named``, as on the command line.
     """
 
     def __init__(

@@ -100,7 +100,7 @@ def table_of_programs(night: Night) -> str:
 
 
 def table_of_remarks(remarks: Sequence[Incident], none: str, of_programs: bool) -> str:
-    """Return a table with each remark once: how often it occurred, first and last; the most frequent first."""
+    """Return a table with each remark once: how often it occurred, first and last time; sorted by frequency."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
         same.setdefault((remark.words, remark.who), []).append(remark.time)

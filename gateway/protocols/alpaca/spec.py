@@ -1,4 +1,4 @@
-"""The specification of ASCOM Alpaca for the registry: programs speak it, and servers with a telescope behind them."""
+"""The specification of ASCOM Alpaca for the registry. Programs speak Alpaca, and so do servers with a telescope."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
 
 
 def _hint(frame: bytes) -> str:
-    """Explain how requests are written, for one that does not exist."""
+    """Explain the form of requests, for a request that does not exist."""
     if load(NAME).find(frame + b"\n") is not None:
         return "a request ends with a line feed: append \\x0a"
     return "requests are written like 'get rightascension\\x0a' and 'put tracking Tracking=true\\x0a'"

@@ -97,8 +97,8 @@ def _ranges(listed: Any) -> tuple[tuple[float, float], ...]:
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether it tracks and is parked. Reports during a motion describe the motion, and are discarded; what it
-    does not tell stays as it was.
+    """Read whether it tracks and is parked. Reports during a motion describe the motion, and are discarded; values that
+    the server does not report stay as they were.
     """
     state = (yield from device_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")

@@ -1,13 +1,11 @@
 """Motion by hand, stopping, guiding, and tracking.
 
 A motor's positive sense is west on the first axis (east in the south) and lifts the tube on the second, which on a
-German mount is reversed on the west side of the pier; ``MoveAxis`` is taken to count the same way until a motion shows
-that it does not. A stop sends rate 0
-to both axes besides ``AbortSlew``, which in older servers ends gotos only. Some stop tracking as well: it is looked at
-after every motion.
-
-To some servers the rate of ``MoveAxis`` replaces tracking, to others it is added to it. That makes a difference for
-slow motion: tracking is turned off for it, and each axis gets the sum of both.
+German mount is reversed on the west side of the pier. ``MoveAxis`` is assumed to count the same way until a motion
+shows that it does not. A stop sends rate 0 to both axes besides ``AbortSlew``, which in older servers ends gotos only.
+Some servers also stop tracking then, so the driver reads it after every motion. On some servers the rate of
+``MoveAxis`` replaces tracking, on others it is added to it; so for slow motion tracking is turned off, and each axis
+gets the sum of both.
 """
 
 from __future__ import annotations
@@ -46,9 +44,9 @@ SAME_RATE = 0.0005
 
 
 def tube_side(mount: AlpacaDriver, axis: int) -> Steps:
-    """Return the side of the pier on which the tube is, where the sense of this axis depends on it; else empty.
+    """Return the side of the pier of the tube, if the sense of this axis depends on it; else empty.
 
-    If the server does not tell it, it follows from the last goto, unless that was stopped on its way.
+    If the server does not report the side, it follows from the last goto, unless that was stopped on its way.
     """
     if not mount.german or axis != 2:
         return ""
@@ -106,8 +104,8 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
 
 
 def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky: bool) -> Steps:
-    """Move an axis on top of tracking, or at just this motor speed, with tracking off; on an alt-az mount the other
-    axis follows the sky. Raises Refused if it has no such speed.
+    """Turn an axis at a speed on top of tracking (``on_sky``), or at exactly this motor speed, with tracking off; on an
+    alt-az mount the other axis follows the sky. Raises Refused if the axis has no such speed.
     """
     rates = (yield from _following(mount, side)) if on_sky else {axis: 0.0}
     sent = {
@@ -142,8 +140,8 @@ def _go_on(mount: AlpacaDriver) -> Steps:
 
 
 def _following(mount: AlpacaDriver, side: str) -> Steps:
-    """Return the speeds at which the axes follow the sky, degrees a second as the motors count: of an equatorial mount
-    the first axis alone. Raises Unsupported if the server of an alt-az mount does not tell its place.
+    """Return the speeds at which the axes follow the sky, degrees a second as the motors count; on an equatorial mount
+    only the first axis turns. Raises Unsupported if the server of an alt-az mount does not report its position.
     """
     if mount.equatorial:
         return {1: turned(mount, 1, 1, side) * SIDEREAL}
@@ -198,8 +196,9 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
-    """End everything. A parked mount stands still, whatever its server answers; so may one that refuses to be stopped:
-    it is asked then whether it slews. An axis that is moved by hand is the first: ``AbortSlew`` may be answered late.
+    """End everything. A parked mount stands still, whatever its server answers, and so may a mount that refuses the
+    stop: the driver then reads whether it slews. An axis that is moved by hand is stopped first, because ``AbortSlew``
+    may be answered late.
     """
     slewed = mount.goto is not None
     mount.give_up_goto()
@@ -263,7 +262,7 @@ def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
 
 
 class PulseOn(op.Operation, frozen=True):
-    """Internal: the next guide pulse of an axis that is moved by them."""
+    """Internal: send the next guide pulse of an arrow that consists of pulses."""
 
     axis: int
 
@@ -292,7 +291,9 @@ def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
 
 
 def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
-    """Turn tracking on or off; a parked mount is unparked first. Raises Refused if it is ``heard`` without effect."""
+    """Turn tracking on or off; a parked mount is unparked first. Raises Refused if the order is ``heard`` and has no
+    effect.
+    """
     if mount.suspended:  # for slow motion, after which it is turned on if that is wanted
         mount.tracks = operation.on
         return
@@ -322,7 +323,7 @@ def unpark(mount: AlpacaDriver, _: op.Unpark) -> Steps:
 
 
 def rest(mount: AlpacaDriver, _: op.Hibernate) -> Steps:
-    """Turn tracking off, because no server puts its mount to sleep."""
+    """Turn tracking off, because no server can hibernate its mount."""
     yield from set_tracking(mount, op.SetTracking(on=False))
 
 

@@ -1,4 +1,6 @@
-"""Site and clock of the telescope. Some servers accept both and keep their own: what was set is read back."""
+"""Site and clock of the telescope. Some servers accept both without using them, so the driver reads back what it has
+set.
+"""
 
 from __future__ import annotations
 

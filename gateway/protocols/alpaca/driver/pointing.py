@@ -1,8 +1,8 @@
 """Positions, gotos, syncs, park and home.
 
 A server reports a parked mount by an error number. For any other refusal the driver reads the possible reasons, and
-passes on the text of the server unchanged. An order that is not answered soon may have been taken all the same:
-old servers answer when the motion has ended, so whether the mount slews decides.
+passes on the text of the server unchanged. If an order is not answered soon, the server may still have accepted it: old
+servers answer when the motion has ended. So the driver reads whether the mount slews.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
 
 
 def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
-    """Return whether a goto is under way; what the server tells during a motion by hand is that motion."""
+    """Return whether a goto is under way; during a motion by hand, the server's answer describes that motion."""
     slews = bool((yield Send("slewing"))["value"])
     state = mount.goto
     if state is None:
@@ -163,7 +163,7 @@ def _with_text(text: str, fault: Fault) -> str:
 
 
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
-    """Slew, by a request that is answered at once if the mount has it; tracking is turned on before if possible."""
+    """Slew, by a request that is answered at once if the server has it; tracking is turned on first if possible."""
     yield from stop_current_motion(mount)
     if mount.now() < mount.doubted_until:
         yield from keep_tracking(mount)
@@ -234,7 +234,7 @@ def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
 
 
 def resume_tracking(mount: AlpacaDriver) -> Steps:
-    """Turn tracking on again that was turned off for slow motion. If that fails, the look at it tries again."""
+    """Turn on tracking that was turned off for slow motion. If that fails, ``look_at_tracking`` tries again."""
     mount.slow.clear()
     mount.following.clear()
     mount.pulsed.clear()

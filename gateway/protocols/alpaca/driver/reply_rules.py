@@ -1,7 +1,8 @@
 """How requests to an Alpaca telescope look as lines, and what its answers mean.
 
-HTTP tells which answer belongs to which request and that it is whole, so no answer is asked for twice. A telescope that
-is no longer connected to its server is a lost line: it is connected again before anything else is asked.
+HTTP shows which answer belongs to which request and that it is complete, so no answer is verified by a second request.
+If a telescope is no longer connected to its server, the line counts as lost: the telescope is connected again before
+any other request.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ANYTHING, INVALID = 1, 0x401
 
 
 class AlpacaReplyRules:
-    """The ``ReplyRules`` of an Alpaca telescope. They know whether it was connected when it answered last."""
+    """The ``ReplyRules`` of an Alpaca telescope. They remember whether its last answer showed it connected."""
 
     protocol: CommandSet = load("alpaca")
     #: Half a request never arrives: a blank line before an owed stop means nothing, and spares the wait for its end.
@@ -91,7 +92,7 @@ class AlpacaReplyRules:
 
 @cache
 def _faults() -> dict[int, type[Fault]]:
-    """Return the faults that have a number of their own; all other numbers are refusals."""
+    """Return the faults that have an error number of their own; all other numbers are refusals."""
     named: dict[str, type[Fault]] = {"NotConnected": NotConnected, "Parked": Parked}
     several = [Invalid.__name__, "NoTarget", "Unsupported", *named]
     return {numbers()[name]: named.get(name) or getattr(errors, name) for name in several}

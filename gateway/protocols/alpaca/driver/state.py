@@ -1,4 +1,5 @@
-"""What the driver knows of a telescope behind an Alpaca server: its abilities, as it tells them, and what it has begun.
+"""What the driver knows of a telescope behind an Alpaca server: its abilities, as the server reports them, and its
+motions.
 
 Nothing is assumed: the driver refuses, with a message, what the server lacks or reports as impossible.
 """
@@ -191,7 +192,9 @@ class AlpacaDriver(Driver):
         return self.rates[0] * SIDEREAL if self.by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
 
     def by_pulses(self, rate: op.Rate) -> bool:
-        """Whether a slow arrow is a series of guide pulses: with tracking, its first axis has no speed near it."""
+        """Whether an arrow at this rate is a series of guide pulses, because the first axis has no speed near it while
+        tracking.
+        """
         wanted = self.wanted(rate)
         if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
             return False
@@ -222,9 +225,9 @@ class AlpacaDriver(Driver):
 
 
 def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
-    """Return the value of a member, or something else if the server does not have it, or fails to read it.
+    """Return the value of a member; ``otherwise`` if the server does not have the member, or fails to read it.
 
-    It is not requested again if the server reports that it lacks it, and has never sent it.
+    If the server reports that it lacks the member, and has never sent it, it is not requested again.
     """
     if member in mount.absent:
         return otherwise
@@ -253,7 +256,7 @@ def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: ob
 
 
 def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = told) -> Steps:
-    """Return all values that the server reports in one answer, by name; empty if it has no such answer, or fails."""
+    """Return all values that the server reports in one answer, by name; empty if it has no such request, or fails."""
     listed = yield from ask(mount, "devicestate", [])
     if not isinstance(listed, list):
         return {}

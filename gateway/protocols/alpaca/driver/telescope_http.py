@@ -1,7 +1,7 @@
 """A telescope of an Alpaca server in HTTP: its lines as requests with their numbers, and JSON answers as lines.
 
 Names are written as ASCOM spells them and truth values as .NET does, because servers may refuse anything else. An error
-line has a number and the server's own text; a member that HTTP itself refuses is one that is not there.
+line has a number and the server's text; if HTTP itself refuses a member, the server does not have it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class TelescopeHttp:
         self.first = (HttpRequest("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
 
     def opened(self, request: HttpRequest, status: int, body: bytes) -> None:
-        """Look whether there is a telescope, and which gateways are on the way to it. Raises OSError."""
+        """Check that the server has this telescope, and which gateways are on the way to it. Raises OSError."""
         answer: Any = None
         if status == OK:
             with suppress(ValueError):

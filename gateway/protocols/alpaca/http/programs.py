@@ -1,7 +1,7 @@
 """Alpaca programs: each is a client of the mount like the connection of any other program.
 
 HTTP connections do not identify programs, so a program is a ClientID on one computer. Its requests are the lines of a
-connection of its own and are answered in order; a slow one delays no other program. A program that is silent for long
+separate connection and are answered in order; a slow request delays no other program. A program that is silent for long
 is forgotten; the dead man's switch has ended its motions long before. The answer to a request is JSON with the value or
 the error, and the numbers of the request, as ASCOM defines.
 """
@@ -41,7 +41,7 @@ class NoAnswerInTime(Exception):
 
 
 class AlpacaClient:
-    """One Alpaca client, with a connection of its own to the gateway."""
+    """One Alpaca client, with its connection to the gateway."""
 
     def __init__(self, accept: Accept, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
@@ -117,7 +117,9 @@ class Programs:
         return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget closed and silent programs; if there are too many also an idle one, first those that only read."""
+        """Forget closed and silent programs; if there are too many, also an idle program, preferably one that has only
+        read.
+        """
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
             if program.gone or (program.idle and now - program.last > FORGET):

@@ -1,8 +1,8 @@
 """Alpaca's part of the web server: its addresses, the check of requests, and the answers to invalid ones.
 
-Alpaca has no passwords, and web pages in a browser can send requests here too. Therefore requests from web pages are
-refused (``Origin``, ``Sec-Fetch-Site``). Importing this module imports aiohttp, which is slow: import it when the first
-client connects.
+Alpaca has no passwords, and web pages in a browser can send requests to this server, too. Therefore requests from web
+pages are refused (``Origin``, ``Sec-Fetch-Site``). Importing this module imports aiohttp, which is slow: import it when
+the first client connects.
 """
 
 from __future__ import annotations

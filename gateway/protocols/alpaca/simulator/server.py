@@ -1,9 +1,9 @@
 """The server of a simulated Alpaca telescope: HTTP requests in, JSON out, as ASCOM defines them.
 
-What is not understood is answered with status 400 and a text: an unknown address, a capital letter in it, a missing or
-misspelt parameter, a number that is none. Everything else is answered with status 200, errors by their number. On a
-line without HTTP, as in rehearsals, the driver's own conversion stands between its lines and this server. The
-parameters and conditions of the members are in ``mappings/alpaca/simulator.toml``.
+Requests that it does not understand get status 400 and a text: an unknown address, a capital letter in it, a missing or
+misspelt parameter, an invalid number. Everything else is answered with status 200, errors by their number. On a line
+without HTTP, as in rehearsals, the driver's own conversion stands between its lines and this server. The parameters and
+conditions of the members are in ``mappings/alpaca/simulator.toml``.
 """
 
 from __future__ import annotations
@@ -288,7 +288,9 @@ def _track_rate(sim: AlpacaTelescope, rate: int) -> None:
 
 
 def _put(name: str, low: float, high: float, unit: float = 1.0, at: int | None = None) -> Callable[..., None]:
-    """Return what keeps a value within these limits in an attribute, or in one place of a list."""
+    """Return a function that stores a value in an attribute (``at``: in this place of a list), if it is within these
+    limits.
+    """
 
     def put(sim: AlpacaTelescope, value: float) -> None:
         value = ranged(value, low, high, name) * unit

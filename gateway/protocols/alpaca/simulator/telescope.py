@@ -1,10 +1,10 @@
 """The state and the mechanics of a simulated Alpaca telescope.
 
-It can be made to lack members (``lacks``, by their names in addresses: its ``Can…`` follow), to give other values than
-it has (``tells``), and to differ as servers do: ``platform`` 6 has no DeviceState and no ``connect``, ``blocks``
-answers a slew when it has ended, ``quiet_axes`` says that it is not slewing while an axis is moved, ``sends_j2000``
-sends and takes J2000 and declares it, ``senses`` are the signs of MoveAxis, with ``adds_tracking`` its rates are added
-to tracking instead of replacing it, and ``keeps_clock`` accepts a time and goes on with its own.
+It can lack members (``lacks``, by their names in addresses: its ``Can…`` follow), and report other values than it has
+(``tells``). Options imitate the differences between servers: ``platform`` 6 has no DeviceState and no ``connect``;
+``blocks`` answers a slew when it has ended; ``quiet_axes`` does not report Slewing while an axis is moved;
+``sends_j2000`` sends, takes and declares J2000; ``senses`` are the signs of MoveAxis; ``adds_tracking`` adds its rates
+to tracking instead of replacing it; ``keeps_clock`` accepts a time and ignores it.
 """
 
 from __future__ import annotations
@@ -148,12 +148,14 @@ class AlpacaTelescope(Simulated):
 
     @property
     def sky(self) -> Observer:
-        """The site and the clock that it believes in."""
+        """The site and the clock by which it calculates."""
         return self.mechanics.sky
 
     @property
     def moves(self) -> bool:
-        """What Slewing says: a slew, or an axis that is moved, until the motors have their ordered speed."""
+        """The value of Slewing: true in a slew, while an axis is moved, and until its motor has reached the ordered
+        speed.
+        """
         if self.mechanics.slewing(self.now):
             return True
         return not self.quiet_axes and (bool(self.moved) or (self.mechanics.runs_on(self.now) and not self.pulses))
@@ -241,7 +243,9 @@ class AlpacaTelescope(Simulated):
         self.move_axis(axis + 1, rate)
 
     def move_axis(self, axis: int, rate: float) -> None:
-        """Move an axis, 1 or 2, in degrees a second; at 0 it does what it did before. A hand control does so, too."""
+        """Move an axis, 1 or 2, in degrees a second; at 0 it does again what it did before. A hand control uses this,
+        too.
+        """
         self.mechanics.cancel(self.now)
         self.at = self.going = ""
         if rate:

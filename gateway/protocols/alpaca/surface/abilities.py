@@ -42,7 +42,7 @@ def side_of_pier() -> Handling:
 
 
 def destination_side(values: Values) -> Handling:
-    """A German mount chooses, at every goto, the side from which it looks across the pier."""
+    """Return the side of the pier after a goto to this position: a German mount then looks across its pier."""
     ra, _ = place(values)
     if not (yield op.GetAbilities()).german:
         return UNKNOWN
