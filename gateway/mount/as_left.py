@@ -1,8 +1,9 @@
-"""Whether a mount is still as the gateway left it: only then what the gateway keeps for it is still true.
+"""Whether a mount is still as the gateway left it: only then are the values that the gateway stores for it still true.
 
-A hand control without a sync command has an offset in the gateway instead, and none reports its drive rate. Both end
-when the mount is switched off, which nobody sees while the gateway or the line is away. So they are kept only if all
-that can be read agrees; in doubt they go together with their bookkeeping, and the user is told to sync again.
+For a hand control without a sync command the gateway stores an offset instead, and for every hand control the drive
+rate, which none reports. Both become wrong when the mount is switched off, which nobody observes while the gateway or
+the line is down. So they are kept only if everything that can be read agrees. In doubt they are discarded together with
+their bookkeeping, and the user is asked to sync again.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ EVERY = 60.0
 
 
 class AsLeft(Struct, frozen=True):
-    """Where the mount was ``at`` this computer's time: its own position, degrees, and whether it tracked; and how far
-    its clock was ahead of the computer's, seconds.
+    """The mount ``at`` this computer's time: its position, degrees, whether it tracked, and how many seconds its clock
+    was ahead of the computer's.
     """
 
     at: float
@@ -39,7 +40,7 @@ class AsLeft(Struct, frozen=True):
 
 
 class SameMount:
-    """Owns ``left``; ``lasting`` is emitted when that is to be written to disk."""
+    """Owns ``left``; ``lasting`` is emitted when ``left`` is to be written to disk."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
@@ -57,7 +58,7 @@ class SameMount:
         return bool(driver.emulated) or (driver.emulates_sync and (any(driver.offset) or synced != NO_SYNC))
 
     def seen(self, _: op.Equatorial) -> None:
-        """Record where the mount is, if the gateway keeps something for it."""
+        """Record where the mount is, if the gateway stores something for it."""
         if not (self._checked and self._keeps):
             return
         context = self._context

@@ -31,10 +31,10 @@ FASTEST = op.Rate(name="max")
 
 
 class Context:
-    """The driver, the operator's policy, the log, the loop's clock, background tasks, and the shared values.
+    """The driver, the owner's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    `Identification` alone sets the events: ``found`` when a mount answered, ``known`` when it is identified,
-    ``settled`` when its site and clock were read as well. ``closed`` is set at shutdown: no work is begun any more.
+    Only `Identification` sets the events: ``found`` when a mount answered, ``known`` when it is identified, ``settled``
+    when its site and clock were read as well. ``closed`` is set at shutdown: no work is begun any more.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, said: Remark) -> None:
-        """Log a deviation of the driver from the request: the first time, or the first of its kind."""
+        """Log a deviation of the driver from the request; of one text, or of one kind of remark, only the first."""
         self.log.note_once("mount", said.text, kind=said.kind)
 
     def note_once(self, text: str) -> None:

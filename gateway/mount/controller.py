@@ -1,8 +1,9 @@
-"""The controller of one mount: builds its parts, each of which knows only those before it, and passes the operations of
-clients to the part that answers them: readings, motions, site and clock, astronomy.
+"""The controller of one mount: builds its parts, and passes each operation of a client to the part that answers it:
+readings, motions, site and clock, or astronomy.
 
-The parts report back by signals. Reads are answered from the cache while they are fresh, and share one exchange if they
-are not. While any client polls, the cache is refreshed, so a hundred polling clients load the mount's line like one.
+Each part knows only the parts that were built before it; the others are connected by signals. Reads are answered from
+the cache while they are fresh, and otherwise share one exchange. While any client polls, the cache is refreshed, so a
+hundred polling clients load the mount's line like one.
 """
 
 from __future__ import annotations
@@ -47,11 +48,11 @@ _T = TypeVar("_T")
 
 
 class MountController:
-    """``perform`` carries out any operation and waits for it, ``begin`` does not wait; ``impossible`` returns why an
-    operation cannot succeed. ``peek`` answers a client's read at once if that needs no exchange, ``answer`` waits if it
-    does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh the last reading is.
-    ``fresh_until`` returns how long answers may be given again, and ``touch`` notes that they were. ``announcers``: see
-    ``Reconciler``.
+    """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``impossible`` returns the
+    reason why an operation cannot succeed. ``peek`` answers a client's read at once if that needs no exchange;
+    ``answer`` waits if it does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh
+    the last reading is. ``fresh_until`` returns how long answers may be given again; ``touch`` notes that they were
+    given again. ``announcers``: see ``Reconciler``.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
@@ -187,7 +188,7 @@ class MountController:
         return cast(_T, answer)
 
     async def answer(self, operation: op.Operation[_T], activity: HostActivity | None = None) -> _T:
-        """Return the answer to a read, from the cache if it is there. Raises Fault."""
+        """Return the answer to a read, from the cache if possible. Raises Fault."""
         cached = self.peek(operation, activity.program if activity is not None else NOBODY)
         return await self.perform(operation, activity=activity) if cached is NOT_CACHED else cached
 
@@ -216,8 +217,8 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount, whatever is cached: ``answer`` looks there first. The client ``asked`` at this loop time
-        (by default now), when there had been so many ``stops``; it stops waiting after ``patience`` seconds.
+        A read asks the mount, whatever is cached; ``answer`` uses the cache first. The client ``asked`` at this loop
+        time (by default now), after so many ``stops``; it stops waiting after ``patience`` seconds.
         """
         program = activity.program if activity is not None else NOBODY
         if type(operation) in MAX_AGE:

@@ -1,8 +1,9 @@
 """Identifies the mount whenever the line comes up, after sending a stop that is owed.
 
-A motion does not survive the loss of the line: a stop is the first command when it is back. If the line was away for
-longer, a person may have taken over at the mount's own keys, so the mount is looked at first (``left_moving.py``). A
-mount that was not identified before is probed first, because another kind might misread the bytes of a stop.
+A motion does not survive the loss of the line: when the line is back, the stop is the first command. If the line was
+away for longer, a person may have taken over at the hand control, so the motion of the mount is observed first
+(``left_moving.py``). A mount that was not identified before is probed first, because a mount of another kind might
+misread the bytes of a stop.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ ASK_AGAIN = 1.0
 
 
 class Identification:
-    """Listens to the line. ``identified`` is emitted whenever the mount was identified; before that, ``check`` looks
-    whether it is as it was left.
+    """Listens to the line. ``identified`` is emitted whenever the mount was identified; before that, ``check`` compares
+    it with the saved state.
     """
 
     def __init__(
@@ -99,7 +100,9 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
 
     def _stop_owed(self, commands: list[bytes]) -> None:
-        """Add the stop commands if a stop is owed, or no position shows yet that the last one was heard."""
+        """Add the stop commands if a stop is owed, or if no position confirms yet that the mount received the last
+        stop.
+        """
         if (self._reconciler.wanted.owed or self._ends.pending) and self._context.known.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 

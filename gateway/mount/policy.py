@@ -1,8 +1,8 @@
 """The decisions of the mount's owner: limits, parking, whether the mount is held, how long clients may be silent.
 
 Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
-is allowed, and a motion that leads out of a forbidden region is never forbidden. Altitudes that somebody has written
-are kept by every source of site and time and on the way of a goto. Until then 0 and 90 degrees are a courtesy: they
+is allowed, and a motion that leads out of a forbidden region is never forbidden. Altitude limits that somebody has
+written hold by every source of site and time, and on the way of a goto. The default limits, 0 and 90 degrees, only
 judge goals by the mount's own site and clock, and end arrows and tracking.
 """
 
@@ -24,9 +24,9 @@ CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, w
 
 
 class Limits(Struct, frozen=True):
-    """The operator's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
+    """The owner's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
     largest hour angle past the meridian (None for none). All in degrees. ``at_keys`` are the altitudes for motion at
-    the mount's own keys: only limits that the owner has written down end that. ``by_page``: a page has narrowed them.
+    the hand control's keys: only limits that the owner has written end that. ``by_page``: a page has narrowed them.
     """
 
     lowest: float = 0.0
@@ -119,10 +119,10 @@ class Policy(Struct, frozen=True):
 
 
 def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:
-    """Check whether a mount may park at a position that only it knows. Raises Refused.
+    """Check whether a mount may park at a position that only the mount knows. Raises Refused.
 
     A Meade parks at the position set at its keypad, which no command reads; the default is the horizon. So it may park
-    there if the limits are no narrower than the horizon, or if the owner allows it with park = "mount".
+    if the limits are no narrower than the horizon, or if the owner allows it with park = "mount".
     """
     if isinstance(operation, op.Park) and (limits.lowest > 0.0 or limits.highest < 90.0):
         raise Refused(
@@ -134,8 +134,8 @@ def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:
 class Hold:
     """While it is ``on``, no order may move the mount or turn its tracking on (``mount-gateway stop --hold``).
 
-    Allowed are orders that end a motion or tracking, and those that move nothing: reads, settings, syncs, the rate of a
-    drive that is on, and the focuser, which does not turn the mount.
+    Orders that end a motion or tracking are allowed, and orders that move nothing: reads, settings, syncs, the rate of
+    a drive that is on, and the focuser, which does not turn the mount.
     """
 
     def __init__(self) -> None:

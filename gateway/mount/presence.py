@@ -1,8 +1,8 @@
 """The client connections of each host, and when each was last active.
 
 While a connection is open, only its own bytes show that the client is alive: another program on the same computer does
-not hold the same arrow. Once it is closed, connections count that the same host has opened since, because some programs
-open one for every command.
+not hold the same arrow. After it is closed, connections that the same host has opened since count, too, because some
+programs open a connection for every command.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FORGOTTEN_AFTER = 60.0
 
 
 class ProgramId(NamedTuple):
-    """A program, as far as site and clock are its own: a host on one surface (0: no surface, such as a command)."""
+    """A program to which site and clock settings belong: a host on one surface (0: no surface, such as a command)."""
 
     host: str
     surface: int = 0
@@ -28,7 +28,7 @@ NOBODY = ProgramId("")
 class HostActivity:
     """A connection of the host ``who``. ``sent_data`` is set by any data from it, and reset by the supervisor.
 
-    ``program`` stands for all connections of that host to one surface, whose site and clock are the same.
+    ``program`` stands for all connections of that host to one surface, which share their site and clock.
     """
 
     __slots__ = ("closed", "last", "opened", "program", "sent_data", "who")
@@ -69,7 +69,7 @@ class Presence:
         activity.closed = self._now()
 
     def returned(self, activity: HostActivity) -> None:
-        """A connection whose client seemed gone has one after all."""
+        """Note that a connection that seemed closed still has its client."""
         activity.closed = None
 
     def connections_for(self, activity: HostActivity) -> list[HostActivity]:

@@ -1,11 +1,10 @@
 """Runs the generators of a driver: sends the commands that they yield and gives the verified replies back to them.
 
-A byte that was changed on the way can leave the form of a reply intact. Therefore a reply like the last one is accepted
+A byte that was changed on the way can leave the form of a reply intact. So only a reply like the last one is accepted
 at once. For any other reply the request is repeated until replies in a row agree: two if the mount can have moved that
 far, three if the value seldom changes, and one more than the late replies that may still arrive. A position that no
-motor can have reached since the last one is asked for again until five agree (three on a slow line): it is neither told
-nor used by a limit before. A reply that took unusually long does not count. While the mount hibernates, a command that
-it would not answer is refused without sending it.
+motor can have reached since the last one needs five (three on a slow line); until then neither clients nor limits get
+it. A reply that took unusually long does not count.
 """
 
 from __future__ import annotations
@@ -134,7 +133,7 @@ class ReplyVerifier:
     async def _send_order(self, command: Send, priority: int) -> Values:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
 
-        A stop never waits: it is sent until one of its acknowledgements must be its own.
+        A stop never waits: it is repeated until an acknowledgement can only belong to it.
         """
         if priority != STOP:
             try:
@@ -248,8 +247,8 @@ class HibernationGate:
     """Decides which commands are sent to a hibernating mount, and tells the driver when its replies show it awake.
 
     Each command that a hibernating mount ignores costs a timeout of seconds. Stops are sent anyway. The position is
-    read now and then, because a person may have woken the mount at its keys: the first reply that a hibernating mount
-    does not give ends hibernation. While a wake-up order is pending, every command is let through.
+    read now and then, because a person may have woken the mount at its keys: a reply that no hibernating mount gives
+    ends hibernation. While a wake-up order is pending, every command is sent.
     """
 
     def __init__(self, context: Context) -> None:
@@ -261,7 +260,7 @@ class HibernationGate:
         self._next = self._now() + TRY_AGAIN
 
     def try_next_read(self) -> None:
-        """Let the next position read through: the line was lost, and the mount perhaps switched off and on."""
+        """Allow the next read of the position: the line was lost, and the mount may have been switched off and on."""
         self._next = 0.0
 
     @property
@@ -319,8 +318,8 @@ class DriverRunner:
     ) -> _T:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
-        ``may_begin`` is called before a motion by hand begins, and may raise a Fault instead. What ``changes`` the
-        mount outdates its replies of before and those that come meanwhile.
+        ``may_begin`` is called before a motion by hand begins, and may raise a Fault. If the generator ``changes`` the
+        mount, earlier replies, and those that arrive meanwhile, are outdated.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchanges = exchanges = 0

@@ -1,14 +1,14 @@
 """The line to the mount: one exchange at a time, in order of priority.
 
-A stop goes first, then motions, then settings, then reads. While the mount works on a long operation only a stop is
-sent. After a timeout or a garbled reply, nothing but a stop is sent until the line has been checked to be in step. If
+A stop goes first, then motions, then settings, then reads. While the mount works on a long operation, only a stop is
+sent. After a timeout or a garbled reply, nothing but a stop is sent until a check shows that the line is in step. If
 the port is lost, the line reopens it with growing pauses, for ever; a port on which the mount stays mute is closed and
 reopened.
 
-A stop waits for one exchange at most. If that lasts longer than usual, it is cut off: it may have begun, is not
-repeated, and its reply is dropped with everything else that comes until the line is in step. Meanwhile the stop is
-written without waiting for replies, and again because the mount may not have listened. Once the line is in step, it is
-sent as usual.
+A stop waits for one exchange at most. If that exchange lasts longer than usual, it is cut off: it may have begun, is
+not repeated, and its reply is dropped with everything else until the line is in step. Meanwhile the stop is written
+without waiting for replies, and repeated because the mount may not have received it. Once the line is in step, the stop
+is sent as usual.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class MountLink:
         self.queue.fail_all()
 
     def check_again(self) -> None:
-        """Check that the line is in step before it is used again: another process has written to the wire."""
+        """Check that the line is in step before the next exchange: another process has written to the wire."""
         self._used_by_others = True
         self.queue.wake()
 
@@ -143,7 +143,7 @@ class MountLink:
         return (await self.timed(command, priority))[0]
 
     async def timed(self, command: Send, priority: int) -> tuple[Values, float]:
-        """Like `exchange`, and return the seconds that the reply took too. Raises Fault with ``took`` set."""
+        """Like `exchange`, but also return the seconds that the reply took. Raises Fault with ``took`` set."""
         if self.state == "down":
             self._hurry(priority)
             unheard = NoAnswer()
@@ -206,7 +206,9 @@ class MountLink:
         await self._recover()
 
     async def _write_stop(self) -> bool:
-        """Write the stop that is owed, or those that wait, without waiting for replies; return whether there is any."""
+        """Write the stop that is owed, or the queued stops, without waiting for replies; return whether
+        there is any.
+        """
         commands, before = self._stop(), self.reply_rules.closing
         self.transaction.stop_written(commands)
         for command in commands:
@@ -282,7 +284,7 @@ class MountLink:
         return False
 
     async def in_step(self) -> bool:
-        """Whether every check command is answered as it should be, and nothing follows the last reply."""
+        """Whether every check command gets the right reply, and nothing follows the last reply."""
         self._checks += 1
         for command in self.reply_rules.resync_commands(self._checks):
             await asyncio.sleep(self.transaction.quiet_needed(command))

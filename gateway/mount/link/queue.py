@@ -1,7 +1,7 @@
 """The queue of requests to the mount, by priority.
 
 A stop goes first, then motion, then the position, then settings, then other reads; the priority of a request that has
-waited long rises. A read that would delay something urgent waits for that. Pure functions decide which request is next.
+waited long rises. A read that would delay something urgent waits for it. Pure functions decide which request is next.
 """
 
 from __future__ import annotations

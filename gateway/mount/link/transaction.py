@@ -96,7 +96,9 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered; ``ambiguous_with``: one reply could be taken for the other."""
+    """Requests that timed out and may still be answered; ``ambiguous_with`` tells whether one reply could be taken for
+    another.
+    """
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
         self._ambiguous_with = ambiguous_with
@@ -111,7 +113,9 @@ class LateReplies:
         return max([end for end, _ in self._like(command, now)], default=now)
 
     def count(self, command: Send, now: float) -> int:
-        """Return how many late replies could be mistaken for that of this command; one more must be its own."""
+        """Return how many late replies could be mistaken for the reply to this command; the reply after them must be
+        its own.
+        """
         return len(self._like(command, now))
 
     def _like(self, command: Send, now: float) -> list[tuple[float, Send]]:
@@ -122,7 +126,7 @@ class LateReplies:
 
 
 class GaveWay(NoAnswer):
-    """The reply was given up for a stop that waits, on a wire that will not deliver it any more."""
+    """The reply was given up in favour of a stop that waits, on a wire that no longer delivers it."""
 
 
 class Transaction:
@@ -210,11 +214,11 @@ class Transaction:
 
     @property
     def stop_due(self) -> bool:
-        """Whether a stop is to be written now, without waiting for what the mount has to say."""
+        """Whether a stop is to be written now, without waiting for replies of the mount."""
         return self._now() >= self._stop_due and not self.lost
 
     def stop_written(self, commands: Collection[bytes]) -> None:
-        """Note that these commands of the stop that was due were written, and when it is due again."""
+        """Note that these commands of the due stop were written, and when the stop is due again."""
         now, self._stop_due = self._now(), math.inf
         if not self.written.issuperset(commands):
             self._first_written = now
@@ -328,7 +332,7 @@ class Transaction:
     async def _reply(
         self, command: Send, expected: Expected, began: float, settle: float, resync: bool
     ) -> Taken | None:
-        """Return the reply and its length when it is complete; None if it is not in time, or the wire was lost.
+        """Return the reply and its length when it is complete; None if it is late, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
@@ -413,7 +417,7 @@ class Transaction:
         return self._buffer.strip(self.reply_rules.padding)
 
     async def idle(self, seconds: float) -> None:
-        """Wait so many seconds, but not longer than until a stop is due."""
+        """Wait for some seconds, but not longer than until a stop is due."""
         until = self._now() + seconds
         while not self.lost and not self.stop_due and (left := until - self._now()) > 1e-6:
             self._arrived.clear()
@@ -427,7 +431,8 @@ class Transaction:
             await self._arrived.within(left)
 
     async def drain(self, quiet: float) -> bool:
-        """Wait until the wire has been quiet for so many seconds, and drop what came; return whether anything came.
+        """Wait until the wire has been quiet for some seconds, and drop the received bytes; return whether there were
+        any.
 
         A stop that is due ends it.
         """

@@ -1,10 +1,10 @@
 """How each kind of order, and its outcome, changes `Wanted`: pure functions, one row per kind of order.
 
-The newest order counts: a rate replaces one that still waits, a halt removes the waiting orders that would move its
-axis, a stop removes all motions. A goto moves both axes as one: a halt of either axis, while the goto waits or is under
-way, ends all of it. The exception is the release of an arrow that the same host pressed before the goto; it takes
-effect if the goto was refused. What the mount has acknowledged becomes ``motion``. A guide pulse leaves its end or its
-remainder behind as an order of the gateway.
+The newest order counts: a rate replaces a pending rate, a halt removes the pending orders that would move its axis, a
+stop removes all motions. A goto moves both axes together: a halt of either axis, while the goto is pending or under
+way, ends the whole goto. The exception is the release of an arrow that the same host pressed before the goto; it takes
+effect if the goto was refused. What the mount has acknowledged becomes ``motion``. A guide pulse adds an order of the
+gateway for its end or its remainder.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
     """Return the new ``Wanted`` after a stop: no motion, and the stop command is owed to the mount.
 
-    ``why`` is the reason if the gateway itself stops the mount, empty if a client does, None for a stop that follows.
+    ``why`` is the reason if the gateway itself stops the mount, empty if a client does, None for a repeated stop.
     """
     pending = tuple(
         order
@@ -100,7 +100,7 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
 
 
 def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
-    """Add a follow-up of the driver as order ``number``; it replaces an equal one that still waits."""
+    """Add a follow-up of the driver as order ``number``; it replaces an equal pending follow-up."""
     order = Order(
         number,
         later.operation,
@@ -119,7 +119,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
 
 
 def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
-    """Whether a stop came after the client asked for the operation; ``stops`` is how many stops there had been then."""
+    """Whether a stop came after the client asked for the operation; ``stops`` was the number of stops at that time."""
     if stops is None or stops == wanted.stops:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
@@ -132,7 +132,7 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
 
 
 def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
-    """Let a halt interrupt the active order, if that can be begun again after it."""
+    """Let a halt interrupt the active order, if that order can begin again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
     if (
         halt.rank != FIRST
@@ -206,7 +206,7 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Apply the halt of one axis, which may end a whole goto, or be the release of an arrow that is still to move."""
+    """Apply the halt of one axis, which may end a whole goto, or release an arrow whose motion has not begun."""
     assert isinstance(order, Halt)
     if order.ends_tap:
         return ended(wanted, order)
@@ -326,7 +326,7 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
 def acknowledged(
     wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent: float = 0.0
 ) -> Wanted:
-    """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was admitted.
+    """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was sent.
 
     ``speed`` is the speed of a motion by hand, degrees a second; ``sent`` is the loop time of its command.
     """
@@ -367,7 +367,7 @@ def at_rest(wanted: Wanted) -> Wanted:
 
 
 def arrived(wanted: Wanted) -> Wanted:
-    """Note that the goto under way has ended, wherever it did."""
+    """Note that the goto under way has ended, at its goal or elsewhere."""
     return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
 
 
@@ -406,9 +406,9 @@ def pulse_ended(wanted: Wanted, ended: PulseEnded) -> Wanted:
 
 
 def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Order]:
-    """Take what the last guide pulse of an axis was too long from the next one in the same direction.
+    """Subtract the excess length of the last guide pulse of an axis from the next pulse in the same direction.
 
-    Later the program that guides has seen where the star is.
+    After some time the excess no longer counts: the guiding program has measured its effect on the star.
     """
     pulse, axis = order.operation, order.pulse_axis
     last = next(

@@ -19,8 +19,8 @@ TOLD_FROM = 0.1
 
 
 class Consequences:
-    """Updates the cache and the watches: ``begins`` before ``Wanted`` shows an acknowledged operation, ``done`` after
-    that; ``stop_sent`` and ``at_rest`` for a stop that was sent, and acknowledged.
+    """Updates the cache and the watches: ``begins`` before ``Wanted`` contains an acknowledged operation, ``done``
+    after that; ``stop_sent`` and ``at_rest`` for a stop that was sent, and acknowledged.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Consequences:
                 self._gate.hibernation_began()
 
     def followed(self, operation: op.Operation) -> None:
-        """Handle a follow-up of the driver: the last step of a park has turned tracking off, and nobody need ask."""
+        """Handle a follow-up of the driver. The last step of a park has turned tracking off, so no read is needed."""
         status: op.Status | None = self._cache.last(op.GetStatus)
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))

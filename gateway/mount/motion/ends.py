@@ -1,9 +1,9 @@
 """The end of a motion is owed until the position shows it: an acknowledgement can be lost, and some mounts give none.
 
-An end is done when the speed has fallen below ``PART`` of the ordered speed. Until then its command is sent again, at
-growing intervals; after ``TIMES`` attempts the log warns the user, and after ``AT_MOST`` the gateway gives up, because
-a person at the hand control may be moving the mount. Pure functions over frozen values decide. Angles are degrees,
-times are seconds of a monotonic clock.
+An end is done when the speed has fallen below ``PART`` of the ordered speed. Until then its command is repeated at
+growing intervals. After ``TIMES`` attempts the log warns the user. After ``AT_MOST`` the gateway gives up, because a
+person at the hand control may be moving the mount. Pure functions over frozen values decide; angles are degrees, times
+seconds of a monotonic clock.
 """
 
 from __future__ import annotations
@@ -44,9 +44,11 @@ class AxisSample(Struct, frozen=True):
 
 
 class Ending(Struct, frozen=True):
-    """Axes (1, 2) that are to stand still, their speed in degrees a second, and when the command was sent.
+    """The end of a motion: axes (1, 2) that are to stand still, their speed in degrees a second, and when the command
+    was sent.
 
-    ``begun`` is ``Wanted.begun`` at that time: an axis that was set moving again since has no end any more.
+    ``begun`` is ``Wanted.begun`` at that time: if it has grown since, the axis was set moving again, and the end is
+    void.
     """
 
     axes: frozenset[int]
@@ -59,7 +61,7 @@ class Ending(Struct, frozen=True):
 
 
 class Step(Enum):
-    """The next step for an end: nothing more, look again, send it again, or send it again and warn the user."""
+    """The next step for an end: none, read the position again, send it again, or send it again and warn the user."""
 
     DONE = auto()
     LOOK = auto()
@@ -75,7 +77,7 @@ def visible(ending: Ending) -> bool:
 def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
     """Return the speed of the axes since the end was sent, degrees a second; None if the samples do not show it yet.
 
-    Of the samples since then the last two that are far enough apart count, which leaves out the run-on before them.
+    Only the last two samples that are far enough apart count, to leave out the run-on before them.
     """
     since = [sample for sample in samples if sample.at >= ending.sent[-1]]
     for before, after in reversed(list(pairwise(since))):
@@ -114,7 +116,7 @@ class EndWatch:
 
     @property
     def ending(self) -> Ending | None:
-        """The end that the position does not show yet, of the axes that have not been set moving again since."""
+        """The end that the position does not confirm yet, for the axes that have not been set moving again since."""
         ending, begun = self._ending, self._wanted.value.begun
         if ending is not None and ending.begun != begun:
             axes = frozenset(axis for axis in ending.axes if ending.begun[axis - 1] == begun[axis - 1])

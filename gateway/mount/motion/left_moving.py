@@ -1,8 +1,8 @@
-"""Motion that went on without the gateway: what it had set moving when its line was lost, or when it was killed.
+"""Motion that went on without the gateway: motion that it had begun when its line was lost, or when it was killed.
 
-Meanwhile a person at the mount's own keys may have ended that motion and begun another one, which is left alone. A
-recent mark is stopped at once. After that, two positions decide: an axis that still turns as marked, and a goto that
-still leads to the marked goal, are stopped. What they cannot show is stopped as well.
+Meanwhile a person at the hand control may have ended that motion and begun another one, which is left alone. A recent
+motion is stopped at once. After that time, two positions decide: an axis that still turns as the marker says, and a
+goto that still leads to the marked goal, are stopped. If positions cannot decide, the motion is stopped as well.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ FASTER = 2.5
 
 
 class LeftMotion(Struct, frozen=True, omit_defaults=True):
-    """What moved: ``speeds`` of motions by hand, by axis, degrees a second; or the ``goal`` of a goto (RA, Dec).
+    """The motion left behind: ``speeds`` of motions by hand, by axis, degrees a second; or the ``goal`` of a goto (RA,
+    Dec).
 
-    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. That
-    of the second axis turns back over the pole or the zenith.
+    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. The
+    reading of the second axis has no such direction, because it turns back over the pole or the zenith.
     """
 
     speeds: dict[int, float] = {}
@@ -72,7 +73,7 @@ def still_left(
     left: LeftMotion, before: AxisSample, after: AxisSample, slewing: bool, remaining: tuple[float, float]
 ) -> frozenset[int]:
     """Return the axes that still move as marked. ``slewing``: the mount reports a goto; ``remaining``: the greater of
-    the ways that its axes have to the marked goal, at both samples, degrees.
+    the distances of its two axes from the marked goal, at both samples, degrees.
     """
     if left.goal is not None:
         return frozenset((1, 2)) if slewing and remaining[1] <= remaining[0] else frozenset()

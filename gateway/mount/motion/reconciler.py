@@ -1,11 +1,10 @@
 """Makes the mount do what is wanted: the only part that sends motion commands, one order after the other.
 
-The law of its loop: an order changes what is wanted in the call in which it arrives (``take``). While one is due and no
-stop is being sent, the loop takes it, has the rules admit it, announces a motion before its first byte, has the driver
-carry it out, and folds the outcome into what is wanted; only then does it take the next. An order that is no longer
-wanted is cancelled between two exchanges; what an end has interrupted begins again after it. A stop is no order: it
-stands beside the loop (``stopping.py``), cancels what runs and waits, and waits itself only for the exchange on the
-wire; an order that survives it continues. Only this part replaces what is wanted.
+An order changes ``Wanted`` in the call in which it arrives (``take``). The loop then carries out one due order after
+the other: it has the rules admit the order, announces a motion before its first byte, has the driver carry it out, and
+adds the outcome to ``Wanted``. An order that is no longer wanted is cancelled between two exchanges; an order that a
+halt has interrupted begins again after it. A stop is no order (``stopping.py``): it does not queue, cancels the motions
+that run or wait, and waits only for the exchange on the wire. Only this part replaces ``Wanted``.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ FOCUS_AGAIN = 1.0
 
 
 class Reconciler:
-    """``announcers`` are awaited in their order before anything is sent that sets the mount moving, so that the
-    watchdog and the marker on disk know of the motion should this process be killed.
+    """``announcers`` are awaited in their order before any command that sets the mount moving, so that the watchdog and
+    the marker on disk know of the motion if this process is killed.
 
     Signals: ``begins`` with an operation that the mount has acknowledged, ``unattended`` if it needs an active client;
     ``at_rest`` when a stop was acknowledged; ``lasting`` when the state that is saved to disk may have changed.
@@ -158,7 +157,9 @@ class Reconciler:
         return outcome if outcome is not None else waiting.finished()
 
     def halt_is_pending(self, operation: op.Operation) -> bool:
-        """Remove the pending orders that a halt ends; return whether an equal pending halt serves for this one."""
+        """Remove the pending orders that a halt ends; return whether an equal halt is pending, which makes this one
+        redundant.
+        """
         begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
         if begins or self._movement.slewing:
             return False
@@ -168,7 +169,9 @@ class Reconciler:
         return same is not None
 
     def releases_arrow(self, activity: HostActivity) -> bool:
-        """Let a full stop that only releases an arrow follow the shortest motion; False if the stop is to go first."""
+        """Treat a full stop that only releases an arrow as the end of a tap; return False if the stop must be sent at
+        once.
+        """
         after = None if self._movement.slewing else taps.stopped_at_once(self.wanted, activity, self._loop.time())
         if after is not None:
             self.want(after)
@@ -184,7 +187,7 @@ class Reconciler:
         self._start_next()
 
     def plan(self, later: Schedule) -> None:
-        """Carry out a follow-up after some seconds; it replaces an equal one that still waits."""
+        """Carry out a follow-up after some seconds; it replaces an equal pending follow-up."""
         self.want(changes.planned(self.wanted, later, next(self._numbers), self._loop.time()))
 
     # --- stops ------------------------------------------------------------------------------------------------------
@@ -420,7 +423,7 @@ class Reconciler:
         self.lasting.emit(None)
 
     async def _check_other_axis(self) -> None:
-        """After the end of one axis, check that the other may move on alone; if not, stop the mount."""
+        """After the end of one axis, check that the other axis may continue alone; if not, stop the mount."""
         try:
             await self._admission.still_allowed()
         except Fault as fault:

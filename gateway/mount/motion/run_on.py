@@ -1,9 +1,9 @@
 """The run-on: after the end of a motion the mount counts as moving until its position shows it at rest.
 
 Motors take up to two seconds to slow down, and whoever exposes, syncs or guides meanwhile does so on a mount that turns
-at degrees a second. Two positions that were requested after the end and agree are rest. Without a position for
-``SILENT`` seconds it is not known whether the mount moves. This changes what is told and when guide pulses begin,
-never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
+at degrees a second. Two positions that were requested after the end and agree show rest. Without a position for
+``SILENT`` seconds nobody knows whether the mount moves. The run-on changes what clients are told and when guide pulses
+begin, never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class TimedPosition(Struct, frozen=True):
 
 class RunOn(Struct, frozen=True):
     """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``places`` are the positions that
-    count, ``heard`` is when the mount last reported one.
+    count; ``heard`` is the time of the mount's last report of a position.
     """
 
     since: float
@@ -104,7 +104,7 @@ class RunOnWatch:
 
     def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
         """Return the motion by orders of this gateway, including the run-on. ``parked``: the mount is parked;
-        ``heard``: the age of its last reply, seconds.
+        ``heard``: seconds since its last reply.
         """
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.
@@ -123,13 +123,13 @@ class RunOnWatch:
         )
 
     def may_move(self) -> None:
-        """Note that the mount may move by a command of an earlier run."""
+        """Note that the mount may be moving by a command of an earlier run of the gateway."""
         self._rested_at = -1
 
     def ended(self, goto: bool, latest: TimedPosition | None = None, by_others: bool = False) -> None:
-        """Note an end that the mount has acknowledged, or a goto that has ended by itself: the ``latest`` position,
-        from shortly before then, may show that it rests already. ``by_others``: somebody else moves the mount. A
-        repeated end, and one of a mount that has been seen at rest since its last motion, change nothing.
+        """Note an end that the mount has acknowledged, or a goto that has ended by itself. The ``latest`` position,
+        from shortly before, may already show rest. ``by_others``: somebody else moves the mount. A repeated end, and
+        the end of a mount that was at rest since its last motion, change nothing.
         """
         now = self._now()
         if self.value is not None or not (self.sent.count != self._rested_at or by_others):
@@ -140,7 +140,7 @@ class RunOnWatch:
         self.changed.emit(now + PULSE_WAITS)
 
     def forget(self) -> None:
-        """Note that a motion has begun, or that the mount sleeps: nothing runs on. Pulses wait as before."""
+        """Note that a motion has begun, or that the mount hibernates: nothing runs on. Pulses wait as before."""
         self.value = None
 
     def position(self, position: TimedPosition, equatorial: bool, digit: float) -> None:

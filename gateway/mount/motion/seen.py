@@ -27,9 +27,9 @@ NEVER = -1e9
 class PositionSample(Struct, frozen=True):
     """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
 
-    ``unsynced`` are the altitudes at which the tube may be if the syncs were wrong, ``by_others`` those by other
-    sources of site and time. ``lifting`` is the motion by hand of the second axis at that time. Altitudes, and
-    distances from Suns, can be compared within one ``era``.
+    ``unsynced`` are the possible altitudes of the tube if the syncs were wrong; ``by_others`` are the altitudes by
+    other sources of site and time. ``lifting`` is the motion by hand of the second axis at that time. Altitudes and
+    distances from Suns can only be compared between samples of the same ``era``.
     """
 
     at: float
@@ -60,8 +60,9 @@ class Observed(Struct, frozen=True):
     before that.
 
     ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
-    ``farthest`` are the distances from which each Sun is being approached. ``upright`` is False from the time when
-    the tube passed pole or zenith, or sank although it was lifted, until it is seen back or the next goto has ended.
+    ``farthest`` are the distances from which each Sun is being approached. ``upright`` becomes False when the tube
+    passes the pole or the zenith, or sinks although it is lifted, and True again when positions show it back or the
+    next goto has ended.
     """
 
     before: PositionSample | None = None
@@ -106,7 +107,7 @@ def see(observed: Observed, sample: PositionSample) -> Observed:
 
 def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
     """Update ``upright``: whether the second motor lifts the tube as it should. A mount that does not report its axes
-    may be beyond the pole or the zenith. ``speed`` is that of the motor in degrees a second.
+    may be beyond the pole or the zenith. ``speed`` is that of the motor, degrees a second.
     """
     before, last = observed.before, observed.last
     if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
@@ -137,7 +138,9 @@ def passed(
 
 
 def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
-    """Return the position at the time of its second half; the right ascension was read ``lag`` seconds earlier."""
+    """Return the position at the time of its second coordinate; the right ascension was read ``lag``
+    seconds earlier.
+    """
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP:
         return place

@@ -45,7 +45,7 @@ class StopSender:
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
-        """Send a stop when the cancelled task has ended. If one is being sent already, that serves as well."""
+        """Send a stop when the cancelled task has ended. If a stop is being sent already, no other is needed."""
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(given_up))
             self.task.add_done_callback(self._attempt_ended)

@@ -1,7 +1,7 @@
-"""A tap on an arrow: its release was read before its motion has begun, and ends it after the time it was held.
+"""A tap on an arrow: its release arrived before its motion has begun, and ends the motion after the time it was held.
 
-Once a motion has begun, its release ends it at once; only a short one keeps its length. One that has not begun is
-carried out all the same, and ended when it has lasted as long as the arrow was held, but not before the mount has
+Once a motion has begun, its release ends it at once; only a short motion keeps its length. If the motion has not begun,
+it is carried out all the same: it ends when it has lasted as long as the arrow was held, but not before the mount has
 acknowledged it. A tap that has waited too long is dropped. Taps follow one another; only a stop, a goto or a halt by
 somebody else cancels them. Pure functions over frozen values; times are seconds of the loop's clock.
 """
@@ -57,7 +57,9 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
 
 
 def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
-    """Return the new ``Wanted`` once the holding time of the newest arrow is known, and of an earlier one under way."""
+    """Return the new ``Wanted`` when the release shows how long the newest arrow was held, and an earlier arrow under
+    way.
+    """
     newest = waiting[-1]
     first = waiting[0] if waiting[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
@@ -71,7 +73,7 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
 
 
 def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
-    """Give a tap at guide rate as a guide pulse; keep one for the next tap that the mount would lengthen too much."""
+    """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, save it for the next tap."""
     before = sum(other.held or 0.0 for other in wanted.kept if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.kept if axis_of(other) != axis_of(tap))
     tap = replace(_held(tap, before + (tap.held or 0.0)), at=0.0)
@@ -88,7 +90,7 @@ def at_guide_rate(operation: op.Operation) -> bool:
 
 
 def _joined(wanted: Wanted, tap: Order) -> Wanted:
-    """Join a tap with an equal one before it that has not ended, so that a slow line carries out both in time."""
+    """Join a tap with an equal tap before it that has not ended, so that a slow line carries out both in time."""
     axis, begun = axis_of(tap), motion_of(wanted, axis_of(tap))
     others = tuple(other for other in wanted.pending if other is not tap)
     before = next((other for other in reversed(others) if _arrow_of(tap, other) and other.number < tap.number), None)
@@ -108,9 +110,10 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
 
 
 def serves_as_well(order: Order, wanted: Wanted) -> bool:
-    """Whether something else has fulfilled an order that is no longer pending.
+    """Whether an order that is no longer pending was fulfilled in another way.
 
-    What removes a halt ends its motion, too. An arrow was replaced by the same client's next one, or joined with one.
+    An order that removes a halt ends its motion, too. An arrow was replaced by the same client's next arrow, or joined
+    with another.
     """
     if isinstance(order.operation, ENDS):
         return True
@@ -131,7 +134,7 @@ def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
 def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | None:
     """Return the new ``Wanted`` after a full stop that only releases an arrow: the shortest motion, and then the stop.
 
-    None if the stop goes first: the motion has begun, the press is too old, or something else moves or waits.
+    None if the stop must be sent at once: the motion has begun, the press is too old, or something else moves or waits.
     """
     waiting = [other for other in wanted.pending if not other.follow_up]
     moving = not isinstance(wanted.motion, NotOrdered) or wanted.owed or wanted.pulses or wanted.taps
@@ -148,14 +151,16 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
 
 
 def ended(wanted: Wanted, end: Halt) -> Wanted:
-    """Add the end of a tap, which cancels no order that came after the tap; a goto on its way serves as the end."""
+    """Add the end of a tap. It cancels no order that came after the tap; a goto under way serves as the end."""
     gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
     end = replace(end, rank=FIRST, overtakes=True, asked=wanted.asked, unless=gotos[0] if gotos else 0)
     return replace(wanted, pending=(*wanted.pending, end))
 
 
 def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
-    """Return the press that its release has dropped, because it has waited and was held too long; None if none was."""
+    """Return the press that its release has dropped, because it has waited or was held too long; None if it dropped
+    none.
+    """
     waiting = unbegun(wanted, release)
     if not waiting or not over(wanted, axis_of(release)) or not _late(waiting[-1], release):
         return None
@@ -163,7 +168,7 @@ def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
 
 
 def without_presses(wanted: Wanted) -> Wanted:
-    """Remove the arrows that wait for their turn; one that is being carried out stays."""
+    """Remove the arrows that wait for their turn; an arrow that is being carried out stays."""
     waiting = [order for order in wanted.pending if axis_moved(order.operation) and order.number != wanted.active]
     tapped = {
         (order.by.who, axis_moved(order.operation))
@@ -192,7 +197,7 @@ def holder(wanted: Wanted, axis: int) -> HostActivity | None:
 
 
 def over(wanted: Wanted, axis: int) -> bool:
-    """Whether nothing moves the axis by hand, or what moves it is ending: as a tap, or by a halt on its way."""
+    """Whether nothing moves the axis by hand, or its motion is ending: as a tap, or by a halt under way."""
     return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.owed or waits_for(wanted, axis)
 
 
@@ -201,7 +206,7 @@ def _halted(wanted: Wanted, axis: int) -> bool:
 
 
 def waits_for(wanted: Wanted, axis: int | None) -> bool:
-    """Whether a tap on this axis has begun and not ended: the next motion by hand waits for it."""
+    """Whether a tap on this axis has begun and not ended: the next motion by hand waits for its end."""
     return any(tap.axis == axis for tap in wanted.taps)
 
 
@@ -231,5 +236,5 @@ def _arrow_of(order: Order, other: Order) -> bool:
 
 
 def _same(press: HostActivity | None, release: HostActivity | None) -> bool:
-    """Whether both are of one host: some programs open a connection for every command."""
+    """Whether a press and a release are of the same host: some programs open a connection for every command."""
     return press is not None and release is not None and press.who == release.who

@@ -1,8 +1,9 @@
-"""What is wanted of a mount: one frozen value, and which of its orders comes next.
+"""What is wanted of a mount: one frozen value, which also decides which of its orders comes next.
 
-``pending`` holds the orders that are not carried out yet, ``motion`` what the mount has acknowledged. Orders change the
-first, outcomes move them to the second (``changes.py``). Any other motion belongs to the person beside the mount, and
-the gateway wants nothing of it (``NotOrdered``). ``Movement`` reports what moves by its orders at a moment.
+``pending`` holds the orders that are not carried out yet, ``motion`` the motion that the mount has acknowledged. Orders
+change ``pending``, outcomes move them to ``motion`` (``changes.py``). Any other motion belongs to the person at the
+mount, and the gateway wants nothing of it (``NotOrdered``). ``Movement`` reports which motions are under way by its
+orders.
 """
 
 from __future__ import annotations
@@ -33,16 +34,18 @@ FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
 
 
 class Postponement(NamedTuple):
-    """Why an order is postponed: the refusal after ``longest`` seconds; without one it is carried out then."""
+    """Why an order is postponed: ``refusal`` is the fault after ``longest`` seconds; without a refusal it is carried
+    out then.
+    """
 
     longest: float
     refusal: Fault | None
 
 
 class Arrow(Struct, frozen=True):
-    """An arrow that waits for its turn: if it was released already, it was ``held`` for so many seconds.
+    """An arrow that waits for its turn. ``held``: for how many seconds, if it was already released.
 
-    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next one.
+    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next tap.
     """
 
     held: float | None = None
@@ -51,10 +54,10 @@ class Arrow(Struct, frozen=True):
 
 
 class Order(Struct, frozen=True):
-    """An operation that a client or the gateway asked for and that is not done.
+    """An operation that a client or the gateway has ordered and that is not done.
 
     ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
-    the one from which it is due, ``until`` the one at which the client stops waiting for the outcome. A ``follow_up``
+    the time from which it is due, ``until`` the time at which the client stops waiting for the outcome. A ``follow_up``
     is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
     commands.
     """
@@ -73,7 +76,7 @@ class Order(Struct, frozen=True):
 
     @property
     def held(self) -> float | None:
-        """The seconds for which an arrow was held that was released before its motion has begun; else None."""
+        """For how many seconds an arrow was held, if it was released before its motion has begun; else None."""
         return self.arrow.held
 
     @property
@@ -113,7 +116,8 @@ class Order(Struct, frozen=True):
     def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
         """Return why it has to wait although it is due; None if it need not.
 
-        A goto is judged by site and clock, so it waits for those that programs were promised before it.
+        A goto is judged by site and clock, so it waits until the mount has received the settings that were accepted
+        before it.
         """
         if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
             refusal = incoming.holds_up(now, occupied)
@@ -130,8 +134,9 @@ class Order(Struct, frozen=True):
 class Halt(Order, frozen=True):
     """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
 
-    It ``overtakes`` waiting orders or not, ``repeats`` so many equal halts, and had ``Wanted.asked`` orders before it.
-    ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a goto: once that has begun, this is void.
+    ``overtakes``: it goes before pending orders. It ``repeats`` this number of equal halts; ``asked`` is
+    ``Wanted.asked`` at its arrival. ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a goto:
+    once that goto has begun, this halt is void.
     """
 
     overtakes: bool = False
@@ -183,7 +188,7 @@ class NotOrdered(Struct, frozen=True):
 
 
 class FocusMotion(Struct, frozen=True):
-    """The focuser moves; a stop of the mount leaves it alone."""
+    """A motion of the focuser; a stop of the mount leaves it alone."""
 
     by: HostActivity | None
     since: float
@@ -199,7 +204,9 @@ class GuidePulse(Struct, frozen=True):
 
 
 class Tap(Struct, frozen=True):
-    """A motion by hand whose arrow was released before it began: its axis, the client, and when it is to end."""
+    """A motion by hand whose arrow was released before it began: its axis, the client, and the time at
+    which it ends.
+    """
 
     axis: int
     by: HostActivity | None
@@ -226,12 +233,12 @@ class Halted(Struct, frozen=True):
 class Wanted(Struct, frozen=True):
     """``active`` is the number of the order that is being carried out, 0 for none.
 
-    ``kept`` are taps that are too short for this mount, and are added to the next ones.
-    ``stops`` and ``gotos`` count the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged,
-    ``begun`` its acknowledged motions of the first axis and of the second, ``asked`` all orders that end nothing. A
-    stop is ``owed`` until the mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it
-    since. ``short`` is why the last goto ended before its goal, in words, until the next order. Guide pulses wait for
-    rest until the loop time ``rests_by`` at most.
+    ``kept`` are taps that are too short for this mount, and are added to the next ones. ``stops`` and ``gotos`` count
+    the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged, ``begun`` its acknowledged
+    motions of the first axis and of the second, ``asked`` all orders that end nothing. A stop is ``owed`` until the
+    mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it since. ``short`` is why the
+    last goto ended before its goal, until the next order. Guide pulses wait for rest, but not beyond the loop time
+    ``rests_by``.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -274,14 +281,14 @@ class Wanted(Struct, frozen=True):
     def next_order(self, now: float) -> Order | None:
         """Return the order to carry out now; None if none is due.
 
-        Ends come first, then what an end interrupted, then all other orders in the order of their arrival. A guide
-        pulse waits for the one before it on its axis.
+        Ends come first, then orders that an end interrupted, then all other orders in the order of their arrival. A
+        guide pulse waits for the pulse before it on its axis.
         """
         due = [order for order in self.pending if self.due_at(order) <= now]
         return min(due, key=lambda order: (order.rank, order.number), default=None)
 
     def next_moment(self) -> float | None:
-        """Return the loop time at which the next order is due; None if nothing waits but for another order."""
+        """Return the loop time at which the next order is due; None if every pending order waits for another."""
         moment = min((self.due_at(order) for order in self.pending), default=inf)
         return moment if moment < inf else None
 
@@ -346,8 +353,9 @@ class WantedState:
 
 
 class Moving(Struct, frozen=True):
-    """What moves now: ``slewing``: the mount reports a goto; ``by_hand`` is by axis; ``ending``: a stop or a halt was
-    ordered and is not acknowledged; ``ordered``: a client ordered the motion, and not a person at the mount's own keys.
+    """The motions under way: ``slewing``: the mount reports a goto; ``by_hand`` is by axis; ``ending``: a stop or a
+    halt was ordered and is not acknowledged; ``ordered``: a client ordered the motion, and not a person at the hand
+    control.
     """
 
     slewing: bool
@@ -357,7 +365,9 @@ class Moving(Struct, frozen=True):
 
     @property
     def slews_by_itself(self) -> bool:
-        """Whether the mount does a goto that no client ordered: one from its own keys, or a flip of its own."""
+        """Whether the mount does a goto that no client ordered: from its hand control, or a meridian flip
+        of its own.
+        """
         return self.slewing and not self.ordered
 
     @property
@@ -392,7 +402,7 @@ class Movement:
     def ordered(self) -> bool:
         """Whether a motion ordered by a client is under way.
 
-        A goto counts until the reading that shows its end is stored: its last position is read before.
+        A goto counts until the reading that shows its end is stored, because its last position is read before that.
         """
         return not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
 

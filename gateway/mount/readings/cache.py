@@ -1,8 +1,8 @@
-"""The one cache of what the mount has answered, with the time of each answer, and of when clients asked for it.
+"""The only cache of the mount's answers, with the time of each answer and of the last request of a client for it.
 
-Whether an answer is still good is found when it is asked for: by its age, by the time of its request (a position that
-was requested before the last motion order is none for clients), and by the number of orders and settings that the mount
-had been sent by then (``orders``: its replies in its own words are shared until the next one only).
+An answer is checked when it is requested: by its age, and by the loop time of its request, because positions from
+before the last motion order are outdated for clients. Replies in the mount's own bytes are shared only until the next
+order or setting (``orders`` counts them).
 """
 
 from __future__ import annotations
@@ -75,11 +75,12 @@ def angles(value: op.Equatorial | op.Horizontal) -> Pair:
 
 
 class CachedAnswer(Struct):
-    """An answer (or the Fault that it was), the loop time at which it arrived, and the seconds for which it is fresh.
+    """An answer (or the Fault that came instead), the loop time at which it arrived, and the seconds for which it is
+    fresh.
 
     It was ``asked`` for at this loop time, after so many ``orders``. A position has its ``reading`` as it was reported,
-    the entry ``before``, and its ``course`` once that was calculated; or the ``source`` from which it was calculated.
-    One that is ``forgotten`` is no longer true, and only clients of a silent mount may get it.
+    the entry ``before``, and its ``course`` once that was calculated; or the ``source`` from which it was calculated. A
+    ``forgotten`` answer is no longer true, and only clients of a silent mount may get it.
     """
 
     value: Any
@@ -139,7 +140,7 @@ class ReadingsCache:
         self._own.clear()
 
     def look_again(self, kind: Kind) -> None:
-        """Replies of before are outdated, and the next read may be due: a reading has changed, a motion has begun."""
+        """Treat earlier replies as outdated, and read again soon: a reading has changed, or a motion has begun."""
         self.version += 1
         for woken in WAKES.get(kind, ()):
             self.due[woken].set()
@@ -147,7 +148,7 @@ class ReadingsCache:
             self.slews.emit(None)
 
     def outdate(self, now: float) -> None:
-        """Positions that were requested before now are outdated for clients."""
+        """Treat positions that were requested before ``now`` as outdated for clients."""
         self.outdated = now
         self.version += 1
 
@@ -161,8 +162,8 @@ class ReadingsCache:
         return None if entry is None or entry.forgotten else entry.value
 
     def poll(self, kind: Kind, now: float) -> Any:
-        """Note that a client asks, and return the reading if fresh, else NOT_CACHED. On a line that is slow or not up,
-        readings live longer.
+        """Note that a client asks, and return the reading if it is fresh, else NOT_CACHED. On a line that is slow or
+        not up, readings stay fresh for longer.
         """
         self._asked[kind] = now
         entry = self.entries.get(kind)
@@ -175,7 +176,7 @@ class ReadingsCache:
         return entry.value if age <= lasts else NOT_CACHED
 
     def last(self, kind: Kind) -> Any:
-        """Return the last reading, even one that is no longer true, until there is another; None before the first."""
+        """Return the last reading, even if it is no longer true; None before the first."""
         entry = self.entries.get(kind)
         return None if entry is None else entry.value
 
@@ -195,14 +196,16 @@ class ReadingsCache:
     # --- replies in the mount's own words -----------------------------------------------------------------------------
 
     def own(self, operation: op.Own, now: float) -> Any:
-        """Return the mount's reply to a request, or the Fault that it was, if fresh, else NOT_CACHED."""
+        """Return the mount's reply to a request, or the Fault that came instead, if fresh, else NOT_CACHED."""
         entry = self._own.get(operation)
         if entry is None or now - entry.at >= entry.lasts:
             return NOT_CACHED
         return entry.value if entry.orders == self.orders or isinf(entry.lasts) else NOT_CACHED
 
     def keep_own(self, operation: op.Own, answer: bytes | Fault, lasts: float, orders: int, now: float) -> None:
-        """Store the reply to a request that was sent after so many ``orders``; of too many, the oldest is dropped."""
+        """Store the reply to a request that was sent after so many ``orders``; if there are too many, drop
+        the oldest.
+        """
         self._own.pop(operation, None)
         if lasts:
             self._own[operation] = CachedAnswer(answer, now, lasts, orders=orders)
@@ -215,7 +218,7 @@ class NotRead(Exception):
 
 
 class Readings(Protocol):
-    """What the rules ask for readings of the mount: the ``Reader``, or the ``LastReadings``."""
+    """The interface by which the rules read the mount: the ``Reader``, or the ``LastReadings``."""
 
     async def read(self, operation: op.Operation[_T]) -> _T: ...
     async def read_now(self, operation: op.Operation[_T]) -> _T: ...
@@ -225,8 +228,8 @@ class Readings(Protocol):
 class LastReadings:
     """The last readings, however old, for a rule that is applied in advance: the mount is not asked.
 
-    A preview must not change the commands to the mount, nor their times: so reading here has no side effect. A missing
-    reading raises ``NotRead``.
+    A preview must not change which commands the mount gets, or when: so a read has no side effect. A missing reading
+    raises ``NotRead``.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver) -> None:

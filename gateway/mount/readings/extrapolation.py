@@ -1,9 +1,9 @@
 """Extrapolates the position of a moving mount from its last two readings.
 
-Each of the two angles continues at the rate between these readings: for a second at most, for no more than half of the
-distance to the goal, and not beyond a limit, because clients must not see the mount beyond a limit that it has not
-crossed. Near a pole, where angles do not change evenly, and at rates that no motor reaches, the last reading stands.
-Pure functions over frozen values; angles are degrees, times are seconds of a monotonic clock.
+Each of the two angles continues at the rate between these readings: for a second at most, and for no more than half of
+the distance to the goal. It stops at a limit, because clients must not see the mount beyond a limit that it has not
+crossed. The last reading is used unchanged near a pole, where angles do not change evenly, and at rates that no motor
+reaches. Pure functions over frozen values; angles are degrees, times are seconds of a monotonic clock.
 """
 
 from __future__ import annotations

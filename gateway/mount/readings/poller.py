@@ -118,7 +118,7 @@ class Poller:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
 
     def _renew_site(self, now: float) -> None:
-        """Read the site of a mount that keeps its own often: its owner may set it and go on at once."""
+        """Read the site of a mount that keeps its own often: its owner may set it and continue at once."""
         keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
         if not keeps or self._watched or now - self._asked_site < SITE_AGE:
             return

@@ -1,9 +1,9 @@
 """One way to read: fresh answers come from the cache, and all who ask meanwhile share one exchange.
 
-The limits are checked with every reading before any client gets it. What the mount does not report itself is calculated
-from other reads. Clients get positions extrapolated to the moment of the reply, the same moment for all replies within
-50 ms and for both angles, and none that was requested before the mount acknowledged the last motion order, above all a
-stop. Clients of the mount's own protocol get its own replies, unless they have set another site or clock.
+The limits are checked with every reading before any client gets it. What the mount does not report is calculated from
+other reads. Clients get positions extrapolated to the moment of the reply, which is the same for both angles and for
+all replies within 50 ms. They get no position that was requested before the mount acknowledged the last motion order,
+above all a stop. Clients of the mount's own protocol get its own replies, unless they have set another site or clock.
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ AT_GOAL = 0.5
 
 
 class Reader:
-    """``peek`` answers clients from the cache; for what it does not find, ``answer`` asks the mount, within a timeout.
-    All other parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
+    """``peek`` answers clients from the cache; for everything else, ``answer`` asks the mount, within a timeout. All
+    other parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
 
     Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
-    ``goto_over`` when the mount reports that a goto has ended, ``goto_missed`` in words if that is not at its goal.
+    ``goto_over`` when the mount reports that a goto has ended, and ``goto_missed`` with a message if it did not end at
+    its goal.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
@@ -147,7 +148,7 @@ class Reader:
         return self._going_on(kind, entry, self._now()) if self._moves else entry.value
 
     def fresh_until(self, kinds: list[Kind]) -> float:
-        """Return the loop time until which the answers just given may be given again."""
+        """Return the loop time until which the last answers may be given again."""
         positions = [kind for kind in kinds if kind in POSITIONS]
         sources = [source for kind in positions if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
@@ -190,7 +191,7 @@ class Reader:
             return NOT_CACHED
 
     def _is_overridden(self, operation: op.Own, program: ProgramId) -> bool:
-        """Whether a program gets another site or clock from the gateway than the mount's own."""
+        """Whether the gateway gives a program another site or clock than the mount's own."""
         if operation.keep not in ("clock", "site"):
             return False
         read = ReadBy(self._context.site_clock, program)
@@ -223,7 +224,9 @@ class Reader:
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> object:
-        """Ask the mount for a client; return its last answer if no new one comes in time. Raises Fault without one."""
+        """Ask the mount for a client; return the last answer if no new answer comes in time. Raises Fault if there is
+        none.
+        """
         kind = type(operation)
         try:
             async with asyncio.timeout(TIMEOUT_MOVING if self._movement.anything else TIMEOUT):

@@ -1,8 +1,9 @@
 """Checks that the mount is at rest: two samples differ by no more than tracking explains.
 
-On the sky, a drive that is on keeps the position, and one that is off lets the sky pass. That alone would miss an axis
-that turns the tube about the direction in which it points (at the pole, in the zenith), so the axes are compared as
-well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is not missed.
+On the sky, a drive that is on keeps the position, and a drive that is off lets the sky pass. That check alone would
+miss an axis that turns the tube about the direction in which it points (at the pole, in the zenith), so the axes are
+compared as well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is not
+missed.
 """
 
 from __future__ import annotations
