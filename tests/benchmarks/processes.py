@@ -70,12 +70,17 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 
 def port_of(process: subprocess.Popen[bytes], log: str = "stdout") -> int:
-    """Return the port in the first line a program writes. Raises RuntimeError if there is none in time."""
-    stream = getattr(process, log)
-    if select.select([stream], [], [], PATIENCE)[0]:
-        number = stream.readline().decode().rstrip().rpartition(":")[2]
-        if number.isdigit():
-            return int(number)
+    """Return the port in the first line of a program that ends with one. Raises RuntimeError if none comes in time."""
+    stream, deadline, written = getattr(process, log), time.monotonic() + PATIENCE, b""
+    while (left := deadline - time.monotonic()) > 0.0 and select.select([stream], [], [], left)[0]:
+        more = os.read(stream.fileno(), 4096)
+        written += more
+        for line in written.splitlines()[: written.count(b"\n")]:
+            number = line.decode().rpartition(":")[2]
+            if number.isdigit():
+                return int(number)
+        if not more:
+            break
     raise RuntimeError(f"{process.args!r} did not come up")
 
 
