@@ -13,8 +13,7 @@ import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from gateway.astro.axes import Build, Geometry
-from gateway.astro.spherical import wrap180
+from gateway.astro.axes import Pair
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.signals import Signal
@@ -28,15 +27,10 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import contradiction_warning
-from gateway.mount.safety.hour_angle import told_by_axes
 from gateway.mount.safety.watch import WATCH_CLOSELY
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
-#: Degrees from the meridian within which a German mount may go to either side of its pier.
-NEAR_MERIDIAN = 10.0
-#: How often a Meade must show no bars before its goto counts as ended.
-SURE = 2
 #: Seconds between two attempts to identify a mount that does not reply.
 ASK_AGAIN = 1.0
 
@@ -175,31 +169,23 @@ class Identification:
         """Stop what still moves as it was left, and what cannot be judged; leave any other motion alone."""
         context, reconciler = self._context, self._reconciler
         self._left = None
-        try:
+        axes: frozenset[int] = frozenset()
+        with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(LONGEST):
-                slewing = True
-                for _ in range(SURE if left.goal is not None else 1):
-                    slewing = slewing and await self._slews()
-                if slewing == (left.goal is None):  # a goto has ended, or one has taken the place of an arrow
+                slewing = await self._slews() and (not left.goto or await self._slews())  # bars may be old for a moment
+                if slewing != left.goto:  # a goto has ended, or one has taken the place of an arrow
                     self._leave_alone()
                     return
-                before, way = await self._look(left)
-                await asyncio.sleep(max(0.0, before.at + APART - context.now()))
-                after, rest = await self._look(left)
-        except (Fault, TimeoutError):
-            axes, alone = frozenset((1, 2)), False
-        else:
-            axes = still_left(left, before, after, slewing, (way, rest))
-            turned = turning(before, after)
-            alone = not axes and not rests(before, after, slewing)
-            if len(axes) == 1 and abs(turned[2 - min(axes)]) >= SLOW:
+                rates = (0.0, 0.0) if slewing else await self._turning()
+            axes = frozenset((1, 2)) if slewing else still_left(left, rates)
+            if not axes and not rests(rates):
+                self._leave_alone()
+                return
+            if len(axes) == 1 and abs(rates[2 - min(axes)]) >= SLOW:
                 [axis] = axes
                 reconciler.take(op.StopAxis(axis), None, None)
                 context.note(f"axis {axis} still moved as the gateway had left it: it is stopped")
                 return
-        if alone:
-            self._leave_alone()
-            return
         if axes:
             context.note("the mount still moved as the gateway had left it: it is stopped")
         reconciler.begin_stop()
@@ -218,10 +204,7 @@ class Identification:
         while self._driver.tracking_suspended and self._reconciler.wanted.asked == asked and not resting:
             await asyncio.sleep(WATCH_CLOSELY)
             with contextlib.suppress(Fault):
-                before, _ = await self._look(LeftMotion())
-                await asyncio.sleep(APART)
-                after, _ = await self._look(LeftMotion())
-                resting = rests(before, after, await self._slews())
+                resting = rests(await self._turning()) and not await self._slews()
         if resting and self._driver.tracking_suspended and self._reconciler.wanted.asked == asked:
             self._reconciler.begin_stop()
 
@@ -230,27 +213,18 @@ class Identification:
         self._driver.moved_by_others = True
         return bool(await self._runner.perform(op.Slewing(), READ))
 
-    async def _look(self, left: LeftMotion) -> tuple[AxisSample, float]:
-        """Return the position as readings of the axes, and the greater way of the two axes to the marked goal."""
+    async def _turning(self) -> Pair:
+        """Return the speeds of both axes, degrees a second, by two positions. Raises Fault."""
+        before = await self._look()
+        await asyncio.sleep(max(0.0, before.at + APART - self._context.now()))
+        return turning(before, await self._look())
+
+    async def _look(self) -> AxisSample:
+        """Return the position as readings of the axes. Raises Fault."""
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
         status = self._status or self._cache.value(op.GetStatus)
-        start = axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
-        if left.goal is None:
-            return start, 0.0
-        goal = astrometry.from_mount(op.Equatorial(*left.goal))
-        site = context.sources.site()
-        if self._driver.german and site is not None and told_by_axes(context):
-            axes = await self._runner.perform(op.AxisPosition(), READ)
-            geometry = Geometry(Build.GERMAN, site.latitude)
-            hour_angle = wrap180(astrometry.sidereal_time() - goal.ra)
-            sides = {False, True} if abs(hour_angle) < NEAR_MERIDIAN else {geometry.other_side(hour_angle)}
-            ends = [geometry.axes(hour_angle, goal.dec, side) for side in sides]
-            ways = [(geometry.travel(1, axes.az, end[0]), geometry.travel(2, axes.alt, end[1])) for end in ends]
-        else:
-            goal_axes = axis_sample(astrometry, status, False, context.now(), goal).axes
-            ways = [(wrap180(goal_axes[0] - start.axes[0]), wrap180(goal_axes[1] - start.axes[1]))]
-        return start, min(max(abs(first), abs(second)) for first, second in ways)
+        return axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
 
     def _has_wrong_hemisphere(self) -> bool:
         """Whether its status was read as northern tracking before the mount reported a southern site."""

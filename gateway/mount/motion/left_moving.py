@@ -1,8 +1,8 @@
 """Motion that went on without the gateway: motion that it had begun when its line was lost, or when it was killed.
 
 Meanwhile a person at the hand control may have ended that motion and begun another one, which is left alone. A recent
-motion is stopped at once. After that time, two positions decide: an axis that still turns as the marker says, and a
-goto that still leads to the marked goal, are stopped. If positions cannot decide, the motion is stopped as well.
+motion is stopped at once. After that time, a goto is stopped if the marker names a goto, and two positions decide
+whether an axis still turns as the marker says. If they cannot decide, the motion is stopped as well.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
+from gateway.astro.axes import Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import MOVING
@@ -26,8 +27,7 @@ FASTER = 2.5
 
 
 class LeftMotion(Struct, frozen=True, omit_defaults=True):
-    """The motion left behind: ``speeds`` of motions by hand, by axis, degrees a second; or the ``goal`` of a goto (RA,
-    Dec).
+    """The motion left behind: ``speeds`` of motions by hand, by axis, degrees a second; or a ``goto``.
 
     ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. The
     reading of the second axis has no such direction, because it turns back over the pole or the zenith.
@@ -35,7 +35,7 @@ class LeftMotion(Struct, frozen=True, omit_defaults=True):
 
     speeds: dict[int, float] = {}
     direction: int = 0
-    goal: tuple[float, float] | None = None
+    goto: bool = False
 
 
 def left_motion(
@@ -50,9 +50,8 @@ def left_motion(
         begun.insert(0, wanted.motion.operation)
     if not begun:
         return None
-    newest = begun[-1]
-    if isinstance(newest, op.Goto):
-        return LeftMotion(goal=(newest.ra, newest.dec))
+    if isinstance(begun[-1], op.Goto):
+        return LeftMotion(goto=True)
     speeds: dict[int, float] = {}
     for operation in begun:
         if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation) < 2.0 * SLOW:
@@ -63,27 +62,18 @@ def left_motion(
     return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
 
 
-def turning(before: AxisSample, after: AxisSample) -> tuple[float, float]:
+def turning(before: AxisSample, after: AxisSample) -> Pair:
     """Return the speeds of both axes between two samples, degrees a second."""
     elapsed = max(after.at - before.at, 1e-6)
     return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
 
 
-def still_left(
-    left: LeftMotion, before: AxisSample, after: AxisSample, slewing: bool, remaining: tuple[float, float]
-) -> frozenset[int]:
-    """Return the axes that still move as marked. ``slewing``: the mount reports a goto; ``remaining``: the greater of
-    the distances of its two axes from the marked goal, at both samples, degrees.
-    """
-    if left.goal is not None:
-        return frozenset((1, 2)) if slewing and remaining[1] <= remaining[0] else frozenset()
-    if slewing:
-        return frozenset()
-    rates = turning(before, after)
+def still_left(left: LeftMotion, rates: Pair) -> frozenset[int]:
+    """Return the axes that still turn as marked, by the speeds of both, degrees a second."""
     axes = {axis for axis, speed in left.speeds.items() if PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
     return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
 
 
-def rests(before: AxisSample, after: AxisSample, slewing: bool) -> bool:
-    """Whether nothing moves but by tracking."""
-    return not slewing and max(map(abs, turning(before, after))) < SLOW
+def rests(rates: Pair) -> bool:
+    """Whether nothing moves but by tracking, by the speeds of both axes."""
+    return max(map(abs, rates)) < SLOW

@@ -1,14 +1,13 @@
 """Extrapolates the position of a moving mount from its last two readings.
 
 Each of the two angles continues at the rate between these readings: for a second at most, and for no more than half of
-the distance to the goal. It stops at a limit, because clients must not see the mount beyond a limit that it has not
-crossed. The last reading is used unchanged near a pole, where angles do not change evenly, and at rates that no motor
-reaches. Pure functions over frozen values; angles are degrees, times are seconds of a monotonic clock.
+the distance to the goal. The last reading is used unchanged near a pole, where angles do not change evenly, and at
+rates that no motor reaches. Limits are judged by real readings only. Angles are degrees, times are seconds of a
+monotonic clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import inf
 
 from msgspec import Struct
@@ -19,11 +18,7 @@ from gateway.core.errors import Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import FASTEST
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.policy import Limits
 from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angles
-from gateway.mount.safety.hour_angle import past_meridian, turned_by_side
-
-Inside = Callable[[float, float], bool]
 
 #: Seconds after the last reading for which the position is extrapolated.
 LONGEST = 1.0
@@ -37,8 +32,6 @@ POLEWARD, TURN = 85.0, 30.0
 DIGITS = 3.0
 #: The part of the distance to the goal that is covered at most: motors slow down, and the arrival is never guessed.
 NEARER = 0.5
-#: Bisection steps: a limit is found to a 256th of the extrapolated time.
-HALVINGS = 8
 
 
 class Extrapolation(Struct, frozen=True):
@@ -58,13 +51,11 @@ def course(
     digit: float = 0.0,
     goal: Pair | None = None,
     polar: bool = True,
-    inside: Inside | None = None,
 ) -> Extrapolation:
     """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is one.
 
     ``fastest``: degrees a second that no motor exceeds. ``digit``: the resolution of readings, degrees. ``polar``: the
-    angles are a position on a sphere, and not the readings of two axes. ``inside`` returns whether a position is within
-    the limits; a mount that is beyond a limit already is extrapolated without them.
+    angles are a position on a sphere, and not the readings of two axes.
     """
     rates = None if before is None else _rates(before, last, fastest, digit, polar)
     if before is None or rates is None:
@@ -77,8 +68,7 @@ def course(
         lasts = min(lasts, min(ends) - last.complete)
         if lasts < 0.0:
             return Extrapolation(last)
-    free = Extrapolation(last, rates, rooms, lasts)
-    return free if inside is None else _within(free, inside)
+    return Extrapolation(last, rates, rooms, lasts)
 
 
 def place(going: Extrapolation, now: float) -> Pair:
@@ -123,26 +113,7 @@ def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
     return NEARER * abs(left) if abs(left) <= abs(was) else inf
 
 
-def _within(going: Extrapolation, inside: Inside) -> Extrapolation:
-    """Shorten the course so that it stays within the limits."""
-    begins = going.begins
-
-    def allowed(lasts: float) -> bool:
-        return inside(*place(going, begins.complete + lasts))
-
-    if allowed(going.lasts) or not inside(*begins.place):
-        return going
-    if not allowed(0.0):
-        return Extrapolation(begins)
-    good, bad = 0.0, going.lasts
-    for _ in range(HALVINGS):
-        middle = (good + bad) / 2.0
-        good, bad = (middle, bad) if allowed(middle) else (good, middle)
-    return Extrapolation(begins, going.rates, going.rooms, good)
-
-
-# --- the course of a mount: its goal, and the limits as a test of one position ---------------------------------------
-# Whether the mount is stopped at a limit is decided elsewhere, from real readings.
+# --- the course of a mount, and its goal ------------------------------------------------------------------------------
 
 
 def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
@@ -157,7 +128,6 @@ def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolatio
             digit=context.driver.resolution,
             goal=_goal(context, kind),
             polar=kind is not op.AxisPosition,
-            inside=_inside(context, kind),
         )
     result: Extrapolation = entry.course
     return result
@@ -192,49 +162,3 @@ def _goal(context: Context, kind: Kind) -> Pair | None:
         return angles(sky if kind is op.Position else astrometry.horizon(sky))
     except Unsupported:
         return None
-
-
-def _inside(context: Context, kind: Kind) -> Inside | None:
-    if kind is op.Position:
-        return on_the_sky(context)
-    if kind is op.AxisPosition and equatorial(context):
-        return None
-    limits = _limits(context)
-    return lambda _, altitude: limits.lowest <= altitude <= limits.highest
-
-
-def on_the_sky(context: Context) -> Inside:
-    """Return the test for a right ascension and declination of date; without a site, only the Sun counts."""
-    limits, astrometry, suns = _limits(context), context.astrometry, context.suns
-    meridian = _meridian(context, limits.hour_angle)
-
-    def inside(ra: float, dec: float) -> bool:
-        altitude, _ = astrometry.overhead(op.Equatorial(ra, dec))
-        if altitude is not None and not limits.lowest <= altitude <= limits.highest:
-            return False
-        if any(distance < suns.limit for distance in suns.distances(op.Equatorial(ra, dec))):
-            return False
-        return meridian(ra)
-
-    return inside
-
-
-def _limits(context: Context) -> Limits:
-    """Return the operator's limits, narrowed by the clients whose motion is under way."""
-    limits, motion = context.policy.limits, context.wanted.value.motion
-    for moving in [motion.operation] if isinstance(motion, Slew) else context.wanted.by_hand.values():
-        if isinstance(moving, op.Move | op.Goto):
-            limits = limits.narrowed(moving.lowest, moving.highest)
-    return limits
-
-
-def _meridian(context: Context, limit: float | None) -> Callable[[float], bool]:
-    """Return the hour angle test for a right ascension. During a goto all pass, because it may cross the meridian."""
-    driver, cache = context.driver, context.cache
-    status = cache.value(op.GetStatus)
-    side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
-    known = status is not None and status.equatorial and (side is not None or driver.german is False)
-    if limit is None or not known or context.movement.slewing or context.sources.site() is None:
-        return lambda _: True
-    sidereal = context.astrometry.sidereal_time()
-    return lambda ra: past_meridian(turned_by_side(sidereal - ra, side), driver.german) <= limit
