@@ -1,8 +1,8 @@
 """Shutdown: ends all motion, and leaves the mount tracking as its user had it.
 
 The stop is sent, and its acknowledgement awaited. If none comes, or the worker of the line has ended, the bytes of the
-stop are written without waiting. Then pending follow-ups are awaited: some hand controls need the tracking command
-twice.
+stop are written without waiting. Then pending follow-ups are awaited, because some hand controls need the tracking
+command twice.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Whether the observed motion may continue: pure rules over what is seen, what is wanted, and the limits.
+"""Whether the observed motion may continue: pure rules over the positions, the orders and the limits.
 
 A rule is a pure function from a ``View`` to a ``Verdict``, evaluated at every position. It may only restrict motion,
 and it never forbids a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come
-near the Sun, or go past the meridian, where the tube of an equatorial mount meets its pier. Gotos are checked
-beforehand, too, without a margin for their speed (``admission/motions.py``). A motion must be stopped early enough to
-end before the limit (``StopTiming``): that depends on the exchanges of this line, on the inertia of motors, and on
-rates, which may grow by as much again as they have grown.
+near the Sun, or go past the meridian, where the tube of an equatorial mount meets its pier. Gotos are also checked
+before they begin, without a margin for their speed (``admission/motions.py``). A motion must be stopped early enough to
+end before the limit (``StopTiming``), which depends on the exchanges of this line, the inertia of motors, and rates
+that may still grow.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def lag(self) -> float:
-        """How much older the first coordinate of a position is than the second, when the second arrives."""
+        """How much older the first coordinate of a position is than the second, when the second arrives, seconds."""
         return 2.0 * (self.reads - 1) * self.exchange
 
     @property
@@ -125,10 +125,10 @@ ALLOWED = Verdict()
 
 
 class CheckedPath:
-    """What is known of the goto that is about to begin.
+    """The checked path of the goto that is about to begin.
 
-    ``ways`` are the readings of the axes along its ways that keep the limits: empty if it must be watched like a motion
-    by hand, None if they are not known. Below ``floor``, degrees, it is lost. ``clear``: it keeps all limits.
+    ``ways`` are the readings of the axes along its paths that keep the limits: empty if it must be watched like a
+    motion by hand, None if they are not known. Below ``floor``, degrees, it is lost. ``clear``: it keeps all limits.
     """
 
     ways: list[Pair] | None = None
@@ -140,9 +140,9 @@ class CheckedPath:
         self.ways, self.floor, self.clear = None, -90.0, False
 
     def take(self, ways: list[Pair], zenith: Pair, clear: bool, lost: float) -> None:
-        """Take the readings along the ways, and at the ``zenith``. Not ``clear``: the tube may be on another one.
+        """Take the readings along the paths, and at the ``zenith``. Not ``clear``: the tube may be on another path.
 
-        So many degrees below them the goto is ``lost``.
+        ``lost`` degrees below them the goto counts as lost.
         """
         self.ways, self.clear = ways if clear else [], clear
         self.floor = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in ways) - lost)
@@ -151,10 +151,10 @@ class CheckedPath:
 class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
-    ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of those seen are shown by
-    the mount's own coordinates or axes, the others by other sources of site and time. ``past`` tells how far the tube
-    is past the meridian, None if unknown or during a goto. ``astray``: the goto was seen off its ways; ``floor`` is the
-    altitude below which it is lost.
+    ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of the Suns are by the
+    mount's own coordinates or axes, the others by other sources of site and time. ``past`` is how far the tube is past
+    the meridian, None if unknown or during a goto. ``astray``: a position showed the goto off its paths; ``floor`` is
+    the altitude below which it is lost.
     """
 
     observed: Observed
@@ -170,9 +170,10 @@ class View(Struct, frozen=True):
 
     @property
     def on_checked_path(self) -> bool:
-        """Whether only a checked goto moves the mount: no motion by hand took over, and none of its axes was stopped.
+        """Whether only a checked goto moves the mount: no motion by hand has replaced it, and none of its axes was
+        stopped.
 
-        A goto that is seen off its ways does not count: it is watched like a motion by hand.
+        A goto off its paths does not count: it is watched like a motion by hand.
         """
         return self.moving.slewing and self.moving.ordered and not self.moving.by_hand and not self.astray
 
@@ -205,7 +206,7 @@ class View(Struct, frozen=True):
     def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
         """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees.
 
-        A goto of the mount's own may brake and end just before the limit: it is stopped only when it gets there.
+        The mount's own goto may brake and end just before the limit: it is stopped only at the limit.
         """
         if rate <= FASTER_THAN_TRACKING or self.on_checked_path:
             return ALLOWED
@@ -258,9 +259,8 @@ def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> b
 def altitude(view: View) -> Verdict:
     """End a motion before it passes an altitude limit, by the mount's coordinates or by those before its syncs.
 
-    By other sources of site and time only written limits count, for the arrows of programs, as with ``near_sun``.
-
-    A goto passes the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
+    For the arrows of programs, written limits also count by other sources of site and time, as in ``near_sun``. A goto
+    may pass the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
     written limits count.
     """
     before, last, changes = view.observed.before, view.observed.last, view.observed.changes
@@ -288,7 +288,7 @@ def altitude(view: View) -> Verdict:
 
 
 def _earlier(changes: tuple[float, ...], before: tuple[float, ...] | None, number: int) -> float | None:
-    """Return one of the speeds before these; None if there were others then."""
+    """Return the speed with this number in ``before``; None if the number of speeds was another one then."""
     return before[number] if before is not None and len(before) == len(changes) else None
 
 

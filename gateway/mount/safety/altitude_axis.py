@@ -1,9 +1,9 @@
 """Altitude and azimuth from the axis readings: on an alt-azimuth NexStar they overrule the calculated ones.
 
-The axis readings are right whatever the mount believes about the sky: a sync, a wrong alignment, and a wrong site or
-clock change what right ascension and declination mean, but they do not move the tube. If the altitude that is
-calculated from them differs from the axis reading by more than an alignment explains, it is corrected; the azimuth, by
-which the Sun is avoided, as well.
+The axis readings are right whatever the mount assumes about the sky: a sync, a wrong alignment, and a wrong site or
+clock change what right ascension and declination mean, but they do not move the tube. If the calculated altitude
+differs from the axis reading by more than an alignment explains, it is corrected. So is the azimuth, by which the Sun
+is avoided.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def corrected_azimuth(
 ) -> float | None:
     """Return the new correction of the calculated azimuth, like ``corrected``; None if it is not known.
 
-    What counts is the difference on the sky, which is smaller the higher the tube points. There a difference that is
-    known is kept unless this reading contradicts it.
+    What counts is the difference on the sky, which is smaller the higher the tube points. Near the zenith a known
+    difference is kept unless this reading contradicts it.
     """
     across, before = cos(radians(altitude)), turn or 0.0
     high = altitude > TOO_HIGH
@@ -86,7 +86,7 @@ class AltitudeAxis:
     def available(self) -> bool:
         """Whether the axes give the direction: on an aligned alt-azimuth mount whose axes can be read.
 
-        A change of the tracking mode invalidates the cached status; until it has been read again the last one counts.
+        A change of the tracking mode invalidates the cached status; until the next read the last status counts.
         """
         driver = self._mount.driver
         status = self._status = self._mount.cache.value(op.GetStatus) or self._status
@@ -128,8 +128,8 @@ class AltitudeAxis:
     ) -> tuple[float, float] | None:
         """Take an axis reading and return by how many degrees the differences of azimuth and altitude have changed.
 
-        None if the status must be read again first: it may be too old, and on a mount that was put on a wedge meanwhile
-        the axes give neither.
+        None if the status must be read first: it may be too old, and on a mount that was put on a wedge meanwhile the
+        axes show neither altitude nor azimuth.
         """
         last, before, turned = observed.last, self.tilt or 0.0, self.turn or 0.0
         if last is None or last.altitude is None or not self.available:
@@ -155,7 +155,7 @@ class AltitudeAxis:
 
     def _lasts(self, rates: tuple[float, float], doubtful: bool) -> bool:
         """Whether a difference counts. During a goto two readings in a row must show it: position and axes are read at
-        two instants, and a simulated mount may slew many times faster than the gateway knows.
+        two instants, and a simulated mount may slew many times faster than the gateway assumes.
         """
         before, self._found = self._found, rates if doubtful else None
         return not doubtful or (

@@ -1,11 +1,10 @@
 """How far the tube is past the meridian, where a German mount meets its pier and the cables of a fork tighten.
 
-That is how far the first axis is turned from its middle, west positive: on a German mount from where the counterweight
-shaft points down, on a fork from the meridian. If the mount reports its axes, these tell it, whatever the mount
-believes about the sky. Otherwise it follows from the hour angle, and on a German mount from the pier side that is told.
-From then on each hour angle continues the last one: a tube that is driven over the pole changes its hour angle by 180
-degrees although the first axis rests, and mounts differ in the side that they tell there. During a goto nothing is
-told: the tube may change sides, and the side that is told is already that of the goal. Angles are degrees.
+It is the angle of the first axis from its middle, west positive: on a German mount from where the counterweight shaft
+points down, on a fork from the meridian. If the mount reports its axes, their readings give it; otherwise the hour
+angle does, on a German mount with the reported pier side. After that each hour angle continues the last one, because a
+tube that is driven over the pole changes its hour angle by 180 degrees although the first axis rests. During a goto the
+angle is unknown: the tube may change sides, and the reported side is already that of the goal. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -48,9 +47,9 @@ def is_kept(mount: Context) -> bool:
 
 
 def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
-    """Return how far the first axis is turned from its middle by these readings; None without a hemisphere.
+    """Return how far the first axis is turned from its middle by these readings; None if the hemisphere is unknown.
 
-    That of a German mount reads 90 with the counterweight shaft down; that of a fork on its wedge counts from north.
+    On a German mount the reading is 90 with the counterweight shaft down; on a fork on its wedge it counts from north.
     """
     site = mount.sources.site()
     if mount.driver.german:
@@ -72,7 +71,7 @@ def turned_by_side(hour_angle: float, side: str | None) -> float:
 def past_meridian(turned: float, german: bool | None) -> float:
     """Return the angle of the tube past the meridian, degrees; negative on the free side.
 
-    The shaft of a German mount is above horizontal then. The hour angle of a fork counts to both sides.
+    On a German mount the counterweight shaft is then above horizontal. On a fork the hour angle counts to both sides.
     """
     return abs(wrap180(turned)) - (LEVEL if german else 0.0)
 
@@ -102,7 +101,7 @@ class HourAngleWatch:
 
     @property
     def watched(self) -> bool:
-        """Whether a limit is set that can be kept on this mount."""
+        """Whether a limit is set that can be enforced on this mount."""
         mount = self._mount
         status = mount.cache.value(op.GetStatus)
         limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
@@ -139,7 +138,9 @@ class HourAngleWatch:
         return _by_readings(self._readings, mount.now())
 
     def turned(self, hour_angle: float, side: str | None) -> float | None:
-        """Return how far the axis is turned at this hour angle: as followed until now, else by the side of the pier."""
+        """Return how far the axis is turned at this hour angle: continued from the last angle, else by the side of the
+        pier.
+        """
         german, before = self._mount.driver.german, self._turned
         if before is not None:
             first = turned_by_side(hour_angle, "E" if german else None)

@@ -1,12 +1,10 @@
 """The sum of all syncs since the alignment: small syncs add up to a large error.
 
-Each sync may be off by the limit for syncs (``sync-limit``), and so may their sum, but no more. A sync counts by what
-it turns: near the zenith of an alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the
-sky turns the first axis by up to 180 degrees, and every later goto with it. So the sum is kept on the sky and for each
-axis; that of an axis counts by day. A new alignment resets the sum.
-
-Where a mount may take its tube for pointing the other way (beyond the pole, a German mount on the other side of the
-pier), a sync may turn its axes in either of two ways. All sums that are possible are kept, and the larger one counts.
+Each sync, and the sum of all, may be off by at most ``sync-limit``. A sync counts by its turn of the axes: near the
+zenith (alt-azimuth) or the pole (equatorial), a sync that is small on the sky turns the first axis, and every later
+goto, by up to 180 degrees. So there is a sum on the sky and, by day, one for each axis. A new alignment resets them. If
+a sync may turn the axes in either of two ways, as beyond the pole or on the other side of the pier, all possible sums
+are stored, and the largest one counts.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ Turns = Sequence[Sequence[Pair]]
 class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
 
-    ``turned`` is what syncs have added to the readings of the two axes: azimuth and altitude, or those of an equatorial
-    mount (`Geometry.axes`). ``otherwise`` is the same if the mount took its tube for
-    pointing the other way.
+    ``turned`` is the sum of the turns of the two axes by syncs: azimuth and altitude, or those of an equatorial mount
+    (`Geometry.axes`). ``otherwise`` are the other possible sums, if the tube may point the other way round than the
+    mount assumes.
     """
 
     east: float = 0.0
@@ -53,7 +51,7 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return (self.turned, *self.otherwise)
 
     def steps(self, turns: Turns) -> Iterator[tuple[Pair, Pair]]:
-        """Yield each sum of the axes that is possible now with each that is possible after a sync."""
+        """Yield every pair of a sum of the axes that is possible now and a sum that is possible after a sync."""
         for before, ways in zip(self.axes, turns, strict=True):
             for way in ways:
                 yield before, (wrap180(before[0] + way[0]), wrap180(before[1] + way[1]))
@@ -81,8 +79,8 @@ def _different(sums: Iterable[Pair]) -> list[Pair]:
 class SyncTotal:
     """Owns ``value``, the sum of all syncs since the alignment of the mount; a previous run may have saved it.
 
-    ``coming`` is the sum with the sync that was admitted and is being sent; ``doubt`` is why the user should sync
-    again, in words.
+    ``coming`` is the sum with the sync that was admitted and is being sent; ``doubt`` is the reason why the user should
+    sync again.
     """
 
     def __init__(self) -> None:
@@ -135,7 +133,9 @@ def check_sync(
 
 
 def corrects(limit: float, before: Pair, after: Pair) -> bool:
-    """Whether a sync makes no axis's sum larger in amount, apart from rounding within the limit, and one smaller."""
+    """Whether a sync makes the sum of no axis larger (apart from rounding, within the limit), and that of at least one
+    axis smaller.
+    """
     sums = [(abs(old), abs(now)) for old, now in zip(before, after, strict=True)]
     larger = any(now > old and (now > old + ROUNDING or now > limit) for old, now in sums)
     return not larger and any(now < old - ROUNDING for old, now in sums)

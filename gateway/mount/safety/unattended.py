@@ -1,10 +1,11 @@
-"""What nobody is there to end: motion by hand of a client that left, tracking at a limit, a Sun that comes to the tube.
+"""Motion that no client attends: motion by hand of a client that left, tracking at a limit, a Sun that comes to the
+tube.
 
-Dead man's switch: fast motion by hand, and motion of the focuser, ends when the client that began it is no longer heard
-from. Rates up to 60" a second are a client's own tracking and continue; gotos end by themselves. Tracking that reaches
-a limit is turned off. A mount that drifts on with tracking off is reported once. If tracking is turned on again, at the
-hand control or because the mount was unparked, it is turned off again. Of a Sun that comes near a tube that rests or
-tracks the user is told a quarter of an hour before: the gateway begins no motion, so it cannot move the tube away.
+Dead man's switch: fast motion by hand, and motion of the focuser, ends when the client that began it is no longer
+active. Rates up to 60" a second are a client's own tracking and continue; gotos end by themselves. Tracking that
+reaches a limit is turned off, and again if it is turned on again; a mount that drifts on with tracking off is reported
+once. If a Sun will come near a tube that rests or tracks, the user is warned a quarter of an hour before. The gateway
+does not move the tube away, because it begins no motion by itself.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def supervised(wanted: Wanted) -> list[Supervised]:
 def abandoned(
     motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
 ) -> list[tuple[Supervised, str]]:
-    """Return the motions whose client has disconnected or has been silent for too long, each with the reason in words.
+    """Return the motions whose client has disconnected or has been silent for too long, each with the reason as text.
 
     ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
     """
@@ -180,7 +181,7 @@ class TrackingAtLimit:
 
 
 class SunAhead:
-    """Tells of a Sun that comes to the tube by itself: to one that rests, or that rises beside one that tracks.
+    """Warns of a Sun that comes to the tube by itself: to a tube at rest, or when it rises beside a tube that tracks.
 
     ``words`` say which Sun comes near and when; empty if none does. Call ``check`` with every position.
     """

@@ -1,10 +1,10 @@
 """Checks every position that the mount reports, and ends motion that would pass a limit.
 
-All motion is watched: by clients, at the hand control, and tracking. Each position is added to what was seen
-(``seen.py``), and the rules are evaluated (``allow.py``). If the mount would pass a limit before the next position and
-a stop can arrive, it is stopped now; tracking that carries it to a limit is turned off. A motion by hand that positions
-do not show, because none arrive or they do not change, is ended and reported; coordinates that change only because site
-or clock were set are not a motion.
+All motion is watched: by clients, at the hand control, and tracking. Each position is added to the observed motion
+(``seen.py``), and the rules are evaluated (``allow.py``). If the mount could pass a limit before a stop at the next
+position takes effect, it is stopped now; tracking that carries it to a limit is turned off. A motion by hand that
+positions do not show, because none arrive or they do not change, is ended and reported. Coordinates that change only
+because site or clock were set are no motion.
 """
 
 from __future__ import annotations
@@ -104,8 +104,10 @@ class LimitWatch:
         return self._mount.now() < self.others.until
 
     def others_move(self, axis: int) -> bool:
-        """Whether the last two positions show that somebody else moves this axis faster than any tracking. What moves
-        soon after a goto is its end. Of an alt-azimuth mount both axes follow the sky, and either counts.
+        """Whether the last two positions show that somebody else moves this axis faster than any tracking.
+
+        Motion soon after a goto is the end of that goto. Both axes of an alt-azimuth mount follow the sky, so motion of
+        either counts.
         """
         mount, before, last, now = self._mount, self.observed.before, self.observed.last, self._mount.now()
         if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
@@ -123,7 +125,7 @@ class LimitWatch:
 
     @property
     def found_moving(self) -> bool:
-        """Whether the last position was the first that showed that."""
+        """Whether the last position was the first to show motion by somebody else."""
         return self.others.begins
 
     @property
@@ -142,7 +144,7 @@ class LimitWatch:
 
     @property
     def on_clear_path(self) -> bool:
-        """Whether all that moves is a goto on a path within the limits, and nothing else was ordered."""
+        """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
         return self._clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
@@ -154,7 +156,7 @@ class LimitWatch:
     # --- events -----------------------------------------------------------------------------------------------------
 
     def began(self, operation: op.Operation) -> None:
-        """A motion has begun: it starts from the last position, unless the mount was moving already."""
+        """Note that a motion has begun: it starts from the last position, unless the mount was moving already."""
         mount, moving = self._mount, self._mount.movement.now()
         limits, self._at_own_park = mount.policy.limits, False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
@@ -180,18 +182,22 @@ class LimitWatch:
             self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
-        """A goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
+        """Note that a goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the
+        zenith.
+        """
         self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
-        """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
+        """Note that one axis was stopped: a goto that continues on the other does not follow the path that
+        was checked.
+        """
         self._astray, self._clear = True, False
 
     def motion_ended(self) -> None:
-        """One or all motions by hand have ended."""
+        """Note that one or all motions by hand have ended."""
         self._deadline.disarm()
         self.at_rest_since = self._mount.now()
         self._coasts_until = self._mount.now() + COASTING
@@ -293,7 +299,7 @@ class LimitWatch:
             self._limits, self._at_own_park = mount.policy.limits, False
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
-        """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
+        """Whether a position shows a goto more than ``ASTRAY`` away from its calculated paths."""
         sun = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
         return all(separation(*sun, *way) > ASTRAY for way in self._ways)
 
@@ -427,10 +433,11 @@ class StallWatch:
 
 
 class OthersWatch:
-    """Notices motion that no client ordered: at the mount's own keys, or by the mount itself.
+    """Notices motion that no client ordered: at the hand control, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last; whether the last position
-    showed it (``moves``), as the first one (``begins``); and the time ``until`` which the mount is watched closely.
+    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last. ``moves``: the last
+    position showed it; ``begins``: the last position was the first to show it. The mount is watched closely ``until``
+    this time.
     """
 
     def __init__(self) -> None:
@@ -450,7 +457,7 @@ class SkyChange:
     """Notices that site or clock were set: positions before and after then mean different altitudes.
 
     The mount receives the settings one by one, so changes at rest while some are still to be sent are not a motion.
-    ``changed_at`` is when site or clock have last changed while the mount was at rest.
+    ``changed_at`` is when site or clock last changed while the mount was at rest.
     """
 
     def __init__(self, mount: Context) -> None:

@@ -123,7 +123,7 @@ class TubeFrame:
     """Returns, when called, the present ``PointingFrame``.
 
     ``measured`` is the axis readings minus the calculated azimuth (None: unknown) and altitude, degrees; None if the
-    mount does not report its axes (``safety/altitude_axis.py``). Then the syncs give the error. After the tube was
+    mount does not report its axes (``safety/altitude_axis.py``): then the syncs give the error. After the tube was
     driven over the pole or the zenith (not ``upright``), the error of the second axis may have the other sign.
     """
 
@@ -175,10 +175,10 @@ class Sun(NamedTuple):
 class SunAvoidance:
     """Every Sun to avoid while it is up. ``limit`` is the smallest allowed distance, degrees; 0 turns it off.
 
-    The mount's right ascension and declination may be right although its clock is wrong (it is aligned on stars), so
-    the Sun is avoided there. Or they are as wrong as its site and clock, by which it turns them into axis positions: so
-    the Sun is also avoided where each source of site and time puts it over the horizon (or, for a polar axis, in hour
-    angle), and the tube counts where the mount really puts it.
+    The mount's right ascension and declination may be right although its clock is wrong, because it is aligned on
+    stars: so the Sun is avoided in these coordinates. Or they are as wrong as its site and clock, by which it turns
+    them into axis positions: so the Sun is also avoided where each source of site and time puts it over the horizon
+    (for a polar axis, in hour angle). The distance is that of the true direction of the tube.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class SunAvoidance:
         self._until = float("-inf")
 
     def narrow(self, limit: float) -> None:
-        """Keep another distance from now on: distances cannot be compared with those before if none was kept."""
+        """Set another limit. Distances before and after that cannot be compared."""
         self.limit = limit
         self.era += 1
 
@@ -239,7 +239,9 @@ class SunAvoidance:
         return self._astrometry.horizon(self.tube(position, shift)).alt
 
     def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
-        """Return where the mount believes to point when the tube is there: the inverse of ``tube``."""
+        """Return the position that the mount reports when the tube has the direction ``tube``: the inverse
+        of ``tube``.
+        """
         return self.tube(tube, shift._replace(first=-shift.first, second=-shift.second))
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
@@ -248,7 +250,7 @@ class SunAvoidance:
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, position: op.Equatorial) -> list[float]:
-        """Return the distances from every Sun to be avoided, degrees; those from the mount's own come first."""
+        """Return the distances from every Sun to be avoided, degrees; those by the mount's own data come first."""
         return [self.distance(position, sun) for sun in self.up()]
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
@@ -279,7 +281,9 @@ class SunAvoidance:
                 yield _Risen(time, site, place, over)
 
     def _in_own_coordinates(self, risen: _Risen, polar: bool, place: op.Place, unix: float) -> Pair:
-        """Return where the mount, by its own site ``place`` and time, points the axes at a Sun of another source."""
+        """Return the position that the mount reports, by its own site ``place`` and time, when its axes point at a Sun
+        of another source.
+        """
         if not polar:
             return self._sky.equatorial(*risen.over, place.latitude, place.longitude, unix)
         turned = self._sky.sidereal_time(risen.time.unix, risen.site.place.longitude)
@@ -287,7 +291,9 @@ class SunAvoidance:
 
 
 class _Risen(NamedTuple):
-    """A Sun that is up by a source of time and site: right ascension and declination, azimuth and altitude there."""
+    """A Sun that is up by a source of time and site: right ascension and declination, azimuth and altitude at that
+    site.
+    """
 
     time: Time
     site: Site
@@ -296,7 +302,7 @@ class _Risen(NamedTuple):
 
 
 def _different(suns: list[Sun]) -> list[Sun]:
-    """Return the Suns that are not at the place of an earlier one."""
+    """Return the Suns without those at the position of an earlier one."""
     distinct: list[Sun] = []
     for sun in suns:
         if not any(sun.shift == other.shift and separation(*sun[:2], *other[:2]) < SAME for other in distinct):

@@ -35,8 +35,9 @@ Kind = tuple[type[Operation], int | None]
 
 
 class Setting(Struct, frozen=True):
-    """A value, when it was requested (a clock runs on from there), the attempts left, the time of the next one, and the
-    host of the program."""
+    """A value, when it was requested (a clock runs on from then), the attempts left, the time of the next one, and the
+    host of the program.
+    """
 
     value: Operation
     since: float
@@ -46,7 +47,7 @@ class Setting(Struct, frozen=True):
 
     @property
     def late(self) -> bool:
-        """Whether it could not be sent at once. Then the mount's present value is read before it is sent."""
+        """Whether it could not be sent at once. Then the mount's present value is read before the setting is sent."""
         return self.due > 0.0
 
     def running(self, now: float) -> Operation:
@@ -67,10 +68,12 @@ def kind_of(operation: Operation) -> Kind:
 
 
 class IncomingSettings:
-    """What programs were promised and the mount has not received. Gotos wait for its sites and clocks.
+    """The settings that were accepted from programs and that the mount has not received. Gotos wait for sites and
+    clocks among them.
 
-    ``SyncSettings`` alone changes it. ``sending``: SetSite or SetClock while one is on its way. ``unfinished``: the
-    programs that are still setting one, in several commands, each with the loop time until which that is expected.
+    Only ``SyncSettings`` changes it. ``sending``: SetSite or SetClock while it is being sent. ``unfinished``: the
+    programs that are still setting a site or clock, in several commands, each with the loop time until which the rest
+    is expected.
     """
 
     def __init__(self) -> None:
@@ -79,11 +82,11 @@ class IncomingSettings:
         self.unfinished: dict[ProgramId, float] = {}
 
     def expect(self, program: ProgramId, until: float) -> None:
-        """Expect the rest of a site or clock of this program, or that it is sent without it, at a loop time."""
+        """Expect the rest of a site or clock of this program until this loop time, when it is sent without the rest."""
         self.unfinished[program] = until + SLACK
 
     def complete(self, program: ProgramId) -> None:
-        """Note that a program has set all of it."""
+        """Note that a program has set all parts."""
         self.unfinished.pop(program, None)
 
     def holds_up(self, now: float, calculating: bool = False) -> Busy | None:
@@ -123,7 +126,7 @@ def tried(pending: Pending, setting: Setting, now: float) -> Pending:
 
 
 def next_setting(pending: Pending, now: float) -> Setting | float | None:
-    """Return the setting to be sent now, else the time at which one is due; None if there are none.
+    """Return the setting to be sent now, else the time at which the next one is due; None if there are none.
 
     The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
@@ -134,9 +137,9 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 
 
 def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place) -> bool:
-    """Whether the site that the mount reports may result from what the gateway sent it.
+    """Whether the site that the mount reports may result from the site that the gateway sent.
 
-    Each half is as it was before or as the gateway sent it; the mount may have received only one of them.
+    Each half is as it was before or as the gateway sent it, because the mount may have received only one of them.
     """
     values = [setting.value for setting in sent if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]

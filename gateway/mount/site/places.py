@@ -1,4 +1,4 @@
-"""Operations that are answered from site and clock alone: equinoxes, the zenith, planets, places on the Moon."""
+"""Operations that need only site and clock, and not the mount: equinoxes, the zenith, planets, places on the Moon."""
 
 from __future__ import annotations
 

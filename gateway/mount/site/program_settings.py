@@ -1,7 +1,7 @@
-"""The site and clock that each program has set where the mount keeps its own: returned to that program alone.
+"""The site and clock that each program has set on a mount that keeps its own: only that program reads them.
 
-Frozen values by program (``mount/presence.py``): a host on one surface. What the mount has taken is the mount's and
-removed here. The newest site and clock of any program count for all only if nothing else is known.
+Frozen values by program (``mount/presence.py``): a host on one surface. A setting that the mount has taken is removed
+here. The newest site and clock of any program count for all only if nothing else is known.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Clock = tuple[Moment, float]
 class SiteOfProgram(Struct, frozen=True):
     """A complete site that a program has set, its host, and the date. It survives a restart.
 
-    Degrees, north and east positive; ``host`` and ``date`` are words for messages.
+    Degrees, north and east positive; ``host`` and ``date`` are text for messages.
     """
 
     latitude: Annotated[float, Meta(ge=-90, le=90)]
@@ -51,7 +51,8 @@ def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
 
 class OwnSettings(Struct, frozen=True):
     """The settings of one program: a site, or one half of it that waits for the other; a clock with the loop time of
-    its reading; and a zone that was set alone, hours, local time minus UTC."""
+    its reading; and a zone that was set without a clock, hours, local time minus UTC.
+    """
 
     site: Place | None = None
     half: SetSite | None = None
@@ -63,7 +64,9 @@ NOTHING = OwnSettings()
 
 
 class ProgramSettings:
-    """Holds the settings of all programs; ``newest`` is the site that a program has set last, if the mount lacks it."""
+    """Holds the settings of all programs; ``newest`` is the last site that a program has set, if the mount does not
+    have it.
+    """
 
     def __init__(self) -> None:
         self._own: dict[ProgramId, OwnSettings] = {}

@@ -1,4 +1,6 @@
-"""Site and clock as one program reads and sets them: its own where the mount keeps its own, else the best source's."""
+"""Site and clock as one program reads and sets them: its own settings if the mount keeps its own, else the best
+source's.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ class ReadBy:
 
     @property
     def own(self) -> OwnSettings:
-        """What this program has set and the mount has not taken."""
+        """The settings of this program that the mount has not taken."""
         return self._known.programs.of(self._program)
 
     # --- reading ----------------------------------------------------------------------------------------------------
@@ -37,8 +39,8 @@ class ReadBy:
         return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
 
     def clock(self) -> Moment | None:
-        """Return the clock that the program has set, running, else the mount's; None if there is neither. A zone that
-        it has set alone replaces the offset.
+        """Return the clock that the program has set, run on to the present, else the mount's; None if there is neither.
+        If the program has set only a zone, that replaces the offset.
         """
         settings = self.own
         moment = self._known.running(settings.clock or self._known.mount_clock)
@@ -98,7 +100,7 @@ class ReadBy:
         self._put(replace(self.own, clock=(moment, self._known.now()), zone=None))
 
     def keep_zone(self, offset: float) -> None:
-        """Keep a zone that was set alone: hours, local time minus UTC."""
+        """Store a zone that was set without a clock: hours, local time minus UTC."""
         self._put(replace(self.own, zone=offset))
 
     def forget_site(self) -> None:

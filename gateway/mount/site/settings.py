@@ -1,7 +1,8 @@
 """Reads and sets site and clock: answered from known values, accepted from clients at once, sent to the mount later.
 
-Setting site or time of an aligned hand control may cost the alignment, so by default only an unaligned one gets them. A
-value that is not sent is kept in the gateway, and the log says so once. ``settings_sync.py`` sends the settings.
+Setting site or time of an aligned hand control may cost the alignment, so by default only an unaligned hand control
+gets them. A value that is not sent is kept in the gateway, and the log says so once. ``settings_sync.py`` sends the
+settings.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ class SiteAndClock:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
-        """Take one half of a site or both. It is sent when both halves are there, or after a moment."""
+        """Take one half of a site or both. It is sent when both halves are set, or after a moment."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._read_by(program).forget_site()
             return

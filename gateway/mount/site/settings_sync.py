@@ -2,8 +2,8 @@
 
 Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
 to a mount that slews or is moved by hand. A setting is never sent to another mount than the one it was meant for, nor
-over a value that was changed at the mount meanwhile. The log says which have gone to the mount and by whom, which are
-kept here and which were lost; reads then return the mount's own value again.
+over a value that was changed at the mount meanwhile. The log says which settings were sent to the mount and by whom,
+which stay in the gateway, and which were lost; reads then return the mount's own value again.
 """
 
 from __future__ import annotations
@@ -121,11 +121,11 @@ class SyncSettings:
             raise
 
     def pause(self) -> None:
-        """The link has come up: wait until the mount is identified and has reported site and clock."""
+        """Wait, after the link has come up, until the mount is identified and has reported site and clock."""
         self._ready = False
 
     def resume(self) -> None:
-        """The mount has been identified and has reported site and clock: start sending."""
+        """Start sending: the mount has been identified and has reported site and clock."""
         identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
@@ -233,7 +233,7 @@ class SyncSettings:
         return self.takes(await self._reader.read(op.GetStatus()))
 
     def takes(self, status: op.Status) -> bool:
-        """Whether a mount in this state may be set a site and clock, unless that is never to be done."""
+        """Whether a mount in this state may be sent a site and clock, unless the owner forbids it."""
         driver, policy = self._driver, self._context.policy.site_time
         return not status.aligned or driver.takes_site_aligned or (policy == "always" and not driver.loses_alignment)
 
@@ -271,7 +271,7 @@ class SyncSettings:
         return same or changed
 
     async def _acknowledged(self, setting: Setting) -> None:
-        """The mount has received it, so it is the mount's own value now. Read its clock, which counts whole seconds."""
+        """Note that the mount has received a setting. Its clock is read, because it counts whole seconds."""
         running = setting.running(self._now())
         news = not self._is_set(running)
         if isinstance(running, op.SetSite):
@@ -296,7 +296,7 @@ class SyncSettings:
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:
-        """The mount has it: drop the copies kept for programs, unless there is a newer one."""
+        """Drop the programs' copies of a setting that the mount has, unless there is a newer one."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)

@@ -1,7 +1,7 @@
 """Site and clock: those that each program reads, and those that the limits use, which come from the best source.
 
 An unaligned hand control gets what programs set. An aligned one keeps its own, because setting it could cost the
-alignment: the gateway then returns its own values to the program that set them (``program_settings.py``), and the best
+alignment: the gateway then returns a program's values to that program alone (``program_settings.py``), and the best
 source to all others. Nothing here waits for the mount.
 """
 
@@ -37,7 +37,9 @@ MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
 
 
 class Site(NamedTuple):
-    """A site and its source; ``by`` is the host of the program that has set it at the mount, empty if none has."""
+    """A site and its source; ``by`` is the host of the program that has set it at the mount, empty if no
+    program has.
+    """
 
     place: Place
     source: str
@@ -45,7 +47,7 @@ class Site(NamedTuple):
 
     @property
     def who(self) -> str:
-        """Return the source in words."""
+        """Return the source as text."""
         return f"{self.source}, as {self.by} set it," if self.by else self.source
 
 
@@ -62,7 +64,7 @@ class Time(NamedTuple):
 
     @property
     def who(self) -> str:
-        """Return the source in words."""
+        """Return the source as text."""
         return f"{self.source} (set by {self.by})" if self.by else self.source
 
 
@@ -70,8 +72,8 @@ class SiteClock:
     """Owns every known site and clock of one mount.
 
     ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``trust`` is the
-    owner's word on it (auto, right, doubtful), ``kernel`` what the kernel says of it. ``changed`` is emitted
-    when the site or clock in force may have changed.
+    owner's setting for that time (auto, right, doubtful), ``kernel`` what the kernel reports of it. ``changed`` is
+    emitted when the site or clock in force may have changed.
     """
 
     def __init__(
@@ -107,7 +109,7 @@ class SiteClock:
     # --- site and clock in force ------------------------------------------------------------------------------------
 
     def site_of_program(self) -> SiteOfProgram | None:
-        """Return the site that a program has set last, also in an earlier run, if the mount has none of its own."""
+        """Return the last site that a program has set, also in an earlier run, if the mount has no site of its own."""
         if self.mount_site is not None:
             return None
         return self.programs.newest or (self.stored if self._asked else None)
@@ -150,9 +152,10 @@ class SiteClock:
     # --- new values -------------------------------------------------------------------------------------------------
 
     def take_mount_site(self, place: Place, ours: bool = False, by: str | None = None) -> bool:
-        """Take the mount's site. Return whether somebody changed it there; then it also replaces programs' sites.
+        """Take the site that the mount reports. Return whether somebody changed it at the mount; then it also replaces
+        programs' sites.
 
-        A change that results from the gateway's own setting (``ours``, of a program on the host ``by``) does not count.
+        A change by the gateway's own setting does not count (``ours``: sent for a program on the host ``by``).
         """
         before = self.mount_site
         if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
@@ -184,7 +187,7 @@ class SiteClock:
         return changed
 
     def take_gps(self, gps: Gps) -> None:
-        """Take what the mount's GPS reports; without a fix only the state of the receiver is kept."""
+        """Take the report of the mount's GPS; without a fix only the state of the receiver is stored."""
         self._gps = gps, self.now()
         if gps.linked:
             self.gps_site = gps.place or self.gps_site
@@ -218,13 +221,15 @@ class SiteClock:
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def has_own(self, operation: Operation) -> bool:
-        """Whether the mount has reported a site or clock of its own, which can be returned instead of this one."""
+        """Whether the mount has reported its own site or clock, which can be returned instead of the one in the
+        operation.
+        """
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
 
     def has_one_of(self, places: Sequence[SetSite]) -> bool:
-        """Whether the mount's site matches one of these in latitude or longitude."""
+        """Whether the mount's site matches any of these in latitude or longitude."""
         site = self.mount_site
         return site is not None and any(
             (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_EQUAL)
@@ -242,9 +247,9 @@ class SiteClock:
 class BestSources:
     """Site and time from the best source: used by the limits and by ``SiteAstrometry``.
 
-    The mount's own are the best, because its coordinates are calculated from them. Then follow its GPS receiver, the
-    configuration (site) or this computer's clock (time), unless that is doubtful. What clients set is used last: any
-    client may be misconfigured, and the limits belong to the owner of the telescope.
+    The mount's own site and clock are the best, because its coordinates are calculated from them. Then follow its GPS
+    receiver, the configuration (site) or this computer's clock (time), unless that is doubtful. Settings of clients are
+    used last: any client may be misconfigured, and the limits belong to the owner of the telescope.
     """
 
     def __init__(self, site_clock: SiteClock) -> None:
@@ -253,7 +258,7 @@ class BestSources:
         self.changed = site_clock.changed
 
     def sites(self) -> list[Site]:
-        """Return every site that counts, best first. A program's counts only if nothing else is known."""
+        """Return every site that counts, best first. A program's site counts only if nothing else is known."""
         known = self._site_clock
         sites = [
             Site(place, source, by)
@@ -266,7 +271,9 @@ class BestSources:
         return [Site(site.place, site.words)]
 
     def sites_for_sun(self) -> list[Site]:
-        """Return every site over whose horizon the Sun is avoided: also the one before a program changed it far."""
+        """Return every site over whose horizon the Sun is avoided, including the former site if a program changed it
+        far.
+        """
         former = self._site_clock.former_site()
         return [*self.sites(), *([Site(former, FORMER)] if former is not None else [])]
 
@@ -294,7 +301,7 @@ class BestSources:
         return self._site_clock.best_site()
 
     def best_time(self) -> Time:
-        """Return the first of ``times``. If the mount has reported one, the others need not be computed."""
+        """Return the first of ``times``. If the mount has reported a time, the others need not be computed."""
         known = self._site_clock
         moment = known.running(known.mount_clock)
         return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_by)

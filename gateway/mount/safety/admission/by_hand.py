@@ -1,9 +1,10 @@
-"""Admission of motion by hand, guide pulses and tracking: would they lead beyond a limit at once?
+"""Admission of motion by hand, guide pulses and tracking: refuses them if they would soon lead beyond a limit.
 
-A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
-checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
-mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too. Tracking is judged by
-the next minute, and only beyond a limit: what leads back is allowed, what leads farther is refused.
+A motion is judged by its first stretch, up to the point where a position has shown it and a stop can have ended it. All
+of the stretch is checked, because beyond the zenith or the Sun its end may be allowed again. Both directions of each
+axis are checked, because a mount whose axes cannot be read may point the other way round. A guide pulse is a stretch,
+too. Tracking is judged by the next minute, and only beyond a limit: tracking that leads back is allowed, tracking that
+leads farther out is refused.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class Start(NamedTuple):
 
     ``tilt`` is the altitude axis minus the calculated altitude, degrees. ``shifts`` are the rotations by syncs, if the
     axes do not report them. ``turned`` is the angle of the first axis west of its middle, degrees; None if it is
-    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid, ``others`` the sources
-    of site and time that contradict the best one and count, too, each with its site.
+    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid. ``others`` are the sources of site and time
+    that contradict the best one and also count, each with its site.
     """
 
     position: op.Equatorial
@@ -66,7 +67,9 @@ class Start(NamedTuple):
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
-    """How far an axis turns from the last position until a stop at the next one has ended the motion, degrees."""
+    """Return how far an axis turns from the last position until a stop at the next position has ended the motion,
+    degrees.
+    """
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
     return operation.sense * mount.speed(operation) * (mount.timing.reaction + MIN_INTERVAL + age)
 
@@ -120,7 +123,7 @@ def _check_altitudes(
     """Check that the way from ``position`` to ``soon`` leads beyond no altitude limit, whether the syncs were right or
     not.
 
-    ``only_beyond``: it counts only if it begins beyond one. Raises BelowHorizon, TooHigh, Contradicted.
+    ``only_beyond``: a way counts only if it begins beyond a limit. Raises BelowHorizon, TooHigh, Contradicted.
     """
     before, after = mount.astrometry.horizon(position).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after):
@@ -169,8 +172,8 @@ class HandAdmission:
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
 
-        Of the Suns only those count that the mount's own coordinates or axes show: a wrong clock must not end guiding.
-        Raises Refused while somebody else moves the axis: the pulse would end that motion.
+        Only the Suns by the mount's own coordinates or axes count, because a wrong clock must not end guiding. Raises
+        Refused while somebody else moves the axis, because the pulse would end that motion.
         """
         if self._watch.others_move(pulse.axis if isinstance(pulse, op.PulseAxis) else pulse.direction.axis):
             raise Refused(BY_HAND)
@@ -262,9 +265,10 @@ async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch
 async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
-    that was synced there may take it for the first way, so both are returned then; so are they if the pier side that a
-    hand control tells, which it may have chosen for the last goto, contradicts its declination axis.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. Both are returned
+    if a hand control was synced in the other way, because it may take that for the first way. Both are also returned if
+    the reported pier side contradicts the declination axis, because the hand control may have chosen that side for the
+    last goto.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:

@@ -1,7 +1,7 @@
 """Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
-They are reported at the start, in one line, because that is better than to learn of them from a refusal. A goto is
-refused if any source puts its goal beyond a written altitude limit, or near the Sun, and so is an arrow, which also
+They are reported at the start, in one line, so that the user does not learn of them from a refusal. A goto is refused
+if any source puts its goal beyond a written altitude limit, or near the Sun. An arrow is refused in the same cases, and
 ends there. A goto under way and tracking are judged by the best source alone, so that a wrong source cannot stop a
 mount that is right.
 """
@@ -59,8 +59,8 @@ CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
 class Contradiction(NamedTuple):
     """Another site and time that may be the true ones.
 
-    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is what
-    the other one says of the site, for where the best one stands already.
+    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is the
+    same for a sentence that names the best source already.
     """
 
     place: Place | None
@@ -73,8 +73,8 @@ class Contradiction(NamedTuple):
 
 
 def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh, with its value,
-    when it rises, and the sources that say otherwise.
+    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh, whose text gives
+    the altitude, when the goal rises, and the sources that contradict.
     """
     altitude = mount.astrometry.horizon(goal).alt
     try:
@@ -109,7 +109,8 @@ def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
 
 
 def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, where it is written.
+    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, against the ``written``
+    limits.
 
     Raises Contradicted, which names the sources; NearSun if the time is unknown.
     """
@@ -120,7 +121,9 @@ def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: 
 
 
 def other_sites(sources: BestSources, written: Limits) -> tuple[tuple[Contradiction, Place], ...]:
-    """Return what contradicts the best site and clock, each with its site; nothing if no altitude limit is written."""
+    """Return the sources that contradict the best site and clock, each with its site; empty if no altitude limit is
+    written.
+    """
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return ()
     return tuple(
@@ -199,7 +202,7 @@ def _remedies(contradiction: Contradiction) -> str:
 
 
 def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
-    """Yield what other sources say that differs too much, each site or time combined with the best of the other."""
+    """Yield the sources that differ too much; each site or time is combined with the best source of the other."""
     unix = times[0].unix
     if sites:
         place, others = sites[0].place, sites[1:]

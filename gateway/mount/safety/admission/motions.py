@@ -1,8 +1,8 @@
 """Admission: decides before a motion whether it is allowed, and in which form this mount can carry it out.
 
-A held mount may not be moved at all. Checked are the target of every goto, park and home, and the paths to it
-(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and syncs (``syncs.py``).
-Motion that has begun is watched by ``watch.py``.
+A held mount may not be moved at all. Otherwise this checks the target of every goto, park and home, and the paths to it
+(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and syncs (``syncs.py``). ``watch.py``
+watches motion that has begun.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class MotionAdmission:
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def preview(self, goal: op.Equatorial) -> Fault | None:
-        """Return the refusal that a goto there would get now, by the same rules; None if they allow it.
+        """Return the refusal that a goto to ``goal`` would get now, by the same rules; None if they allow it.
 
         The rules use the last readings. If they need a missing reading, only the goto itself shows the outcome.
         """
@@ -164,8 +164,9 @@ class MotionAdmission:
         return await self._admit(goto)
 
     async def _admit_at_rest(self, operation: op.GotoHorizontal, goto: op.Goto) -> op.Operation:
-        """Return a goto of an equatorial mount to a place over the horizon during which its drive stays off: to axis
-        readings, counted from those that it has now; without these to where the place will be on the sky on arrival.
+        """Return a goto of an equatorial mount to a place over the horizon, for a drive that stays off. It is a goto to
+        axis readings, counted from the present ones; without these, it is a goto to the position on the sky at which
+        the place will be on arrival.
         """
         mount = self._mount
         if mount.driver.implementation(op.GotoHorizontal):
@@ -207,7 +208,8 @@ class MotionAdmission:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
     def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
-        """Check the altitude of a target by the mount's own site and clock, and by every source where it is written.
+        """Check the altitude of a target by the mount's own site and clock, and written limits also by every other
+        source.
 
         Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
         """
@@ -274,7 +276,7 @@ class MotionAdmission:
         position: op.Equatorial = await self._ask.read(op.Position())
 
         def journey(shift: Shift | None) -> Journey:
-            """The journey of the tube, which may be off from where the mount believes to point."""
+            """The journey of the tube, whose true direction may differ from the mount's coordinates by ``shift``."""
             start, end = mount.suns.tube(position, shift), mount.suns.tube(believed, shift)
             return Journey(status.equatorial, start, others, end, axes if tube is None or shift == tube else None)
 

@@ -1,10 +1,10 @@
-"""The ways that a goto may take, as readings of the two axes: which leave a written limit, and which pass the Sun.
+"""The paths that a goto may take, as readings of the two axes, and the checks of these paths for limits and the Sun.
 
-A position does not always tell in which of the two ways the axes point there (a second axis beyond 90 degrees is the
-other way of pointing), nor on which side of the pier a goto ends, so there may be several ways. A mount turns each axis
-straight to its target at full speed, and the shorter turn rests at its end. A mount that does otherwise is seen away
-from these ways and then watched like a motion by hand (``safety/watch.py``). All readings of an equatorial mount are
-expressed like a German mount's, so that Sun, zenith and nadir are the same for every build. Angles are degrees.
+There may be several paths: a position does not always show in which of two ways the axes point (a second axis beyond 90
+degrees points the other way round), nor on which side of the pier a goto ends. A mount turns each axis straight to its
+target at full speed, and the axis with the shorter turn then rests. A mount that moves otherwise is seen away from
+these paths, and then watched like a motion by hand (``safety/watch.py``). All readings of an equatorial mount are
+expressed like a German mount's, so that Sun, zenith and nadir are the same for every build; angles are degrees.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Circle(NamedTuple):
 
 
 def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
-    """Return the axis readings at which this mount points at a Sun, or at a place, in the first way."""
+    """Return the axis readings at which this mount points at a Sun, or at a place, in the first of the two ways."""
     sun = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
@@ -86,10 +86,10 @@ def possible_paths(
 
 
 def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
-    """Return in which of the two ways a German mount may point after a goto: the second, the first, or either.
+    """Return in which of two ways a German mount may point after a goto: the second, the first, or either.
 
-    The hand control chooses by the hour angle. Near the meridian, also below the pole, that depends on its own clock
-    and settings; near the pole a small error of its alignment is a large hour angle.
+    The hand control chooses by the hour angle. Near the meridian, also below the pole, the choice depends on its own
+    clock and settings; near the pole a small error of its alignment is a large hour angle.
     """
     hour_angle = _hour_angle(astrometry, goal)
     if min(abs(hour_angle), 180.0 - abs(hour_angle), 90.0 - abs(goal.dec)) < EITHER_SIDE:
@@ -161,10 +161,10 @@ def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
 
 
 def clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
-    """Whether the path from ``start`` by ``turn`` comes nowhere nearer to ``place`` than ``limit`` degrees.
+    """Whether the path from ``start`` by ``turn`` never comes nearer to ``place`` than ``limit`` degrees.
 
-    Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two. A
-    path or a place that is no number, and a turn that no mount can make, count as not clear.
+    Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
+    Values that are not finite, and a turn that no mount can make, count as not clear.
     """
     length = max(abs(turn[0]), abs(turn[1]))
     if not (all(map(isfinite, (*start, *turn, *place, limit))) and length <= LONGEST):
@@ -189,7 +189,7 @@ def points(path: Path) -> Iterator[Pair]:
 
 
 class Journey(NamedTuple):
-    """A goto that is to be checked: from where, and in which of the two ways the axes may point there; to where.
+    """A goto that is to be checked: its start, in which of the two ways the axes may point there, and its goal.
 
     ``axes`` are the target readings, if they are given.
     """
@@ -208,8 +208,8 @@ def paths_of(mount: Context, journey: Journey) -> list[Path]:
 
 
 def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
-    """Return the possible ways that keep the altitude limits, or do so for the first ``stretch`` degrees. One from
-    beyond a limit must lead no farther out.
+    """Return the possible paths that keep the altitude limits, or do so for the first ``stretch`` degrees. A path that
+    starts beyond a limit must lead no farther out.
     """
     top = zenith(mount.astrometry, journey.equatorial)
     bottom = top[0] + 180.0, -top[1]
@@ -232,10 +232,9 @@ def _first(turn: Pair, stretch: float) -> Pair:
 
 
 def check_ways(mount: Context, limits: Limits, journey: Journey) -> list[Path]:
-    """Like ``within``. Raises WayBlocked if every way leaves the limits, or one does before a stop could end it, with a
-    place to go to first if there is one.
-
-    Its text has at most 60 characters, because LX200 programs show no more.
+    """Like ``within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it. Its
+    text names a place to go to first, if there is one, and has at most 60 characters, because LX200 programs show no
+    more.
     """
     paths, stretch = within(mount, limits, journey), mount.timing.reaction * mount.fastest
     if paths and len(within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):

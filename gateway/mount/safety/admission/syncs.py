@@ -1,8 +1,9 @@
-"""Admission of a sync: what it turns must stay within ``sync-limit``, and the mount must be at rest.
+"""Admission of a sync: its turn of the axes must stay within ``sync-limit``, and the mount must be at rest.
 
-A sync that arrives while something moves is refused, because nothing is centered then. Clients that compare positions
-take a goto for ended a moment too early, so a sync on its own target waits for its end; on any other object it is
-refused at once. Motors run on after a stop: a sync waits for rest, and is refused if it does not come.
+A sync that arrives while something moves is refused, because nothing is centred then. Clients that compare positions
+consider a goto ended a moment too early. So a sync on the target of the goto waits for its end; a sync on any other
+object is refused at once. Motors run on after a stop: a sync waits for rest, and is refused if the mount does not come
+to rest.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ async def admit_sync(
 ) -> op.Operation:
     """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar, Stopped.
 
-    ``by`` is the client's connection: a sync that has waited is not done if it is closed.
+    ``by`` is the client's connection: if it is closed while the sync waits, the sync is dropped.
     """
     if mount.movement.slewing:
         await _wait_for_goto_end(mount, ask, sync, by)
@@ -54,7 +55,7 @@ async def admit_sync(
 
 
 async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
-    """Return whether the mount comes to rest soon, which runs on after a stop or is moved at its own keys."""
+    """Return whether the mount, which runs on after a stop or is moved at its hand control, soon comes to rest."""
     until = mount.now() + GOTO_END
     while mount.run_on.value is not None or watch.others.moves:
         if mount.now() >= until:
@@ -70,8 +71,8 @@ async def _turns(
     """Return by how many degrees a sync may turn the readings of the two axes, for each sum that is possible before it.
 
     There are two ways to point at a place: beyond the pole or the zenith, also on the other side of the pier, the
-    second axis turns the other way. Where the mount may take its tube for pointing either way, as after an arrow over
-    the pole, nobody knows in which one a sync leaves it.
+    second axis turns the other way. If it is unknown in which way the mount takes its tube to point, as after an arrow
+    over the pole, both are possible after the sync.
     """
     driver, by_sky, sums = mount.driver, mount.driver.emulates_sync, mount.synced.value.axes
     start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, wanted))
