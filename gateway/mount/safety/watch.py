@@ -1,10 +1,9 @@
 """Checks every position that the mount reports, and ends motion that would pass a limit.
 
 All motion is watched: by clients, at the hand control, and tracking. Each position is added to the observed motion
-(``seen.py``), and the rules are evaluated (``allow.py``). If the mount could pass a limit before a stop at the next
-position takes effect, it is stopped now; tracking that carries it to a limit is turned off. A motion by hand that
-positions do not show, because none arrive or they do not change, is ended and reported. Coordinates that change only
-because site or clock were set are no motion.
+(``seen.py``), and the rules are evaluated (``allow.py``). If the mount could pass a limit before the next position, it
+is stopped now; tracking that carries it to a limit is turned off. A motion by hand that positions do not show is ended
+and reported. Coordinates that change only because site or clock were set are no motion.
 """
 
 from __future__ import annotations
@@ -106,8 +105,8 @@ class LimitWatch:
     def others_move(self, axis: int) -> bool:
         """Whether the last two positions show that somebody else moves this axis faster than any tracking.
 
-        Motion soon after a goto is the end of that goto. Both axes of an alt-azimuth mount follow the sky, so motion of
-        either counts.
+        Motion soon after a goto belongs to it. On an alt-azimuth mount, motion of either axis counts: both follow the
+        sky.
         """
         mount, before, last, now = self._mount, self.observed.before, self.observed.last, self._mount.now()
         if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
@@ -182,18 +181,14 @@ class LimitWatch:
             self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
-        """Note that a goto has ended. If it was stopped on its way, the tube may still be beyond the pole or the
-        zenith.
-        """
+        """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.now()
         if not (moving.ending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
-        """Note that one axis was stopped: a goto that continues on the other does not follow the path that
-        was checked.
-        """
+        """Note the stop of one axis: a goto that continues on the other does not follow the path that was checked."""
         self._astray, self._clear = True, False
 
     def motion_ended(self) -> None:
@@ -435,9 +430,8 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the hand control, or by the mount itself.
 
-    ``since`` is the time of the first position that showed it, ``seen_at`` that of the last. ``moves``: the last
-    position showed it; ``begins``: the last position was the first to show it. The mount is watched closely ``until``
-    this time.
+    ``since`` and ``seen_at`` are the times of the first and the last position that showed it. ``moves``: the last
+    position showed it; ``begins``: as the first one. The mount is watched closely ``until`` this time.
     """
 
     def __init__(self) -> None:
@@ -456,8 +450,7 @@ class OthersWatch:
 class SkyChange:
     """Notices that site or clock were set: positions before and after then mean different altitudes.
 
-    The mount receives the settings one by one, so changes at rest while some are still to be sent are not a motion.
-    ``changed_at`` is when site or clock last changed while the mount was at rest.
+    Changes at rest, while some settings are still to be sent, are no motion. ``changed_at``: when that was last so.
     """
 
     def __init__(self, mount: Context) -> None:

@@ -33,7 +33,7 @@ class Parked(Fault):
 
 
 class Untold(Unsupported):
-    """The server lacks this member, or could not read it just now; its answer does not distinguish the two."""
+    """The server lacks this member, or could not read it now; its answer does not distinguish the two."""
 
 
 @cache
@@ -64,7 +64,7 @@ def refusal(frame: bytes, fault: Fault | None) -> bytes:
 
 
 def is_refusal(reply: bytes) -> bool:
-    """Whether a reply line is a refusal: no value begins like one."""
+    """Whether a reply line is a refusal: no value begins like a refusal."""
     return reply.startswith(b'{"ErrorNumber"')
 
 
@@ -73,8 +73,8 @@ def is_refusal(reply: bytes) -> bool:
 
 class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``members.toml``. ``always``: also for programs that are not connected. ``unparked``: not while parked.
-    ``tracking``: only while the mount tracks (or does not). ``arrival``: answered when its goto has ended.
-    ``list``: its value is a list.
+    ``tracking``: only while the mount tracks (or does not). ``arrival``: answered when its goto has ended. ``list``:
+    its value is a list.
     """
 
     always: bool = False

@@ -73,7 +73,7 @@ class Schedule(NamedTuple):
 class Remark(NamedTuple):
     """A sentence for the log: the driver does something differently from what was requested.
 
-    It is written once. Of those of one ``kind``, which differ by their numbers, only the first is written.
+    It is written once. Of remarks of one ``kind``, which differ only by numbers, only the first is written.
     """
 
     text: str
@@ -91,8 +91,8 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way since ``since`` (driver clock; infinite before it is acknowledged: a mount that stands still
-    then has not ended it). ``then``: park at its end.
+    """A goto under way since ``since`` (driver clock; infinite until it is acknowledged, so that a mount at rest does
+    not count as its end). ``then``: park at its end.
 
     ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
     ``slew_reported``: the mount has reported that it slews.
@@ -107,7 +107,8 @@ class GotoUnderWay(Struct):
 class Driver:
     """Carries out operations by the rows of ``driver.toml``, and owns the known state of the mount.
 
-    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``, which import the state of a driver.
+    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``; their modules import the driver's
+    state.
     """
 
     #: Whether site and time can be set on an aligned mount without consequences, or whether that costs the alignment.
@@ -197,7 +198,9 @@ class Driver:
         return frozenset() if row is None else frozenset(row.ends)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """Return the fault that this operation would certainly end with, as far as known without asking the mount."""
+        """Return the fault with which this operation would certainly end, as far as known without asking the mount;
+        else None.
+        """
         return None
 
     def speed(self, rate: op.Rate) -> float:
@@ -232,7 +235,8 @@ class Driver:
         self.goto = None
 
     def begin_goto(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
-        """Begin a goto with the steps of ``order``. It counts as under way before they are sent: a stop must know it.
+        """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so that a stop knows
+        of it.
 
         If the acknowledgement is lost, ``moves`` finds out whether the mount slews. Raises NoAnswer if it does not.
         """
@@ -262,11 +266,13 @@ class Driver:
 
     @property
     def emulated(self) -> str:
-        """A description of the state that is lost when the mount is switched off, and of what replaces it."""
+        """A description of the settings that the gateway keeps for the mount and that a power cycle makes wrong, and of
+        their remedy.
+        """
         return ""
 
     def forget_emulated(self) -> Steps:
-        """Forget that: the mount may have been switched off. Where the value is known then, it is sent."""
+        """Forget these settings: the mount may have been switched off. If the value is known then, it is sent."""
         yield from ()
 
     def line_was_lost(self) -> None:
@@ -277,7 +283,7 @@ class Driver:
         yield from ()  # makes this a generator
 
     def contact(self) -> Steps:
-        """Find out what reading the position requires; return the position if that is known already."""
+        """Find out how to read the position; return the position if that is known already."""
         yield from ()
 
     def presented(self) -> Model:

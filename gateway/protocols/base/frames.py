@@ -35,7 +35,7 @@ class Unterminated(bytes):
 
     @property
     def words(self) -> str:
-        """The log message that says why it is refused."""
+        """The log message with the reason of its refusal."""
         text = bytes(self)
         if self.late:
             return f"{text!r} arrived without its end (#): it is not done, and what it would have set is cleared"
@@ -46,7 +46,7 @@ class Unterminated(bytes):
 
 
 class Suspect(bytes):
-    """A command that arrived in one burst of bytes with an unterminated one: it may not begin a motion."""
+    """A command that arrived in one burst of bytes with an unterminated command: it may not begin a motion."""
 
 
 class Dropped(dict[str, bytearray]):

@@ -1,4 +1,4 @@
-"""What the mount link must know of a protocol to exchange commands: how requests and replies look on the wire.
+"""What the mount link must know of a protocol to exchange commands: the forms of requests and replies.
 
 If the gateway speaks a protocol only to programs, ``PlainReplies`` decodes its replies by the tables alone, for the log
 and for ``decode``.
@@ -58,7 +58,7 @@ def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> st
 class Replies(Protocol):
     """Parses replies: ``take`` returns the values or the fault of the reply that begins the buffer, and its length.
 
-    ``protocol`` has the commands of the mount, as far as it is known which dialect it speaks.
+    ``protocol`` has the commands of the mount, as far as its dialect is known.
     """
 
     @property

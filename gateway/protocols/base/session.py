@@ -31,7 +31,9 @@ class AltitudeLimits(Protocol):
 
 
 class ClientSettings(Struct, frozen=True):
-    """The initial settings of every client of a surface. ``guides_by_sky``: its guide pulses mean the sky."""
+    """The initial settings of every client of a surface. ``guides_by_sky``: its guide pulses give directions on the
+    sky.
+    """
 
     limits: AltitudeLimits
     precision: str = "high"
@@ -131,7 +133,7 @@ class Session:
         self.client = self.state(self.settings.precision)
 
     def recognised(self, settings: Values) -> None:
-        """The client's program is known now: use its settings."""
+        """The client's program is known now: use the settings for it."""
         self.settings = replace(self.settings, **settings)
         self.client.precision = settings.get("precision", self.client.precision)
 

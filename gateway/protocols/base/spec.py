@@ -1,7 +1,7 @@
-"""What the rest of the gateway knows of a protocol: one ``ProtocolSpec``, created in the protocol's own folder.
+"""What the rest of the gateway knows of a protocol: a ``ProtocolSpec``, created in the protocol's folder.
 
-``gateway/protocols/registry.py`` lists them. Every start imports all of them, so they hold only data and functions;
-a function imports what it needs when it is called.
+``gateway/protocols/registry.py`` lists them. Every start imports all of them, so they hold only data and functions; a
+function imports what it needs when it is called.
 """
 
 from __future__ import annotations
@@ -95,8 +95,9 @@ class Question(Struct, frozen=True):
 
 
 class OfferedMount(Struct, frozen=True):
-    """A mount that a server in the network offers: ``where`` belongs into an endpoint, ``server`` is what it calls
-    itself; ``gateway``: it is a mount-gateway. It answered in ``seconds``; its ``identifier`` is the same everywhere.
+    """A mount that a server in the network offers: ``where`` belongs into an endpoint, ``server`` is the name that the
+    server reports; ``gateway``: it is a mount-gateway. It answered in ``seconds``; its ``identifier`` is the same in
+    every network.
     """
 
     where: str

@@ -39,7 +39,7 @@ class UrgentEnd(NamedTuple):
 
 
 class Surface:
-    """One protocol as its programs see it. The state of a client is in its session, which every method receives."""
+    """A protocol as its programs see it. The state of a client is in its session, which every method receives."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class Surface:
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
-        """Handle one frame: yield operations, return the reply (empty: none). No input of a client raises an error."""
+        """Handle one frame: yield operations, return the reply (empty: none). No input of a client makes it raise."""
         if isinstance(frame, Unterminated):
             return (yield from self._refuse(session, frame))
         if isinstance(frame, Suspect):
@@ -234,7 +234,9 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """Fill in the first reply form that is no refusal and fits the client's format; bytes are a reply already."""
+        """Fill in the first reply form that is no refusal and fits the client's format. If ``answer`` is bytes, it is
+        the reply.
+        """
         if isinstance(answer, bytes):
             return answer
         model = session.model
@@ -273,7 +275,9 @@ def _asked(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
 
 
 def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
-    """Return the answer as the fields of a reply: it is a mapping, a struct, or one bare value for one field."""
+    """Return the answer as the fields of a reply: the answer is a mapping, a struct, or a single value for a single
+    field.
+    """
     if isinstance(answer, Mapping):
         return answer
     if isinstance(answer, msgspec.Struct):

@@ -20,15 +20,17 @@ class FireAndForget(NamedTuple):
 
 
 class CheckPossible(NamedTuple):
-    """Check whether an operation has a chance: Fault is raised if this client may not ask for it, or if the mount does
-    not listen. A surface uses it before it sends a success that it cannot know yet.
+    """Check whether an operation has a chance. Raises Fault if this client may not ask for it, or if the mount does not
+    answer. A surface uses this before it sends a success that it cannot know yet.
     """
 
     operation: Operation
 
 
 class ReuseLastReading(NamedTuple):
-    """Reuse the last reading that this client received, so that two halves are of one instant; read again if stale."""
+    """Reuse the last reading that this client received, so that both coordinates are of one instant; read again if
+    stale.
+    """
 
     operation: Operation
 
@@ -47,7 +49,7 @@ class ChangeBaudRate(NamedTuple):
 
 
 class Subscription(NamedTuple):
-    """Read ``operation`` every ``every`` seconds and send the client what ``encode`` makes of it; nothing if empty.
+    """Read ``operation`` every ``every`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
 
     With ``changes`` the same bytes are not sent twice in a row. A client that reads slowly gets the newest message, not
     a backlog. Nothing is sent while the mount does not answer. The first message is sent ``after`` seconds of the

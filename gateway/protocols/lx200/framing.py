@@ -1,7 +1,7 @@
 """Cuts the bytes of LX200 clients into commands.
 
 Everything before a ``:`` is dropped; ``#`` ends a command; a ``:`` in front of a letter, ``$`` or ``?`` begins a new
-one (some programs omit a ``#``); a raw 0x06 is always a command of its own, and ends an incomplete one. Carriage
+command, because some programs omit a ``#``. A raw 0x06 is always a command, and ends an incomplete command. Carriage
 returns, line feeds and NULs are ignored. A command longer than 64 bytes is dropped up to the next ``:``.
 
 A command with an argument but no ``#`` is dangerous: a ``:MS#`` after half a ``:Sr`` would slew to the previous target.

@@ -24,7 +24,7 @@ def fix(sentence: str) -> Gps | None:
 
 
 def rmc(place: Place | None, unix: float, linked: bool = True) -> str:
-    """Return an RMC sentence with its checksum, without a position if none is known; ``unix`` is in seconds."""
+    """Return an RMC sentence with its checksum; without a position if no site is known. ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)

@@ -1,13 +1,10 @@
-"""The rules of requests to a Meade and of its replies.
+"""The forms of requests to a Meade and of its replies.
 
 A reply has one of five forms: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A raw
-0x15 instead of any of them, also of none, means busy (LX200GPS). After a command without a reply the gateway pauses
-shortly, because old telescopes need it. Replies are parsed like input of clients: line ends, blanks and zero bytes
-around them are no part of them, and a digit that no form has, with a text after it, is a refusal with that text.
-Otherwise only the exact form is accepted.
-
-If a surface presents the mount itself, the gateway writes its own replies in the notation of the connected telescope,
-learnt from its answers: separators, the seconds of a site, the sign of a longitude or a rate.
+0x15 instead of any reply, or without one, means busy (LX200GPS). After a command without a reply the gateway pauses,
+because old telescopes need it. The parser accepts only the exact form, apart from line ends, blanks and zero bytes
+around a reply; an unexpected digit that a text follows is a refusal with that text. If a surface presents the mount
+itself, the gateway writes its replies in the ``Notation`` of the connected telescope.
 """
 
 from __future__ import annotations
@@ -97,7 +94,10 @@ _TURN = 360 * 60
 
 
 class Notation:
-    """The notation of one telescope: ``learn`` takes its answers, ``write`` converts a reply of the manual's form."""
+    """The notation of one telescope: separators, the seconds of a site, the sign of a longitude or a rate.
+
+    ``learn`` takes the telescope's answers, ``write`` converts a reply of the manual's form.
+    """
 
     def __init__(self) -> None:
         self._examples: dict[str, bytes] = {}
@@ -130,8 +130,8 @@ class Notation:
 class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
 
-    ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without one it is that of the
-    model that the user has ``named``, or of the one whose name the mount replies.
+    ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without a speaker it is the
+    dialect of the model that the user has ``named``, or whose name the mount replies.
     """
 
     closing, padding = b"#", PADDING
@@ -145,7 +145,7 @@ class Lx200ReplyRules:
         return self._protocol if self._speaker is None else self._speaker.protocol
 
     def expected(self, ask: Send) -> Expected:
-        """Return the expected reply. ACK has no terminator: some devices read the next command as its rest."""
+        """Return the expected reply. ACK has no terminator, so some devices read the next command as the rest of it."""
         return _expected(self.protocol, ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
@@ -240,9 +240,9 @@ def _lone_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
 
 
 def _refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values | Fault, int] | None:
-    """Return the refusal in a reply that has none of the command's forms, and its length; None if it is none.
+    """Return the refusal in a reply that has none of the command's forms, and its length; None if it is no refusal.
 
-    It is a digit with a text, or that digit alone. A digit where every reply is a text is returned as the text.
+    A refusal is a digit with a text, or a digit alone. If every reply of the command is a text, a digit is that text.
     """
     replies = [(reply, str(template.source)) for reply, template in protocol.commands[command].replies]
     lone, text = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()

@@ -95,11 +95,11 @@ class LxClientState(ClientState):
     help_line: int = 0
 
     def deselect(self) -> None:
-        """Forget the selected object; the coordinates stay."""
+        """Forget the selected object, but keep its coordinates."""
         self.entry = self.moving = self.object = None
 
     def select_nothing(self, reason: str) -> None:
-        """Clear the target after a failed selection; ``reason`` are the reason, for :LI and the next :MS."""
+        """Clear the target after a failed selection; ``reason`` is the reason, for :LI and the next :MS."""
         self.deselect()
         self.ra = self.dec = None
         self.object = reason

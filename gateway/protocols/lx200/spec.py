@@ -91,8 +91,8 @@ def _recognises(sent: bytes) -> float:
 
 
 def _answered_ack(heard: bytes, still: float) -> str | None:
-    """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes what it was
-    sent before for a command, and refuses that first.
+    """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes the bytes
+    before ACK for a command, and refuses that first.
     """
     heard = heard.removeprefix(b"0").strip().removesuffix(b"#")
     if len(heard) != 1 or still < LONE:

@@ -21,8 +21,9 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class AlpacaClientState(ClientState):
-    """``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in metres. ``connected`` is
-    None until the program connects or disconnects. ``no_tracking``: the mount did not track when told to.
+    """The settings of a program. ``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in
+    metres. ``connected`` is None until the program connects or disconnects. ``no_tracking``: the mount did not track
+    after an order to track.
     """
 
     connected: bool | None = None
@@ -97,6 +98,6 @@ def place(values: Values) -> tuple[float, float]:
 
 
 def axis(values: Values) -> int:
-    """Return 0 for the first axis, 1 for the second, 2 for a third one, which no mount has. Raises Invalid."""
+    """Return 0 for the first axis, 1 for the second, 2 for a third, which no mount has. Raises Invalid."""
     number: int = within(values, "axis", "Axis", 0, 2)
     return number

@@ -1,4 +1,4 @@
-"""The members of every ASCOM device: connecting, names, the list of its state, and those not available here."""
+"""The members of every ASCOM device: connecting, names, the list of its state, and members that the gateway lacks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ENDED_SHORT = "GotoEndedShort"
 
 
 def action(values: Values) -> Handling:
-    """Carry out an action of this device's own. Raises Unsupported."""
+    """Carry out the only action: return why the last goto ended short. Raises Unsupported for any other."""
     if given(values)["action"].casefold() != ENDED_SHORT.casefold():
         raise Unsupported(f"The only action is {ENDED_SHORT}.")
     return {"value": (yield op.GetActivity()).short}
@@ -58,7 +58,7 @@ def disconnect(session: AlpacaSession) -> None:
 
 
 def name() -> Handling:
-    """Return the mount's own product name, or a general one until the mount has answered."""
+    """Return the mount's product name; a general name until the mount has answered."""
     try:
         return (yield op.GetIdentity()).product
     except Fault:

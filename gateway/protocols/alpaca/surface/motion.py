@@ -108,8 +108,8 @@ def _needs(operation: type[op.Operation], reason: str) -> Handling:
 
 
 def move_axis(values: Values) -> Handling:
-    """Move an axis at a rate of ``AxisRates``, positive or negative, or the next slower one of them; 0 ends the motion.
-    Raises Invalid for a rate below or above all of them, Unsupported.
+    """Move an axis at a rate of ``AxisRates``, positive or negative, or at the next slower of these rates; 0 ends the
+    motion. Raises Unsupported, and Invalid for a rate outside their range.
     """
     number, rate = axis(values), given(values)["rate"]
     if number == 2:

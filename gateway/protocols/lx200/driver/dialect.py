@@ -1,7 +1,7 @@
-"""What a controller of another maker tells of itself, by the facts of its dialect's file.
+"""What the controller of another maker reports of itself, by the facts of its dialect's file.
 
-Its state comes in one reply, which serves all that is asked of it at about the same time; an order makes it stale. Some
-of its speeds are asked for. An arrow that its clock has ended is pressed again, because nobody has released it.
+Its state comes in one reply, which is shared by all reads at about the same time; an order makes it stale. Some of its
+speeds are read. If its clock has ended an arrow that nobody has released, the arrow is pressed again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ GLANCE = 0.5
 
 
 def tell(mount: Lx200Driver, glance: Send | None = None) -> Steps:
-    """:GU or :GW, or this ``glance`` -> Told; a reply of a moment ago serves again if nothing was ordered since."""
+    """Send :GU or :GW, or take this ``glance``, and return what it reports; a recent reply is used again if nothing was
+    ordered since.
+    """
     if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
         answer = (yield glance) if glance is not None else (yield from ask(mount, form["command"]))
@@ -80,7 +82,7 @@ def told_side(mount: Lx200Driver) -> Steps:
 
 
 def learn_speeds(mount: Lx200Driver) -> Steps:
-    """Ask for the speeds of the arrows that depend on how the controller was set up."""
+    """Read the speeds of the arrows, if they depend on how the controller was set up."""
     said: dict[str, float | None] = {}
     for name, speed in mount.dialect.get("speeds", {}).items():
         if isinstance(speed, list):
@@ -107,7 +109,7 @@ def _number(mount: Lx200Driver, command: str) -> Steps:
 
 
 class KeepOn(Operation, frozen=True):
-    """Internal: check whether the arrow of this axis, pressed then, still moves the mount, as last observed."""
+    """Internal: check whether the arrow of this axis, pressed at this time, still moves the mount, as last observed."""
 
     axis: int
     pressed: float
@@ -123,8 +125,8 @@ def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
 def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
     """Press an arrow again that nobody has released and that the controller's clock has ended.
 
-    One that ends at another time has met a limit, or somebody at its keypad: it is not begun again. Its release waits
-    for the look: a reply that shows the motion is believed at once, and a lost one is not waited for.
+    An arrow that ends at another time has met a limit, or somebody at the keypad has ended it: it is not begun again.
+    Its release waits for this check: a reply that shows the motion counts at once, and a lost reply is not waited for.
     """
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:

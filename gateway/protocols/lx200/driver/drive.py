@@ -1,7 +1,8 @@
 """Tracking, drive rates, and accessories: smart drive (PEC), backlash, focuser.
 
 Commands for drive rates have no reply, so the displayed frequency is read back; a guide rate cannot be read back.
-Tracking is only turned off on telescopes that report their status (:GW#): on others this begins a new alignment.
+Tracking is only turned off on telescopes that report their status (:GW#), because on others this begins a new
+alignment.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ _FAST_FOCUS = 3
 
 
 def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
-    """:AL off, :AA or :AP on, only on models that report :GW - on others these commands destroy the alignment. Another
-    maker's mount has commands that do nothing else.
+    """:AL off, :AA or :AP on, only on models that report :GW, because on others these commands destroy the alignment.
+    Mounts of other makers have commands without side effects.
 
     Nothing is sent if the telescope reports now that it is in the wanted state already: the user may have changed it on
     the hand control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if an
@@ -61,7 +62,7 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
 
 
 def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """Hibernate on a telescope that cannot sleep: tracking off. Raises Unsupported, also for one that is parked."""
+    """Hibernate on a telescope that cannot sleep: tracking off. Raises Unsupported, also if the telescope is parked."""
     if not mount.tells_status:
         raise Unsupported(_KEEPS_TRACKING)
     yield from set_tracking(mount, op.SetTracking(on=False))
@@ -111,8 +112,8 @@ def look_at_drive_rate(mount: Lx200Driver) -> Steps:
 
 
 def restore_drive_rate(mount: Lx200Driver) -> Steps:
-    """Restore the drive rate, if a motion in right ascension has changed it: the one that was requested last, or that
-    the telescope showed instead before the motion, because it was set at the hand control.
+    """Restore the drive rate, if a motion in right ascension has changed it: to the last requested rate, or to the rate
+    that the telescope showed before the motion if that was set at the hand control.
     """
     if not mount.drive_changed:
         return
@@ -142,7 +143,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
 
 
 def _named(mount: Lx200Driver, name: str) -> Steps:
-    """Set a named rate, retry once, raise Refused if another one is displayed. Only lunar differs from the others."""
+    """Set a named rate, retry once, raise Refused if another rate is displayed. Only lunar differs from the others."""
     for _ in range(2):
         yield from ask(mount, _DRIVES[name])
         shown = (yield from ask(mount, "GT"))["hertz"]
@@ -169,7 +170,7 @@ def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
 
 
 def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
-    """:F+ :F- :FQ, after the speed: :F, or one of two on a classic."""
+    """:F+ :F- :FQ, after the command for the speed: :F, or on a classic :FF or :FS."""
     if operation.direction and mount.supports("F"):
         yield from ask(mount, "F", speed=operation.speed)
     elif operation.direction:

@@ -1,13 +1,10 @@
 """How a motion ends on a Meade: the end command is sent twice, and changed rates are restored a moment later.
 
 A Meade acknowledges no end command, so the first may be lost. It is repeated when the line is free, but not if a newer
-motion has begun on the same axes, or if nothing was known to move: it delays nothing, ends no newer goto, and does not
-double the load from a program that keeps sending stops to a mount at rest. A telescope that is computing accepts only
-:Q#; the repetition of any other end command waits until it listens again.
-
-No Meade reports its fastest rate, the rates of its axes or its guide rate. If they stayed changed, its own hand control
-and gotos would use them. Restored are the values at power-on, or those that a program has set since. An OnStep reports
-the rate of its arrows, which is that of its keypad too: restored is what it reported before.
+motion has begun on the same axes, or if the mount was at rest. A telescope that is computing accepts only :Q#; other
+repetitions wait until it accepts them. No Meade reports its fastest rate, the rates of its axes or its guide rate, and
+changed rates would affect its own hand control: so the gateway restores those at power-on, or those that a program has
+set since. For an OnStep, which reports the rate of its arrows, that rate is restored.
 """
 
 from __future__ import annotations
@@ -54,7 +51,9 @@ def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) ->
 
 
 def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
-    """Repeat an end command. If the telescope is busy, it has received a newer command: then this is dropped."""
+    """Repeat an end command. If the telescope is busy, it has received a newer command: then the repetition
+    is dropped.
+    """
     begun = mount.ended.pop(operation.command, None)
     if begun is not None and all(mount.begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):

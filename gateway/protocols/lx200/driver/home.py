@@ -34,7 +34,8 @@ def park(mount: Lx200Driver, _: op.Park) -> Steps:
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     """:hF, or :hS, which stores the positions of the home switches.
 
-    A nameless mount is asked for its name once more: to an OnStep, whose name may have been lost, :hF declares a home.
+    A nameless mount is first asked for its name again: an OnStep, whose name may have been lost, takes :hF as "this is
+    home".
     """
     nameless = not mount.product and mount.named_model is None
     if nameless and (yield from insist(mount, "GVP", 2)) is not None:

@@ -1,7 +1,7 @@
 """Identifies the Meade: its position is read first, then its name; a telescope without a name is a classic LX200.
 
-A device that reports a position is a telescope. All other questions may stay unanswered or get a reply of an unknown
-form; the driver then does without them, and does not ask again until the line is connected again.
+A device that reports a position is a telescope. All other questions may get no reply or one of an unknown form; the
+driver then works without the answer, and does not ask again until the line is connected again.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
 
 
 def insist(mount: Lx200Driver, command: str, times: int) -> Steps:
-    """Send a question on whose answer all depends, several times, because replies may be lost."""
+    """Send a question, on whose answer everything depends, several times, because replies may be lost."""
     answer = None
     for _ in range(times):
         if answer is None:
@@ -130,7 +130,7 @@ def _probe(mount: Lx200Driver, command: str, unverified: bool = False) -> Steps:
 
 
 def _model(mount: Lx200Driver, product: str) -> Steps:
-    """Return the model for a product text; without one it is the 16 inch if it answers :h?, else a classic."""
+    """Return the model for a product text; without a text, the 16 inch if the mount answers :h?, else a classic."""
     if product.startswith(("LX2001", "LX200GPS")):
         return "lx200gps"
     if product.startswith("LX200 16"):
@@ -150,8 +150,8 @@ def _is_low(answer: Mapping[str, object]) -> bool:
 def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
-    One of another maker is not switched: it has questions that are answered in high precision whatever was chosen. One
-    that does not answer these, such as a TeenAstro before 1.5, counts as unknown.
+    A mount of another maker is not switched: it has questions that it answers in high precision in any mode. If it does
+    not answer these, such as a TeenAstro before 1.5, it counts as unknown.
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
@@ -183,7 +183,7 @@ def read_status(mount: Lx200Driver) -> Steps:
     """Read :GW, or ACK if the telescope lacks it; without both it is assumed to be aligned and to track.
 
     In motion a Meade reports what its motors do: no tracking while a key is pressed, tracking for a moment of a goto.
-    What it reported at rest is therefore kept during a motion. Another maker's is asked now, whatever it told before.
+    So during a motion, its last report at rest counts. A mount of another maker is asked also during a motion.
     """
     command = mount.status_command
     if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
@@ -227,8 +227,8 @@ def read_status(mount: Lx200Driver) -> Steps:
 def _in_land_mode(mount: Lx200Driver) -> Steps:
     """ACK -> whether the alignment mode is L (land).
 
-    A polar telescope in land mode may report an A in ``:GW#``, and a T while it slews. Its mounting is then what it
-    reported before; if the user has taken it off the wedge, the alignment mode is A.
+    A polar telescope in land mode may report an A in ``:GW#``, and a T while it slews. Its last report of the mounting
+    counts then. If the user has taken the telescope off the wedge, the alignment mode is A.
     """
     answer = yield from _probe(mount, "ACK")
     return answer is not None and answer["mode"] == "L"
@@ -239,7 +239,9 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """:GW, :GU or ACK -> Status. One without bars is not pushed: it was slewing when it was identified."""
+    """:GW, :GU or ACK -> Status. If :D has no bars now, a mount that seemed to move only by hand was slewing when it
+    was identified.
+    """
     try:
         mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)

@@ -50,7 +50,7 @@ def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
 
 
 def move(mount: Lx200Driver, operation: op.Move) -> Steps:
-    """:M… in a sky direction. A tap at guide rate is a guide pulse, if the model has them."""
+    """:M… in a sky direction. A tap at guide rate becomes a guide pulse, if the model has them."""
     if operation.ms is not None and mount.times_pulses:
         rate = None if mount.supports("Rg") else 1.0
         return (yield from _pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
@@ -107,7 +107,9 @@ def _report(asked: float, done: float) -> Steps:
 
 
 def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand. Without ``speed`` the rate is a named one; a speed without a command is only tracking."""
+    """Begin a motion by hand. Without ``speed`` the rate is a named rate; a speed without a command is
+    tracking alone.
+    """
     mount.must_move()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -149,7 +151,7 @@ def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 
 def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
-    """Set the speed of :RS; on this axis it replaces a rate of its own (:RA :RE)."""
+    """Set the speed of :RS; on this axis it replaces the axis's own rate (:RA :RE)."""
     yield from set_fastest(mount, degrees)
     if axis in mount.free_axes:
         fastest = float(mount.fastest or mount.facts["max_rate"])
@@ -228,7 +230,9 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the rate of the mount's own pulses, a fraction of sidereal: of several the slowest that is fast enough."""
+    """Return the rate of the mount's own pulses, a fraction of sidereal; if it has several, the slowest that is fast
+    enough.
+    """
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}

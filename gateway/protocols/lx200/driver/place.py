@@ -88,8 +88,8 @@ def _set_zone(mount: Lx200Driver, wanted: float) -> Steps:
 
 
 def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
-    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour; one that the telescope refuses is
-    replaced by whole hours, and then by none. The local time is set to match, so that UTC is right.
+    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour. If the telescope refuses the offset,
+    whole hours are sent, and then none. The local time is set to match, so that UTC is right.
     """
     began = mount.now()
     offset = yield from _set_zone(mount, operation.offset * 2 // 1 / 2)

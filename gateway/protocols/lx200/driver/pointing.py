@@ -54,7 +54,8 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    The controller then computes it. A single missing reply may have been lost, so GIVEN_UP are needed to stop asking.
+    The controller then computes it. A single missing reply may have been lost: after GIVEN_UP of them, the driver stops
+    asking.
     """
     if mount.mute.intersection(("GZ", "GA")):
         return None
@@ -70,9 +71,9 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
 
 
 def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
-    """Return two replies and whether they are of about the same instant: other requests may delay the second.
+    """Return two replies, and whether they are of about the same instant, because other requests may delay the second.
 
-    On a slow line repeating both does not help, so the delay is compared with the usual reply time.
+    On a slow line it does not help to repeat both, so the delay is compared with the usual reply time.
     """
     nearest = math.inf
     for _ in range(tries):
@@ -90,7 +91,8 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
 
-    Without a pending goto, the gateway asks only while the telescope moves: a key of its hand control may move it.
+    Without a pending goto, the driver asks only while the telescope moves, because a key of its hand control may move
+    it.
     """
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -124,14 +126,15 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    The bars of a mount that reports its state are reliable: a goto of an OnStep may wait for a person at the meridian.
+    The bars of a mount that reports its state are always right: a goto of an OnStep may wait for a person at the
+    meridian.
     """
     reports = mount.dialect and mount.tells_status
     return state.then is None and not reports and state.read - state.moved > STANDS
 
 
 def still_seeking(mount: Lx200Driver) -> Steps:
-    """:h? -> whether it still seeks its home."""
+    """:h? -> whether the telescope still seeks its home."""
     mount.seeking = (yield from ask(mount, "h?"))["state"] == "2"
     return mount.seeking
 
@@ -202,7 +205,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """:Q, unless a motion by hand is under way, which it would end too; a goto may be one of the mount's own keys."""
+    """:Q, unless a motion by hand is under way, which :Q would end too; the goto may have begun at the hand control."""
     known = mount.goto is not None or mount.seeking
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
     if known or not by_hand:
@@ -212,7 +215,9 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether it was taken."""
+    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether the telescope
+    took the sync.
+    """
     mount.must_move()
     yield from aim(mount, operation.ra, operation.dec)
     said = ""
@@ -237,7 +242,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 
 
 def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
-    """Note that a goto to this right ascension has begun."""
+    """Note the side of the pier that the mount has chosen for a goto to this right ascension."""
     mount.side_by, mount.beyond_pole = (ra, mount.now()), None
 
 
@@ -273,10 +278,10 @@ def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
 
 
 def choose(mount: Lx200Driver, operation: op.Choose) -> Steps:
-    """:Sr :Sd, the client's command, :LI :Gr :Gd -> Chosen. These are one operation, so no goto or sync comes between.
+    """:Sr :Sd, the client's command, :LI :Gr :Gd -> Chosen, as one operation, so that no goto or sync comes between.
 
-    The telescope has one target for all. The target of this client is set first, so that an object that is not found
-    leaves it unchanged, as on the telescope itself.
+    The telescope has one target for all clients. So the target of this client is set first: if the object is not found,
+    it stays unchanged, as on the telescope itself.
     """
     yield from aim(mount, operation.ra, operation.dec)
     for name, fields in operation.first:

@@ -1,8 +1,8 @@
-"""Chooses the speed of a Meade that is nearest, in ratio, to a requested one.
+"""Chooses the speed of a Meade that is nearest, in ratio, to a requested speed.
 
 ``nearest`` is for a speed on the sky or of an axis. ``instead_of_tracking`` is for the total speed of the right
-ascension motor, where drive rates, and guiding that adds to them, are candidates too. The rates that the choice changes
-(``:Sw :RA :RE :Rg``, the drive rate) are restored after the motion (``ends.py``).
+ascension motor, for which drive rates, and guiding on top of them, are candidates too. The rates that the choice
+changes (``:Sw :RA :RE :Rg``, the drive rate) are restored after the motion (``ends.py``).
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """Whether a model has :Rg, :RA and :RE, :Sw; its default fastest rate and the range; its drive rates, hertz.
+    """The rate commands of a model (:Rg, :RA and :RE, :Sw), its default fastest rate and the range, and its drive
+    rates, hertz.
 
     ``keys`` are the speeds of another maker's rate commands, degrees per second; they are added to tracking.
     """
@@ -62,7 +63,7 @@ class ModelSpeeds(Struct, frozen=True):
 
 
 def ratio_error(asked: float, done: float) -> float:
-    """Return how far apart two speeds are in ratio, as a logarithm; infinite if one is reversed or zero."""
+    """Return the difference of two speeds as the logarithm of their ratio; infinite if one is reversed or zero."""
     if asked == done:
         return 0.0
     return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf

@@ -48,7 +48,7 @@ _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS",
 class Lx200GotoState(GotoUnderWay):
     """A goto under way; ``quiet`` counts how often :D# has replied with no bars.
 
-    ``read`` is when a position was read last, ``place`` where it was when it last ``moved``.
+    ``read`` is when a position was last read, ``place`` is the position when the telescope last ``moved``.
     """
 
     quiet: int = 0
@@ -58,9 +58,9 @@ class Lx200GotoState(GotoUnderWay):
 
 
 class Told(Struct, frozen=True):
-    """What a mount of another maker tells of itself. ``moves``: an arrow or a pulse; ``slews``: a goto, or a search for
-    home by switches, None if it does not tell that. ``build`` is a Meade's letter for the mounting, ``side`` that of
-    the pier, or None; ``fault``: a limit of its own, or an error.
+    """The report of a mount of another maker. ``moves``: an arrow or a pulse moves it; ``slews``: a goto, or a search
+    for home by switches, None if it does not report that. ``build`` is a Meade's letter for the mounting, ``side`` the
+    letter of the pier side, or None; ``fault``: a limit of the mount, or an error.
     """
 
     tracks: bool
@@ -173,11 +173,11 @@ class Lx200Driver(Driver):
         self.corrects: frozenset[int] = frozenset()
 
     def supports(self, name: str) -> bool:
-        """Whether it has a command, according to the manual or because it has answered it."""
+        """Whether the telescope has a command, according to the manual or because it has answered it."""
         return name in self.extra_commands or super().supports(name)
 
     def count_as(self, model: str | None) -> None:
-        """Take it for this model, and speak its dialect."""
+        """Assume that the telescope is of this model, and speak the model's dialect."""
         self.model, self.protocol = model, load("lx200").of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
         self.dialect: Mapping[str, Any] = {} if self.protocol.other is None else self.protocol.other.facts
@@ -190,7 +190,9 @@ class Lx200Driver(Driver):
 
     @property
     def resolution(self) -> float:  # type: ignore[override]
-        """One second of right ascension, or a tenth of a minute in low precision."""
+        """The resolution of positions, degrees: one second of right ascension, or a tenth of a minute in
+        low precision.
+        """
         return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
     @property
@@ -210,7 +212,7 @@ class Lx200Driver(Driver):
         return self.home_letter in "PG"
 
     def must_move(self) -> None:
-        """Raise Refused if it is moved by hand alone."""
+        """Raise Refused if the mount can only be moved by hand."""
         if self.pushed:
             raise Refused(PUSHED)
 
@@ -262,9 +264,11 @@ class Lx200Driver(Driver):
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return what no command can read: parked, a changed drive rate, and the mounting while tracking is off.
+        """Return the values that no command can read: parked, a changed drive rate, and the mounting while tracking is
+        off.
 
-        (Some telescopes do not report it then.) The telescope stores its home, and all models stop by the same command.
+        (Some telescopes do not report the mounting then.) The telescope stores its home, and all models stop by the
+        same command.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         driven = {"driven": True} if self.drive_changed else {}
@@ -287,7 +291,9 @@ class Lx200Driver(Driver):
 
     @property
     def emulated(self) -> str:
-        """The state of a toggle, which ends when it is switched off; a model with two commands needs none."""
+        """A description of the counted state of a toggle, which is wrong after a power cycle; empty on a model with two
+        commands.
+        """
         known = not self.corrects or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
@@ -297,7 +303,9 @@ class Lx200Driver(Driver):
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """True for the letter G, False for A; P is a fork on a wedge, but of some Meades perhaps a German mount."""
+        """Whether it is a German mount: True for the letter G, False for A; P is a fork on a wedge, but of some Meades
+        perhaps a German mount.
+        """
         return {"G": True, "A": False}.get(self.home_letter, False if self.dialect or self.facts.get("fork") else None)
 
     @property
@@ -309,7 +317,7 @@ class Lx200Driver(Driver):
         return bool(self.dialect) and self.tells_status
 
     def tube_side(self, reported: str) -> str | None:
-        """Return the true side: where the second axis reads beyond the pole (W), the east one in the south."""
+        """Return the true side: the one where the second axis reads beyond the pole (W), in the south the east side."""
         if not (self.german and self.tells_side and reported):
             return None
         return {"E": "W", "W": "E"}[reported] if self.southern else reported
@@ -335,7 +343,7 @@ class Lx200Driver(Driver):
 
     @property
     def abilities(self) -> ModelSpeeds:
-        """What its model offers to choose a speed from."""
+        """The speeds that its model has, for a choice among them."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
         return ModelSpeeds(

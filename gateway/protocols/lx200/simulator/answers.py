@@ -40,7 +40,7 @@ def horizon(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def bars(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:D - one bar until a slew ends; on a classic 16 columns for each axis, with bars for the remaining distance."""
+    """:D - a bar until a slew ends; on a classic 16 columns for each axis, with bars for the remaining distance."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
         return b"\x7f#" if going else b"#"

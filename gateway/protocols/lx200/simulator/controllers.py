@@ -1,8 +1,8 @@
-"""The simulated OnStepX and TeenAstro, German mounts: what they answer otherwise than a Meade.
+"""The simulated OnStepX and TeenAstro, German mounts: their answers that differ from a Meade's.
 
 They begin at home, at the pole with the counterweight down. As after power-on (not ``aligned``) they do not track, an
-OnStep waits in standby for date and time, and a TeenAstro has no park position. A frame is all between a colon and a
-hash; ACK counts only outside of one. An OnStep answers 0 to every command that it does not know.
+OnStep waits in standby for date and time, and a TeenAstro has no park position. A frame is everything between a colon
+and a hash; ACK counts only outside a frame. An OnStep answers 0 to every command that it does not know.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ ONSTEP_NAMES, TEEN_NAMES = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C
 
 
 class FrameCutter:
-    """Cuts frames as these controllers do. An OnStep takes ``any_first`` byte for a colon, and cuts short what is too
-    long; a TeenAstro drops that.
+    """Cuts frames as these controllers do. An OnStep takes ``any_first`` byte for a colon, and shortens a frame that is
+    too long; a TeenAstro drops it.
     """
 
     def __init__(self, longest: int, any_first: bool) -> None:
@@ -59,7 +59,7 @@ class FrameCutter:
 
 
 class Controller(SimulatedLx200):
-    """The state of one of the two, by its model, and what it does."""
+    """The state of an OnStepX or TeenAstro, by its model, and its motions."""
 
     @property
     def onstep(self) -> bool:
@@ -174,7 +174,7 @@ class Controller(SimulatedLx200):
 
     @property
     def west(self) -> bool:
-        """Whether it stands on the west side of the pier."""
+        """Whether the tube is on the west side of the pier."""
         return self.mechanics.flipped is (self.mechanics.geometry.pole > 0)
 
     def letters(self) -> bytes:
@@ -369,10 +369,10 @@ HANDLERS: dict[str, Callable[[Controller, str, Values], bytes | None]] = {
 
 
 class SimulatedController(Controller):
-    """One of the two, with its serial port."""
+    """An OnStepX or TeenAstro with its serial port."""
 
     def takes(self, frame: bytes) -> bool:
-        """Whether a TeenAstro takes a target of this form: in high precision with seconds alone."""
+        """Whether the controller takes a target of this form: a TeenAstro in high precision only with seconds."""
         seconds = len(SEPARATORS.findall(frame[3:])) > 1
         return frame[3:4] == b"L" or (seconds if self.high else not seconds or frame[2:3] in b"az")
 

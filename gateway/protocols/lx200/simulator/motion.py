@@ -20,7 +20,7 @@ _SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
 def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:Sr :Sd :Sa :Sz - set the target."""
+    """:Sr :Sd :Sa :Sz - set one coordinate of the target."""
     sim.stored.update(values)
     return b"1"
 
@@ -44,7 +44,7 @@ def from_horizon(sim: MeadeTelescope) -> Pair:
 
 
 def slew_horizontal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:MA - 1 is a refusal."""
+    """:MA - slew to azimuth and altitude; the reply 1 is a refusal."""
     return b"1" if _slew(sim, *from_horizon(sim), sim.stored.get("alt", 0.0)) else b"0"
 
 
@@ -88,13 +88,13 @@ def rate(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:R<n>"""
+    """:R<n> - select the rate of a key."""
     key = values["key"]
     sim.stored["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
 def free_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:RA :RE :Rg - degrees per second for :RS, arcseconds per second for :RG."""
+    """:RA :RE :Rg - set the rate of :RS, degrees per second, or of :RG, arcseconds per second."""
     sim.stored[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
@@ -150,7 +150,7 @@ def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def release(sim: MeadeTelescope, *axes: int) -> None:
-    """Release the direction keys of these axes, or all; after the last one the telescope tracks where it points.
+    """Release the direction keys of these axes, or all; after the last key the telescope tracks where it points.
 
     A polar telescope tracks again as soon as the keys of its first axis are released (:Qe halts eastward motion only).
     """

@@ -136,12 +136,12 @@ def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def focus(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:F+ in, :F- out, :FQ"""
+    """:F+ :F- :FQ - move the focuser in or out, or stop it."""
     sim.parts["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
 
 
 def focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:FF :FS :F<n>"""
+    """:FF :FS :F<n> - select the speed of the focuser."""
     sim.parts["focus speed"] = {"FF": _FASTEST, "FS": _SLOWEST}.get(name) or values["speed"]
 
 
@@ -165,7 +165,7 @@ def correct(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def reticle(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:B+ :B- :B<n> :BD"""
+    """:B+ :B- :B<n> :BD - set the brightness and the blinking of the reticle."""
     if name in ("B+", "B-"):
         sim.parts["reticle"] = sim.parts.get("reticle", 0) + (1 if name == "B+" else -1)
     else:

@@ -91,7 +91,9 @@ def periodic_error(session: LxSession, command: Command) -> Handling:
 
 
 def silence() -> bytes:
-    """Send no reply: nothing has to be done and programs cope best with silence, or no true reply exists."""
+    """Send no reply, because there is nothing to do and programs cope best with silence, or because no true reply
+    exists.
+    """
     return b""
 
 
@@ -99,7 +101,9 @@ def silence() -> bytes:
 
 
 def help_line(session: LxSession, command: Command) -> Handling:
-    """:?? :?+ :?- - an empty line precedes the first and follows the last; models without help do not reply."""
+    """:?? :?+ :?- - an empty line before the first line of the help text and after the last; models without help do not
+    reply.
+    """
     if not session.model["help"]:
         return b""
     client = session.client

@@ -42,7 +42,7 @@ def _local(session: LxSession) -> Handling:
 
 
 def tell_local(session: LxSession) -> Handling:
-    """:GL (24 hours) :Ga (12 hours) :GC (date)"""
+    """:GL :Ga :GC - the local time in 24 or 12 hours, or the date."""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second, "date": local.date()}
 
@@ -77,7 +77,7 @@ def _draft(session: LxSession) -> Draft:
 
 
 def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:SL :SC :SG - set one of the three parts; the third one, or a pause, sends them to the mount."""
+    """:SL :SC :SG - set one of the three parts; the third part, or a pause, sends them to the mount."""
     values = given(values)
     session.check_may_set()
     draft = _draft(session)
@@ -100,7 +100,9 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
 
 
 def _date_reply(session: LxSession) -> dict[str, str]:
-    """Return the reply to :SC: the mount's own if the surface presents it, else one of the width programs expect."""
+    """Return the reply to :SC: the mount's own if the surface presents it, else one of the width that
+    programs expect.
+    """
     if session.model.get("own"):
         return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
     return {"text": _TEXT, "blank": " " * 32}
@@ -166,8 +168,8 @@ def _dated(session: LxSession) -> date | None:
 def _instant(session: LxSession, day: date, seconds: float, offset: float, is_local: bool) -> float:
     """Return the Unix seconds of a local time. ``is_local``: the date is certainly the local one.
 
-    An LX200GPS expects the UTC date according to the manual, but some programs send the local one. The reading nearer
-    to the host's clock is used, or the manual's if that clock is more than a day away from both.
+    By the manual an LX200GPS expects the UTC date, but some programs send the local one. The date that gives the
+    instant nearer to the host's clock is used; the UTC date, if the host's clock is more than a day away from both.
     """
     midnight = datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     local = midnight + seconds - offset * 3600.0

@@ -104,7 +104,7 @@ def _letter(session: LxSession) -> Handling:
 
 
 def menu(session: LxSession, command: Command) -> Handling:
-    """:G0 :G1 :G2 - a line of the alignment menu, with a mark if it is the present mode."""
+    """:G0 :G1 :G2 - a line of the alignment menu, with a mark if it shows the present mode."""
     index = int(command.name[1])
     letter = yield from _letter(session)
     return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
@@ -121,7 +121,7 @@ def status(session: LxSession) -> Handling:
 
 
 def align() -> Handling:
-    """:Aa - 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
+    """:Aa - reply 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
     state: op.Status = yield op.GetStatus()
     if not state.aligned:
         raise NotAligned

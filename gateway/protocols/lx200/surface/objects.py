@@ -1,10 +1,10 @@
 """The object library: an object that a client selects becomes its target for :MS#; and the limits of searches.
 
-The Moon, places on it and planets move: the session stores the object, and its position is computed at every goto. If
-a catalogue or an object is refused, nothing is selected, so that no goto leads to the previous object. The classic
-models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the manual's
-fixed replies, but LC, LM and LS work, as in their later firmware. If the surface presents the mount itself, the
-telescope's own library is used; each client's choice is restored first, so that two clients do not mix up targets.
+The Moon, places on it and planets move: the session stores the object, and its position is computed at every goto. If a
+catalogue or an object is refused, nothing is selected, so that no goto leads to the previous object. The classic models
+search by the limits that :S sets. On the others LB, LF and LN do nothing and Lf, LI and Lo give the manual's fixed
+replies, but LC, LM and LS work, as in their later firmware. If the surface presents the mount itself, the telescope's
+own library is used.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
 
 
 def select_object(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:LM - select a Messier object; :LC - one of the catalogue that :Lo chose."""
+    """:LM :LC - select a Messier object, or an object of the catalogue that :Lo chose."""
     catalog = "M" if command.name == "LM" else session.client.deep_sky
     yield from _select(session, catalog, values, deepsky.look_up)
 
@@ -122,7 +122,9 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str
 
 
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:
-    """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59); a half not set is 0."""
+    """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59). A half that was not
+    set is 0.
+    """
     if "fault" in values:
         session.client.select_nothing("No object selected")
         raise values["fault"]
@@ -156,7 +158,9 @@ def tell_search(session: LxSession, command: Command) -> object:
 
 
 def set_search(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in fixed order, capitals for the wanted ones."""
+    """:Sb :Sf :SF :Sl :Ss :Sy - set a limit; the types are five letters in fixed order, capitals for the
+    wanted types.
+    """
     name = _LIMITS[command.name[1]]
     (value,) = given(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
@@ -171,7 +175,7 @@ def step_quality(session: LxSession) -> None:
 
 
 def browse(session: LxSession, command: Command) -> Handling:
-    """:LF - select the first object within the limits, from the west; :LN, :LB - the next or previous one."""
+    """:LF - select the first object within the limits, from the west; :LN, :LB - the next or the previous object."""
     if not session.model["libraries"]:
         return
     try:
@@ -191,7 +195,7 @@ def browse(session: LxSession, command: Command) -> Handling:
 
 
 def identify(session: LxSession) -> Handling:
-    """:Lf - report how many objects within the limits are in the field, and the one nearest to its centre."""
+    """:Lf - report how many objects within the limits are in the field, and which is nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
     try:

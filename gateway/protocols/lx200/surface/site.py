@@ -23,7 +23,9 @@ _SITES_AT_MOST = 4
 
 
 def tell_half(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - of the site in force; while that is incomplete, the stored half. Raises Fault if there is none."""
+    """:Gt :Gg - one half of the site in force; while that is incomplete, the stored half. Raises Fault if there is
+    none.
+    """
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()
@@ -35,7 +37,7 @@ def tell_half(session: LxSession, command: Command) -> Handling:
 
 
 def _selected(session: LxSession) -> int:
-    """Return the site number of this client, from 0: the one it selected, else the one that was selected last."""
+    """Return the site number of this client, from 0: its own selection, else the last selection of any client."""
     return (session.shared.site or 0) if session.client.site is None else session.client.site
 
 
@@ -94,7 +96,7 @@ def tell_name(session: LxSession, command: Command) -> dict[str, str]:
 
 
 def set_name(session: LxSession, command: Command, values: Values) -> None:
-    """:SM :SN :SO :SP - 3 letters on the classic, 15 elsewhere."""
+    """:SM :SN :SO :SP - set the name of a site: 3 letters on the classic, 15 on other models."""
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")

@@ -16,7 +16,9 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, values: op.Values) -> None:
-    """:Sr :Sd - programs send :MS# even after a refusal (0), so a refused half must not leave a stale target."""
+    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so a refused half must not leave a
+    stale target.
+    """
     session.client.deselect()
     _set(session, values, "ra", "dec")
 
@@ -61,13 +63,13 @@ def tell_target(session: LxSession) -> Handling:
 
 
 def second_half(session: LxSession, command: Command) -> Handling:
-    """:GD :GA - of the same instant as a :GR or :GZ directly before."""
+    """:GD :GA - the second coordinate, of the same instant as a :GR or :GZ directly before."""
     before, asked = (b":GR#", op.Position()) if command.name == "GD" else (b":GZ#", op.HorizontalPosition())
     return (yield ReuseLastReading(asked) if session.last == before else asked)
 
 
 def goto(session: LxSession) -> Handling:
-    """:MS - slew to the target, by the time that this client has set before."""
+    """:MS - slew to the target. A clock that this client has set before is sent first."""
     client = session.client
     if client.draft is not None:
         yield from commit_if_allowed(session)
@@ -111,7 +113,9 @@ def _own_idle() -> Handling:
 
 
 def distance_bars(session: LxSession) -> Handling:
-    """:D - a bar while a goto is under way, none when it has ended; in the telescope's own form if it is presented."""
+    """:D - a bar while a goto is under way, none when it has ended; in the telescope's form if it is
+    presented itself.
+    """
     slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):
         idle = yield from _own_idle()
