@@ -21,7 +21,7 @@ ANY_PORT = 4040
 
 
 def spoken(protocol: str) -> list[str]:
-    """Return the protocols of a surface: its own, or all that use a byte stream; HTTP goes to the web server."""
+    """Return the protocols of a surface: its own, or all that use a byte stream; the web server serves HTTP."""
     return streams() if protocol == ANY else [protocol]
 
 

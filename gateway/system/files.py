@@ -1,4 +1,4 @@
-"""The folders for state files and caches, opening nothing but plain files, and replacing a file atomically."""
+"""The folders for state files and caches; opening plain files only; replacing a file atomically."""
 
 from __future__ import annotations
 
@@ -16,19 +16,21 @@ NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name anothe
 
 
 def directory(configured: str | None = None) -> Path:
-    """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own."""
+    """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else a folder of the user's."""
     given = configured or _of_systemd("STATE_DIRECTORY")
     return Path(given).expanduser() if given else _users("user_state_path")
 
 
 def cache_directory() -> Path:
-    """Return the folder for what can be made again: systemd's ``CACHE_DIRECTORY``, else the user's own."""
+    """Return the folder for files that can be made again: systemd's ``CACHE_DIRECTORY``, else a folder of
+    the user's.
+    """
     given = _of_systemd("CACHE_DIRECTORY")
     return Path(given) if given else _users("user_cache_path")
 
 
 def _users(folder: str) -> Path:
-    """Return a folder of the user's own. On Linux it is known without platformdirs, whose import takes 10 ms."""
+    """Return a folder of the user's. On Linux it is known without platformdirs, whose import takes 10 ms."""
     home = os.environ.get("HOME", "")
     if sys.platform == "linux" and home.startswith("/"):
         variable, usual = _ON_LINUX[folder]
@@ -40,7 +42,7 @@ def _users(folder: str) -> Path:
 
 
 def _of_systemd(name: str) -> str:
-    """Return the first folder of a variable that systemd sets for a service; empty outside one."""
+    """Return the first folder in a variable that systemd sets for a service; empty outside a service."""
     return os.environ.get(name, "").split(":" if os.name == "posix" else os.pathsep)[0]
 
 
@@ -73,7 +75,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     """Replace a file atomically, readable for its user only. Raises OSError.
 
     With ``flush`` the file survives a power cut at any instant; without it only a killed process, in a fraction of the
-    time. Each path has one writer, so what a killed one left is simply overwritten.
+    time. Each path has one writer, so a leftover of a killed writer is simply overwritten.
     """
     beside = path.with_name(f".{path.name}.new")
     number = plain_file(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)

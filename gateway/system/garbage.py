@@ -1,7 +1,7 @@
 """Settings of Python's garbage collector: rare while the program starts, and never for objects that live on.
 
-A start creates modules and tables and hardly any garbage; collecting again and again took a fifth of the time until the
-first answer. Afterwards Python's usual thresholds apply, because a long collection would delay a stop.
+A start creates modules and tables and hardly any garbage; repeated collections took a fifth of the time until the first
+answer. Afterwards Python's usual thresholds apply, because a long collection would delay a stop.
 """
 
 from __future__ import annotations
@@ -18,6 +18,6 @@ def starting() -> None:
 
 
 def started() -> None:
-    """Exclude all present objects from collection. May be called again after more of them were created."""
+    """Exclude all present objects from collection. May be called again after more objects were created."""
     gc.freeze()
     gc.set_threshold(*USUAL)

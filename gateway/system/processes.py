@@ -1,7 +1,7 @@
 """Finds the gateways among the processes of this computer, and who listens on its TCP ports, on Linux by ``/proc``.
 
-A gateway found here cannot be controlled this way; the user only learns that it runs, and as which user. What other
-users' processes hold cannot be seen.
+A gateway that is found only here cannot be controlled; the user only learns that it runs, and as which user. The files
+and ports of other users' processes cannot be seen.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Folders for files that live as long as a process: locks, and how to reach a gateway.
+"""Folders for files that live as long as a process: locks, and endpoint files of gateways.
 
 Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
-occupy or replace a name in them. There may be two: one of the session (``XDG_RUNTIME_DIR``), and one in the temporary
-folder, which every process of the user finds. Files are written to all of them, and searched in all of them. A folder
-of another user is never used, and the reason is reported. If no other is usable, one in the state folder is used.
+occupy or replace a name in them. There may be two: a folder of the session (``XDG_RUNTIME_DIR``), and a folder in the
+temporary folder, which every process of the user finds. Files are written to all of them, and searched in all of them.
+A folder of another user is never used, and the reason is reported; if no folder is usable, one in the state folder is
+used.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ def candidates() -> Iterator[Path]:
 
 
 def temporary() -> Path:
-    """Return the temporary folder. Not by ``tempfile``, which tries to write and goes elsewhere if the disk is full."""
+    """Return the temporary folder. It does not use ``tempfile``, which tries to write and chooses another folder if the
+    disk is full.
+    """
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
     import tempfile

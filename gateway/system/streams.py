@@ -44,7 +44,9 @@ def reopen_closed() -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stdout for a command that serves. If that fails, warn once on stderr and discard all others."""
+    """Print a line on stdout for a command that serves. If that fails, warn once on stderr and discard all
+    later lines.
+    """
     try:
         print(text, flush=True)
     except (OSError, ValueError) as error:
@@ -122,7 +124,7 @@ def flush() -> Exception | None:
 
 
 def redirect_to_null(stream: TextIO) -> None:
-    """Redirect a stream to nowhere, so that Python does not complain about it at the end."""
+    """Redirect a stream to the null device, so that Python does not complain about it at the end."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -1,7 +1,7 @@
 """Notifies systemd of the state of the service: sd_notify(3), a datagram of ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``.
 
-This is not left to a library: the only pure one, ``sdnotify``, has not changed since 2017, blocks on a full queue,
-which an event loop must not, and does not know the watchdog's interval. systemd's manual page shows such code, too.
+No library does this: the only pure one, ``sdnotify``, has not changed since 2017, blocks on a full queue, which an
+event loop must not, and does not know the watchdog's interval. systemd's manual page shows such code, too.
 """
 
 from __future__ import annotations

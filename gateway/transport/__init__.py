@@ -1,7 +1,7 @@
 """Ports for clients: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
-A port knows no protocol. For every connection it calls ``accept`` to get a handler, feeds the handler with bytes, and
-sends what the handler writes. Clients connect and disconnect at any time; no connection affects another.
+A port knows no protocol. For every connection it calls ``accept`` to get a handler, passes received bytes to the
+handler, and sends what the handler writes. Clients connect and disconnect at any time; no connection affects another.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class SerialPace:
         self._due = 0.0  # when the first waiting byte arrives
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the line, after those that are on it."""
+        """Put bytes on the line, after the bytes that are still on it."""
         self._waiting += data[: MAX_BYTES - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()

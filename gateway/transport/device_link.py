@@ -1,6 +1,6 @@
 """A name in the file system for a device, held by one gateway at a time.
 
-The name is a symbolic link. A dangling link is replaced, and so is one that a killed gateway of this user left behind,
+The name is a symbolic link. A dangling link is replaced. So is a link that a killed gateway of this user left behind,
 which is known from its lock file. Other links, and files of any other kind, belong to other programs and are kept.
 """
 
@@ -50,7 +50,7 @@ class DeviceLink:
             )
 
     def point(self, target: str) -> None:
-        """Create the link to a device, atomically replacing an older one. Raises UserError."""
+        """Create the link to a device, atomically replacing an older link. Raises UserError."""
         self.check()
         draft = f"{self.path}.{os.urandom(8).hex()}"  # a name that no other program can predict
         try:

@@ -20,9 +20,9 @@ Write = Callable[[bytes], int | None]
 class Connected(Struct, frozen=True):
     """A new connection, and the actions that its handler has.
 
-    ``hang_up``: it is from the network, so anyone may be at the other end, and this ends it; ``hand_over``, if
-    possible, gives it to another owner. ``change_rate``: it is a serial port, and this sets the baud rate and returns
-    the previous one.
+    ``hang_up`` ends the connection; it is only set for a connection from the network, where anyone may be at the other
+    end. ``hand_over``, if possible, gives it to another owner. ``change_rate`` sets the baud rate of a serial port and
+    returns the previous rate.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Connected(Struct, frozen=True):
 
     @property
     def on_a_line(self) -> bool:
-        """Whether it is a serial line or a pseudo-terminal."""
+        """Whether the connection is a serial line or a pseudo-terminal."""
         return self.host.removeprefix("pty:") == self.name
 
 

@@ -1,4 +1,4 @@
-"""What is asked of every request over HTTP: whether it means this computer, and at which port it has come.
+"""Checks of every request over HTTP: whether it means this computer, and at which port it has come.
 
 Importing this module imports aiohttp, which is slow.
 """

@@ -1,10 +1,10 @@
-"""The connection to a mount that is reached over HTTP: each line that is written is a request, each reply is a line.
+"""The connection to a mount that is reached over HTTP: each written line is a request, each reply is a line.
 
 A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the line has
-given up the ones before it. Reads and stops are repeated if their connection was closed meanwhile; stops also for some
-seconds while an order that they have overtaken is unanswered, and once after its answer: it may be carried out late.
-Connections are kept open, unless the server serves one at a time; one that cannot be reached is a lost line. aiohttp
-is imported when it opens.
+given up the earlier ones. Reads and stops are repeated if their connection was closed meanwhile. Stops are also
+repeated for some seconds while an order that they have overtaken is unanswered, and once after its answer, because it
+may be carried out late. Connections are kept open, unless the server serves one at a time; a server that cannot be
+reached is a lost line.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class HttpRequest(NamedTuple):
 class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first`` is asked when the wire opens; ``opened`` raises OSError if an answer shows that it is the wrong server.
+    ``first`` is requested when the wire opens; ``opened`` raises OSError if an answer shows that it is the wrong
+    server.
     """
 
     @property

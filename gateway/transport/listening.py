@@ -23,9 +23,9 @@ SERVED = "web"
 async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: int = 0) -> tuple[asyncio.Server, str]:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
-    ``make`` is called for every connection. Without a host only this computer can connect; port 0 takes a free one, and
-    one that is taken one of the ``others`` after it. The address ``[::]`` means every address of this computer, IPv4
-    and IPv6.
+    ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port;
+    if the port is in use, the next free one of ``others`` ports after it is used. The address ``[::]`` means every
+    address of this computer, IPv4 and IPv6.
     """
     host, port = split_address(where)
     try:

@@ -27,7 +27,7 @@ MAX_BYTES = 256
 
 
 class NullSerialPort:
-    """Stands in for a serial port in pyserial's server; it reports a device that is ready to send and receive."""
+    """Replaces a serial port in pyserial's server; it reports a device that is ready to send and receive."""
 
     def __init__(self) -> None:
         self.baudrate, self.bytesize, self.parity, self.stopbits = 9600, 8, "N", 1

@@ -16,7 +16,7 @@ KEPT = 2
 
 
 class Room:
-    """``most`` places."""
+    """A limited number of connections: ``most`` places."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -37,7 +37,7 @@ class Room:
 
 
 def share(host: str, most: int) -> int:
-    """Return how many of ``most`` places one host may have: this computer and a serial line all."""
+    """Return how many of ``most`` places one host may have; this computer and a serial line may have all."""
     try:
         loopback = ip_address(plain_address(host)).is_loopback
     except ValueError:

@@ -1,8 +1,8 @@
 """A listening TCP port and the connections it has accepted.
 
-A client can delay the others by no more than its turn: only a share is read from a connection at a time, one that has
-sent a whole share is not read for a while, so that a flood takes a fifth of a processor at most, and one that does not
-read its replies is closed. If the other end has vanished, the system notices it within a minute.
+A client can delay the others by no more than its turn. Only a share is read from a connection at a time. A connection
+that has sent a whole share is not read for a while, so that a flood takes a fifth of a processor at most. A connection
+that does not read its replies is closed. If the other end has vanished, the system notices it within a minute.
 """
 
 from __future__ import annotations
@@ -174,7 +174,8 @@ class TcpPort:
 
     @classmethod
     async def open(cls, where: str, accept: Accept) -> TcpPort:
-        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0 takes a free one. Raises UserError.
+        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0 means any free port. Raises
+        UserError.
 
         The address ``[::]`` means every address of this computer, IPv4 and IPv6.
         """

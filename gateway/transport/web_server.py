@@ -1,8 +1,9 @@
 """The web server of a process, for connections of its own ports and those that other ports hand over.
 
-It is loaded at the first byte for it, because loading takes a quarter of a second, which would delay every start. A
-connection whose request is not whole ``WHOLE`` seconds after its first byte, or that sends none, ends; so does one that
-is idle for ``IDLE`` seconds. ``room.py`` shares out the places; a client without a place gets a refusal.
+It is loaded when its first byte arrives, because loading takes a quarter of a second, which would delay every start. A
+connection whose request is not complete ``WHOLE`` seconds after its first byte, or that sends none, ends; so does a
+connection that is idle for ``IDLE`` seconds. ``room.py`` shares out the places; a client without a place gets a
+refusal.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ BUSY = (
 
 
 class WebPort:
-    """A port, or without a server one whose requests come by other ports."""
+    """A port of the web server; without ``server``, a port that only receives connections from other ports."""
 
     def __init__(self, where: str = SERVED, server: asyncio.Server | None = None) -> None:
         self.where, self._server = where, server
@@ -96,7 +97,7 @@ class WebServer:
         self._runner = runner
 
     def handler(self) -> asyncio.Protocol | None:
-        """Return what answers a connection; None if nothing is served, or no more."""
+        """Return the handler that answers a connection; None if nothing is served, or no more."""
         return self._runner.server() if self._runner is not None else None
 
     async def close(self) -> None:
@@ -112,7 +113,9 @@ class WebServer:
 
 
 class HttpConnection(asyncio.Protocol):
-    """Stands between a connection and aiohttp: it has a place in the room, and a deadline while a request arrives."""
+    """The handler between a connection and aiohttp: it has a place in the room, and a deadline while a
+    request arrives.
+    """
 
     def __init__(self, server: WebServer) -> None:
         self._server = server
@@ -232,8 +235,9 @@ def answer_of(status: str, text: str) -> bytes:
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` records
-    refused requests. It is offered at its own ``port``; 0: at all that have no device of their own."""
+    """A mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` records
+    refused requests. It is offered at its own ``port``; 0: at all ports that have no device of their own.
+    """
 
     accept: Accept
     title: str
@@ -242,10 +246,12 @@ class WebDevice(Struct, frozen=True):
 
 
 class Web(Protocol):
-    """What a protocol offers over HTTP: it converts requests to lines for the protocol's framing, and replies back."""
+    """The part of a protocol that HTTP clients need: it converts requests to lines for the protocol's framing, and
+    replies back.
+    """
 
     def load(self) -> None:
-        """Import what serves the requests: slow, so call it on a thread before the first of them."""
+        """Import the modules that serve requests. This is slow, so call it on a thread before the first request."""
 
     def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> None:
         """Add the devices to an aiohttp application."""

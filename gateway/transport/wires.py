@@ -66,7 +66,9 @@ class DescriptorWatcher(Protocol):
 
 
 class SerialTransport:
-    """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
+    """A line to a mount at any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``,
+    ``spy://`` …
+    """
 
     def __init__(self, url: str, baud: int = BAUD, watcher: DescriptorWatcher | None = None) -> None:
         self.name, self.baud, self._watcher = url, baud, watcher

@@ -1,7 +1,7 @@
 """One motor axis of a simulated mount: its orders, the course of a goto, and how it accelerates and brakes.
 
 No motor stops at once. Like a real one it ramps: it changes to the ordered speed at a constant acceleration, and after
-a stop order it runs on meanwhile. Angles are degrees, times Unix seconds, rates degrees a second of time.
+a stop order it runs on until it rests. Angles are degrees, times Unix seconds, rates degrees a second of time.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Phase(NamedTuple):
 class Leg:
     """The course of a goto on one axis: its distance from the goal as a function of time. The goal may move.
 
-    It begins at rest, accelerates, brakes for the slow approach and comes to rest at the goal. A motor that turned
-    before still runs on (``run_on`` degrees, until ``ramp_ends``), which shortens the distance by as much.
+    It begins at rest, accelerates, brakes for the slow approach and comes to rest at the goal. If the motor turned
+    before, it still runs on (``run_on`` degrees, until ``ramp_ends``), which shortens the distance by as much.
     """
 
     def __init__(self, started: float, distance: float, fast: float, slow: float, acceleration: float) -> None:

@@ -23,10 +23,10 @@ _NOWHERE: Pair = (math.nan, math.nan)
 
 
 class Mechanics:
-    """A mount. ``suspended_since`` is when a motor was first ordered to do something else than tracking, or None.
+    """A mount. ``suspended_since`` is when a motor was first ordered to do something other than tracking, or None.
 
-    ``correction`` is what a sync adds to the axis positions to get the believed ones. ``sky`` is the site and clock
-    that the mount believes in; ``true_sky`` is its true site and clock, which no command changes. ``acceleration`` is
+    ``correction`` is what a sync adds to the axis positions to get the believed ones. ``sky`` is the site and clock by
+    which the mount calculates; ``true_sky`` is its true site and clock, which no command changes. ``acceleration`` is
     in degrees a second squared; infinite for motors without ramps, whose speed changes at once.
     """
 
@@ -62,7 +62,7 @@ class Mechanics:
         return wrap360(self.true_sky.sidereal(now) - hour_angle), dec
 
     def runs_on(self, now: float) -> bool:
-        """Whether a motor is still changing to its ordered speed, rest included."""
+        """Whether a motor is still changing to its ordered speed, or to rest."""
         self.advance(now)
         self._begin_ramps()
         return any(now < motor.ramp.ends for motor in self._axes.values())
@@ -92,7 +92,7 @@ class Mechanics:
         return max([now, *(motor.leg.ends for motor in self._axes.values() if motor.leg is not None)])
 
     def tracking(self, now: float) -> bool:
-        """Whether the motors follow the sky at this moment. The second motor of a polar mount rests meanwhile."""
+        """Whether the motors follow the sky at this moment. While a polar mount tracks, its second motor rests."""
         first, second = self._axes[1], self._axes[2]
         if self.slewing(now) or (second.overridden and (second.rate or self.build is Build.ALTAZ)):
             return False
@@ -204,7 +204,7 @@ class Mechanics:
         self._renew_aim(now)
 
     def relocate(self, now: float, sky: Observer) -> None:
-        """Use another site or clock: the axes stay, the position they are believed to point at changes."""
+        """Use another site or clock: the axes stay, but their believed position on the sky changes."""
         self._advance_and_note(now)
         self.sky = sky
         self._renew_aim(now)

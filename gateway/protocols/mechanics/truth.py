@@ -1,8 +1,8 @@
-"""What a simulated mount physically does, as an independent measurement for tests of a gateway.
+"""The physical state of a simulated mount, as an independent measurement for tests of a gateway.
 
-It is calculated from the motor axes, and from the site and the clock that the simulator was made with. No command
-changes these: not a site, date or time that a client sets, not the GPS unit or its clock, not a sync, which changes
-what the mount believes and never moves the tube. So tests read this, not what the gateway or the mount replies.
+It is calculated from the motor axes, and from the site and the clock with which the simulator was made. No command
+changes these: neither a site, date or time that a client sets, nor the GPS unit or its clock, nor a sync, which changes
+only the position that the mount reports. So tests read this, and not the replies of the gateway or the mount.
 """
 
 from __future__ import annotations
@@ -29,20 +29,18 @@ _OTHER_DIGITS = 6
 class Truth(Struct, frozen=True):
     """One moment of a simulated mount.
 
-    ``t``: Unix seconds by the simulator's own clock.
-    ``axis1``, ``axis2``: positions of the motor axes, degrees, in [0, 360) and [-180, 180). On an alt-az fork azimuth
-    and altitude; on a polar mount the hour angle and declination axes as ``astro.axes.Geometry`` counts them.
-    ``altitude``, ``azimuth``: direction of the tube relative to the true horizon, degrees, without refraction; the
-    azimuth from north through east.
-    ``hour_angle``: of the position the tube points at, degrees in [-180, 180), positive west of the meridian.
-    ``past_meridian``: how far the counterweight shaft of a German mount is above horizontal, degrees from -90
-    (straight down) to 90. It is horizontal when the tube points at the meridian; above that, the tube has passed the
-    meridian towards the pier by as many degrees. None on a fork, which has no pier.
-    ``sun_distance``: from the centre of the field of view to the centre of the Sun, degrees, above and below the
-    horizon; accurate to 0.02 degrees.
-    ``rate1``, ``rate2``: present speeds of the axes, degrees a second, positive if ``axis1`` and ``axis2`` increase.
-    ``moving``: whether a motor turns for anything but tracking: a goto, hand motion, guiding, or running on afterwards.
-    ``tracking``: whether the motors follow the sky, by the site and clock that the mount believes in.
+    ``t``: Unix seconds by the simulator's clock. ``axis1``, ``axis2``: positions of the motor axes, degrees, in [0,
+    360) and [-180, 180). On an alt-az fork azimuth and altitude; on a polar mount the hour angle and declination axes
+    as ``astro.axes.Geometry`` counts them. ``altitude``, ``azimuth``: direction of the tube relative to the true
+    horizon, degrees, without refraction; the azimuth from north through east. ``hour_angle``: of the position the tube
+    points at, degrees in [-180, 180), positive west of the meridian. ``past_meridian``: how far the counterweight shaft
+    of a German mount is above horizontal, degrees from -90 (straight down) to 90. It is horizontal when the tube points
+    at the meridian; above that, the tube has passed the meridian towards the pier by as many degrees. None on a fork,
+    which has no pier. ``sun_distance``: from the centre of the field of view to the centre of the Sun, degrees, above
+    and below the horizon; accurate to 0.02 degrees. ``rate1``, ``rate2``: present speeds of the axes, degrees a second,
+    positive if ``axis1`` and ``axis2`` increase. ``moving``: whether a motor turns for anything but tracking: a goto,
+    hand motion, guiding, or running on afterwards. ``tracking``: whether the motors follow the sky, by the site and
+    clock of the mount.
     """
 
     t: float

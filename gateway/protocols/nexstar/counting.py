@@ -1,8 +1,8 @@
 """Number formats of a hand control: key speeds, drive rate codes, and the fields of its clock commands.
 
 The speeds of keys 1 to 9 depend on the mount family and come from ``mappings/nexstar/rates.toml``. The drive rates
-(sidereal, solar, lunar) are reserved codes among the variable rates. The clock commands carry one field each for
-year (since 2000), month, day, hour, minute and second.
+(sidereal, solar, lunar) are reserved codes among the variable rates. The clock commands have one field each for year
+(since 2000), month, day, hour, minute and second.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
 """Framing of NexStar requests: the first byte gives the length; neither ``#`` nor the boundaries of a read count.
 
-``#`` is a legal data byte; only replies have a terminator. The table holds the length of every opcode of any hand
-control, even if the presented one lacks it, so that its data bytes are never read as commands. Stray bytes that
-programs are known to send are dropped one by one. Any other byte that begins no command drops everything after it
-until the line has been quiet for 0.1 s. A partial command is dropped after one second of quiet: so the buffer never
-holds much more than one command.
+The table holds the length of every opcode of any hand control, even if the presented one lacks it, so that its data
+bytes are never read as commands. Stray bytes that programs are known to send are dropped one by one. Any other byte
+that begins no command drops everything after it until the line has been quiet for 0.1 s. A partial command is dropped
+after one second of quiet.
 
-Bytes that arrive within another three seconds may be the other end of that command, which must move nothing, or a new
-command. The length decides: bytes that are exactly what was missing, and may stand there, are the end and ignored; any
-other whole command is that command. They therefore wait until the line has been quiet for 0.1 s. What ends a motion
-does not wait, and is carried out in either case. Nor does a question of several bytes that arrives whole (``K``, by
-which programs find out whether the line is in step).
+Bytes that arrive within another three seconds may be the end of that command, which must move nothing, or a new
+command. They wait until the line has been quiet for 0.1 s; then the length decides. Bytes that are exactly the missing
+ones, and are valid there, are the end and ignored; any other whole command is carried out. Commands that end a motion
+are carried out at once in either case, and so is a question that arrives whole (``K``, by which programs check whether
+the line is in step).
 """
 
 from __future__ import annotations
@@ -37,7 +36,9 @@ STRAY_AFTER = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"01
 
 
 class Continuation(Enum):
-    """What the bytes after an interrupted command are: its end, a part of it, its end and more, commands, or noise."""
+    """How the bytes after an interrupted command are read: as its end, a part of it, its end and more, commands, or
+    noise.
+    """
 
     END = auto()
     PART = auto()
@@ -48,7 +49,7 @@ class Continuation(Enum):
 
 @cache
 def _sample(letter: int) -> bytes:
-    """Return a valid command that begins with this byte; empty if no command, or more than one, begins with it."""
+    """Return a valid command that begins with this byte; empty if none, or more than one, begins with it."""
     requests = [row.request for row in load("nexstar").commands.values() if row.request.prefix[:1] == bytes((letter,))]
     return requests[0].encode(dict.fromkeys(requests[0].fields, 0)) if len(requests) == 1 else b""
 
@@ -95,7 +96,7 @@ class Interrupted:
         return new
 
     def skip_part(self) -> None:
-        """The burst was a part of the end: expect the remainder."""
+        """Note that the burst was a part of the end: expect the remainder."""
         self.missing, self._at = self.missing - len(self.burst), self._at + len(self.burst)
         self.burst.clear()
         self._passed.clear()
@@ -113,7 +114,7 @@ class Interrupted:
 
     @property
     def verdict(self) -> Continuation:
-        """What the burst is if nothing else belongs to it."""
+        """Return how to read the burst if no more bytes belong to it."""
         count = len(self.burst)
         if not self._legal() or (count != self.missing and self._one_command()):
             return Continuation.COMMANDS
@@ -169,7 +170,7 @@ def all_lengths() -> dict[int, int]:
 class NexStarFramer(LengthFramer):
     """Cuts whole requests out of a byte stream, whether or not the presented hand control knows them.
 
-    ``remembers``: the end of a dropped partial command is recognised, if it arrives late, and dropped, too.
+    ``remembers``: if the end of a dropped partial command arrives late, it is recognised and dropped, too.
     """
 
     noise = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"

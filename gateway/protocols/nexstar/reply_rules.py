@@ -30,7 +30,8 @@ PROTOCOL = load("nexstar")
 
 
 class _Reply(NamedTuple):
-    """The reply to a command: its template, its usual and its longest length, and whether it is passed through.
+    """The reply to a command: its template, its usual and its longest length, and whether it comes from a device behind
+    the hand control.
 
     ``other`` is the longer form of another maker's hand controls.
     """
@@ -100,7 +101,9 @@ class NexStarReplyRules:
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
     def resync_commands(self, number: int) -> Iterator[Send]:
-        """Yield the exchanges that prove the line to be in step again: two echoes of bytes not used recently."""
+        """Yield the exchanges that prove the line to be in step again: two echoes of bytes that were not
+        used recently.
+        """
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 

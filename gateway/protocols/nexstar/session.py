@@ -1,7 +1,7 @@
 """One client of the NexStar surface: its own settings, and how its motion commands are acknowledged.
 
 The acknowledgement does not wait for the mount. While the mount's line is down, a pass-through command gets the
-no-response form and every other command gets no reply, because ``#`` would mean yes. A command that ends a motion is
+no-response form, and every other command gets no reply, because ``#`` would mean yes. A command that ends a motion is
 always acknowledged: the gateway repeats the stop until the mount has received it.
 """
 

@@ -1,9 +1,9 @@
 """Version numbers of hand controls: the command set and the numbers of the tracking modes of each version.
 
-Versions are written as in the manual (``4.21``) or as ``starsense-1.20``: the numbers of a StarSense begin at 1.18,
+Versions are written as in the manual (``4.21``) or as ``starsense-1.20``; the numbers of a StarSense begin at 1.18,
 those of a GT at 100. Each counts as the version whose commands it has: a GT before 104.0 as 1.2 and from then on as
-4.03 (NexStar protocol, Get Version), a StarSense as 4.21, because programs that drive one use neither ``i`` of 5.28
-nor ``u`` of 5.29. A SynScan of 3.37 has what one of 4.37.03 has; no hand control of Celestron has such a number.
+4.03 (NexStar protocol, Get Version), a StarSense as 4.21, because programs that drive a StarSense use neither ``i`` of
+5.28 nor ``u`` of 5.29. A SynScan of 3.37 has the commands of 4.37.03; no hand control of Celestron has such a number.
 """
 
 from __future__ import annotations
@@ -113,6 +113,6 @@ def letters_swapped(row: Model, version: Version | None) -> bool:
 
 
 def made_with(row: Model) -> list[str]:
-    """Return the versions in a row of ``models.toml``, oldest first, then its StarSense if it can have one."""
+    """Return the versions in a row of ``models.toml``, oldest first, followed by its StarSense if it can have one."""
     versions = list(row.get("versions", ()))
     return [*versions, Number(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).written] if row.get(STARSENSE) else versions

@@ -27,10 +27,10 @@ WELL, REFUSED, ENDED_SHORT = 0, -1, -2
 
 
 class StellariumFramer(LengthFramer):
-    """Cuts messages by their length. Those of another type are cut too: the tables decide about them.
+    """Cuts messages by their length, also messages of an unknown type, which the tables decide about.
 
-    Bytes with an impossible length are dropped with all that arrive with them, and the bytes after half a message until
-    the next pause.
+    Bytes with an impossible length are dropped with all that arrive with them; after half a message, bytes are dropped
+    until the next pause.
     """
 
     noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
@@ -82,7 +82,7 @@ def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
-    """Return the subscription of the position, and one that notes whether the last goto ended short."""
+    """Return the subscription of the position, and the subscription that notes whether the last goto ended short."""
     assert isinstance(session, StellariumSession)
     pushed = load("stellarium").commands["position"]
     assert pushed.pushed is not None

@@ -2,7 +2,7 @@
 
 A template is written like a frame in the manuals: a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and
 fields (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It converts between bytes and named values, and does not know what
-they mean. A mistake in a row raises MappingError with file, row and reason; a question without ``answer`` is one.
+they mean. A mistake in a row raises MappingError with file, row and reason; so does a question without ``answer``.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class Command:
 
     @property
     def asked(self) -> bool:
-        """Whether it has a request; otherwise it is only pushed."""
+        """Whether programs request it; otherwise it is only pushed."""
         return bool(self.request.parts)
 
     @property

@@ -1,12 +1,11 @@
 """The tables of one protocol as objects: its commands, what a surface does with them, how a driver uses them.
 
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
-does), ``own.toml`` (what a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands) and
-``models.toml`` (differences between models). That of a dialect, for another maker's mounts, changes the first and
-fourth for the driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has
-call. Every name in a row is looked up when the file is loaded, those of functions when the protocol's parts are made: a
-mistake raises MappingError with file, row and reason. That a command ends a motion is written once, in its row
-(``urgent``); the command set recognises it before its turn, and in incomplete bytes.
+does), ``own.toml`` (commands that a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands)
+and ``models.toml`` (differences between models). The file of a dialect, for another maker's mounts, changes commands
+and driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has call. Names in rows are
+checked when the file is loaded, names of functions when the protocol's parts are made: a mistake raises MappingError
+with file, row and reason.
 """
 
 from __future__ import annotations
@@ -97,11 +96,11 @@ class CommandSet:
 
     @property
     def presented(self) -> list[str]:
-        """The models that a surface can present: those that speak as the surface does."""
+        """The models that a surface can present: those without a dialect."""
         return [model for model in self.models if model not in self.dialects]
 
     def by_product(self, product: str) -> str | None:
-        """Return the model with a dialect that calls itself so, ``other`` if its name is no maker's that is known; None
+        """Return the model with a dialect that has this product name; ``other`` if the name is of no known maker; None
         for a mount of the protocol's own maker.
         """
         beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
@@ -222,9 +221,10 @@ class CommandSet:
 
     def functions(self, file: str, *modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
         """Return the public functions of these modules, ``module.function`` -> function, for the rows of ``file``
-        (``surface`` or ``driver``). Those of a surface are called with all of ``GIVEN``, and take what they name of it.
+        (``surface`` or ``driver``). Those of a surface accept all arguments of ``GIVEN``, and use the ones that they
+        name.
 
-        Raises MappingError if a row calls an unknown function, or one whose parameters a surface cannot provide.
+        Raises MappingError if a row calls an unknown function, or a function whose parameters a surface cannot provide.
         """
         functions = _public(modules)
         if file == "surface":
@@ -247,7 +247,7 @@ class CommandSet:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        """Model -> its row, and what it leaves to the model that it is ``like``."""
+        """Model -> its row, completed by the row of the model that it is ``like``."""
         rows = self._read("models.toml", Model)
         forms = {reply.when for command in self.commands.values() for reply, _ in command.replies}
         for name, row in rows.items():
@@ -267,16 +267,18 @@ class CommandSet:
         return frozenset(name for name, command in self.commands.items() if model in command.lacking)
 
     def title(self, product: str, model: str) -> str:
-        """Return the name by which people know a mount of this model; ``product`` if it calls itself otherwise."""
+        """Return the name by which people know a mount of this model; ``product`` if the mount has another product
+        name.
+        """
         row = self.models.get(model, {})
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
     def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
-        """Return the words that rows may require of a model: its name, dialect and mount type, what it ``has``, its
+        """Return the traits that rows may require of a model: its name, dialect and mount type, what it ``has``, its
         true keys.
 
-        ``facts`` are those of its row, unless they differ on a surface.
-        A fork is ``alt-az``, or ``equatorial`` on a wedge; a German mount is always ``equatorial``.
+        ``facts`` are those of its row, unless they differ on a surface. A fork is ``alt-az``, or ``equatorial`` on a
+        wedge; a German mount is always ``equatorial``.
         """
         facts = self.models.get(model, {}) if facts is None else facts
         flags = (key for key, value in facts.items() if value is True)
@@ -327,7 +329,9 @@ class CommandSet:
         return not data or any(prefix.startswith(data[: len(prefix)]) for prefix in self._by_prefix)
 
     def begun(self, beginning: bytes) -> Command | None:
-        """Return the command that these bytes without the terminator (``#``) begin: the one with the longest prefix."""
+        """Return the command that begins like these bytes without the terminator (``#``); of several, the one with the
+        longest prefix.
+        """
         for length in range(min(len(beginning), self._longest), 0, -1):
             for prefix in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_prefix.get(prefix, ()):

@@ -103,7 +103,7 @@ def _arcminutes(codec: Codec) -> Codec:
 
 
 def _word(choices: str) -> Codec:
-    """One of a few literal words, as in ``{mode:A|L|P}``."""
+    """A field with a choice of words, as in ``{mode:A|L|P}``."""
     allowed = [word.encode("latin-1") for word in choices.split("|")]
 
     def encode(value: str) -> bytes:

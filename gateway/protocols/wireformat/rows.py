@@ -111,9 +111,9 @@ def show_version(version: Version) -> str:
 
 
 class ReplyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``.
+    """A form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``.
 
-    ``says`` is what the error means, if the mount sends no text.
+    ``says`` is the meaning of the error, if the mount sends no text.
     """
 
     wire: Source
@@ -205,7 +205,8 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``own.toml``: the mount itself answers programs of its protocol, if no model to present is configured.
+    """A row of ``own.toml``: the mount itself answers programs of its protocol, if the user configured no model to
+    present.
 
     ``keep`` is a word of ``KEEPS``; without it the gateway answers, and ``why`` gives the reason.
     """
@@ -259,7 +260,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def driven(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
-        """Return the implementations of operations: those rows whose commands it has, and its own rows."""
+        """Return the implementations of operations: the rows whose commands the dialect has, and its own rows."""
         usable = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]

@@ -1,7 +1,7 @@
 """Slow motion of an alt-az mount on top of its tracking: hand motion below 0.1 degrees a second, and guiding.
 
 A rate sent to one motor replaces the tracking of both axes. So the driver suspends tracking and sends each motor a
-variable rate, the sum of its tracking rate and of what is added (``NexStar.added_rates``, one entry per ordered axis).
+variable rate, the sum of its tracking rate and the added rates (``NexStar.added_rates``, one entry per ordered axis).
 Tracking resumes when the last entry is removed. The tracking rates are calculated once, from the mount's azimuth and
 altitude and the latitude: below 80 degrees of altitude they change by less than a tenth in a minute.
 """
@@ -56,9 +56,9 @@ def move(mount: NexStar, operation: Move) -> Steps:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """Guide along a motor axis, or in right ascension or declination with both motors; return Pulsed, not ended.
 
-    The rates also make up for the tracking lost until each motor is sent its rate, and the length for what the first
-    one lost beyond that, because the gateway was not run. A pulse too short for the commands that begin and end it is
-    sent longer and slower.
+    Until each motor has its rate, some tracking is lost: the rates make up for it. If the computer was too busy to run
+    the gateway, the length of the pulse makes up for what the first motor lost beyond that. A pulse too short for the
+    commands that begin and end it is sent longer and slower.
     """
     direction = operation.direction
     if mount.goto is not None:
@@ -117,7 +117,9 @@ def send_rates(mount: NexStar, first: int) -> Steps:
 
 
 def _read_direction(mount: NexStar) -> Steps:
-    """Read and return azimuth and altitude; store the tracking rates of both axes there in ``mount.tracking_rates``."""
+    """Read and return azimuth and altitude; store the tracking rates of both axes at that direction in
+    ``mount.tracking_rates``.
+    """
     answer = yield axis_readings(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None
@@ -137,7 +139,8 @@ def _motor_rates(axis: int, rate: float) -> Pair:
 
 
 def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = None) -> Steps:
-    """Add a rate and send the sums. Return when the first motor was sent its own, loop time, and how late that was.
+    """Add a rate and send the sums. Return the loop time at which the first motor was sent its rate, and how late that
+    was.
 
     If tracking was on until now, and the rates are wanted for ``lasts`` seconds, they make up for the tracking that
     each motor has lost by then.
@@ -167,7 +170,7 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = Non
 
 
 def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:
-    """Return the command with the sum of rates of one axis: tracking, if it was on, and everything added.
+    """Return the command with the sum of rates of one axis: tracking, if it was on, and all added rates.
 
     ``catch_up`` is the fraction by which tracking is faster.
     """

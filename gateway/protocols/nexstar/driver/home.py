@@ -90,7 +90,7 @@ def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
 
 
 class Awake(op.Operation, frozen=True):
-    """Internal: tracking is to be turned on after waking, unless a client has changed it meanwhile."""
+    """Internal: turn tracking on after waking, unless a client has changed it meanwhile."""
 
     survives_abort = True
 

@@ -34,8 +34,8 @@ REMARK_FROM = 0.1
 def sense(mount: NexStar, direction: op.Direction) -> int:
     """Return +1 or -1, the motor direction for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
-    Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. On a
-    German mount it depends on the pier side (``_reversed``), whose letters are counted from the north.
+    Positive on axis 2 moves the tube of a fork towards the pole to which its base is tilted: south in EQ south. On a
+    German mount it depends on the pier side (``_reversed``), whose letters are those of the northern hemisphere.
     """
     southern = tracking.native_mode(mount) is op.Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
@@ -177,7 +177,7 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
 
 
 def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
-    """End pulses that the motors time themselves: a pulse of rate 0 replaces one that still runs."""
+    """End pulses that the motors time themselves: a pulse of rate 0 replaces a running pulse."""
     for axis in axes:
         if mount.pulse_ends.pop(axis, 0.0) > mount.now():
             yield Send("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
@@ -227,8 +227,8 @@ def _step(mount: NexStar, axis: int, position: float) -> float:
 
 
 def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. North is north on the sky if the operation says so; else it always turns
-    the declination motor the same way.
+    """Send a guide pulse and return Pulsed. North is north on the sky if the operation says so; else north always turns
+    the declination motor in the same sense.
     """
     by_sky = operation.sky
     if operation.ms > 0 and altaz.applies(mount) and (by_sky or not mount.times_pulses):

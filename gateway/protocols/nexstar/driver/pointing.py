@@ -40,7 +40,7 @@ def axis_readings(mount: NexStar) -> Send:
 
 
 def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
-    """Return the readings of both axes, those of a German mount as a Celestron counts them (POLE_AXES)."""
+    """Return the readings of both axes; on a German mount, counted as a Celestron counts them (POLE_AXES)."""
     answer = yield axis_readings(mount)
     return op.Horizontal(wrap360(answer["az"] + mount.axis_zero) if mount.axis_zero else answer["az"], answer["alt"])
 
@@ -57,8 +57,8 @@ def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
 def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
     """Return the pier side by ``p``: "E" or "W"; a fork is always "E".
 
-    On a German mount that lacks ``p`` the declination axis shows it: on the W side it reads beyond the pole. The
-    letter is then that of these old versions, the northern one in both hemispheres (``NexStar.tube_side``).
+    On a German mount that lacks ``p`` the declination axis shows it: on the W side it reads beyond the pole. The letter
+    is then as in these old versions, that of the north in both hemispheres (``NexStar.tube_side``).
     """
     if not mount.german:
         return "E"
@@ -70,7 +70,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
 
 
 def sync(mount: NexStar, operation: op.Sync) -> Steps:
-    """Send ``s``; before 4.10 keep an offset instead, which is added to every position that the mount reports."""
+    """Send ``s``; before 4.10 store an offset instead, which is added to every position that the mount reports."""
     if mount.supports("s"):
         yield Send("s", {"ra": operation.ra, "dec": operation.dec})
         return
@@ -248,7 +248,8 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already, or somebody
     has ended the goto on its way.
 
-    Tracking at the park position would carry the tube away, so turning it off is repeated if the mount did not answer.
+    Tracking at the park position would carry the tube away, so the command that turns it off is repeated if the mount
+    did not answer.
     """
     again = operation.left < OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):

@@ -41,7 +41,7 @@ class Stepping(Struct):
 
 
 class Memory(Struct, omit_defaults=True):
-    """What the state file keeps for the next run."""
+    """The values that the state file keeps for the next run."""
 
     home: op.Horizontal | None = None
     home_state: int = 0
@@ -201,7 +201,7 @@ class NexStar(Driver):
         return self.native_mode is None or self.code == code_of(self.native_mode, self.facts, self.version)
 
     def switched_off(self) -> None:
-        """Note that an alignment was lost, and with it what the gateway keeps on top of it."""
+        """Note that an alignment was lost, and with it the values that the gateway keeps for it."""
         self.offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
 
     def forget_emulated(self) -> Steps:
@@ -225,7 +225,8 @@ class NexStar(Driver):
     def variable(self, rate: op.Rate) -> float | None:
         """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
 
-        A client's limit of the fastest rate is also sent so, if it is below that rate and no key has that speed.
+        A fastest rate that a client has set is also sent as a variable rate, if it is below the mount's and no key has
+        that speed.
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL
@@ -239,7 +240,7 @@ class NexStar(Driver):
         return min(rate.degrees, float(self.rates["fastest"]))
 
     def exact_key(self, degrees: float) -> int | None:
-        """Return the gentle key that turns at this speed (degrees a second), or None."""
+        """Return the key that turns at this speed (degrees a second) on top of tracking, or None."""
         return next((key for key in GENTLE if abs(self.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
@@ -260,7 +261,7 @@ class NexStar(Driver):
 
     @property
     def undecided(self) -> bool:
-        """Whether it may be set up in alt-az or equatorially, and has not shown yet by its tracking which it is."""
+        """Whether it may be set up in alt-az or equatorially, and its tracking has not shown yet which it is."""
         return self.native_mode is None and self.number in self.facts.get("either", ())
 
     def must_be_decided(self) -> None:
@@ -310,8 +311,8 @@ class NexStar(Driver):
 
     @property
     def _default_park(self) -> tuple[float, float]:
-        """The default park position as axis readings: the pole on an equatorial mount (a fork on its wedge counts from
-        north). Else north at the horizon or just above the lowest altitude, so that it may track when it is unparked.
+        """The default park position as axis readings. On an equatorial mount the pole (a fork on its wedge counts from
+        north). Else north, at the horizon or just above the lowest altitude, so that it may track when it is unparked.
         """
         if self.german:
             return POLE_AXES

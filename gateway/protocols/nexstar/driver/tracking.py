@@ -118,10 +118,9 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     """Turn tracking off, or on in the requested mode, by default the mount's native mode.
 
-    The axes mean different directions in alt-az and equatorial. A motion that was checked in one must not continue in
-    the other, so a mount in motion keeps its frame. Raises Refused then, or Unsupported.
-
-    A mount that reports the mode is not sent it again, unless its drive has been given another rate.
+    The axes mean different directions in alt-az and equatorial. A motion that was checked in one mode must not continue
+    in the other, so a moving mount keeps its mode. Raises Refused then, or Unsupported. A mount that already reports
+    the mode is not sent it again, unless its drive was given another rate.
     """
     native = native_mode(mount)
     if operation.on and operation.mode is None:
@@ -230,7 +229,7 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
 def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     """Set the drive rate: sidereal by ``T``, named rates by the motor's codes, others as finely as the motor allows.
 
-    While a goto is under way or tracking is off, the rate is kept and sent later. Raises Unsupported in alt-az.
+    While a goto is under way or tracking is off, the rate is stored and sent later. Raises Unsupported in alt-az.
     """
     mode = native_mode(mount)
     if mode is None or not mode.equatorial or not mount.supports("rate_azm_pos"):
@@ -250,7 +249,7 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
 
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
-    """Return the drive rate as a multiple of sidereal: the last one that was set; no hand control reports it."""
+    """Return the drive rate as a multiple of sidereal: the last rate that was set; no hand control reports it."""
     yield from ()  # a generator like all others
     return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
 

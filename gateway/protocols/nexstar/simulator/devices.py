@@ -54,7 +54,7 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
 
 
 def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
-    """06 and 07: a rate in quarter arcseconds a second, or one of the three drive rates."""
+    """06 and 07: a rate in quarter arcseconds a second, or a code for a drive rate."""
     drive = DRIVE_RATES.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, drive=drive is not None)

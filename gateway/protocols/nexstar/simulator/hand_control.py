@@ -1,8 +1,8 @@
 """A simulated Celestron hand control on its mount: bytes of the serial port in, bytes out.
 
-It answers like the chosen model and version, at the present time of its clock; delays are up to the caller that
-transports the bytes. A command that this version lacks is read in full, by its length in other versions, and ignored.
-After a byte that begins no command it ignores everything until the line has been quiet for 0.1 s.
+It answers like the chosen model and version, at the present time of its clock; the caller that transports the bytes
+adds delays. A command that this version lacks is read in full, by its length in other versions, and ignored. After a
+byte that begins no command it ignores everything until the line has been quiet for 0.1 s.
 """
 
 from __future__ import annotations

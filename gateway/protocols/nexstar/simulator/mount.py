@@ -40,8 +40,8 @@ GERMAN_START: Pair = (90.0, 90.0)
 
 
 class Goal(Struct):
-    """Where the last goto of a hand control goes that goes on after ``M``: degrees, and when ``M`` came; ``left`` are
-    the axes that have had no rate 0 since then.
+    """The goal of the last goto of a hand control that continues gotos after ``M``: degrees, and when ``M`` came;
+    ``left`` are the axes that have had no rate 0 since then.
     """
 
     ra: float
@@ -51,7 +51,7 @@ class Goal(Struct):
 
 
 class FocuserMotor:
-    """A focuser: a position in steps that moves at a rate, to one end of its travel or to a goal."""
+    """A focuser: a position in steps; it moves at a rate, to one end of its travel or to a goal."""
 
     TRAVEL = 50000
     FASTEST = 1000.0  # steps a second at key 9

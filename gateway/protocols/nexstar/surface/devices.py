@@ -1,7 +1,7 @@
 """The devices behind a hand control: two motors and a focuser always, a GPS unit and a clock on some models.
 
-A command to a missing device, or one that no device knows, gets the no-response form: one byte more than the client
-asked for, then ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload gets it too.
+A command to a missing device, or a command that no device knows, gets the no-response form: one byte more than the
+client asked for, then ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload gets it too.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def absent() -> None:
 
 
 def set_position(session: NexStarSession, command: Command) -> None:
-    """AUX 0x04 - never done. By its paper a SynScan replies ``#``, and a program reads one byte. Raises NoDevice."""
+    """AUX 0x04 - always raises NoDevice. By its documentation a SynScan replies ``#``, and programs read one byte."""
     if "dialect" not in session.model:
         raise NoDevice
     session.refused = f"{command.help}: it would make the alignment meaningless"

@@ -41,7 +41,7 @@ def _key(session: NexStarSession, key: int) -> op.Rate:
 
 
 def variable(command: Command, values: op.Values) -> Handling:
-    """AUX 0x06, 0x07 - quarter arcseconds a second; the three highest codes are tracking rates."""
+    """AUX 0x06, 0x07 - a variable rate in quarter arcseconds a second; the three highest codes are tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
@@ -75,7 +75,8 @@ def mode(session: NexStarSession) -> Handling:
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
 
-    The equatorial modes of a SynScan are the mount's own mode. If the mount itself is presented, it gets the same byte.
+    For a SynScan its equatorial modes are the mount's own mode. If the mount itself is presented, it gets the same
+    byte.
     """
     known = modes(session.model, session.model["counts_as"])
     if values["mode"] not in known:
@@ -122,7 +123,7 @@ def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideR
 
 
 def guide_rate(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x47 - the mount's guide rate; if it reports none, the value set last, at first half sidereal."""
+    """AUX 0x47 - the mount's guide rate; if it reports none, the last value that was set, at first half sidereal."""
     axis = motor(values)
     try:
         return {"rate": min(255, round((yield op.GuideRate(axis)) * 256))}
@@ -131,7 +132,9 @@ def guide_rate(session: NexStarSession, values: op.Values) -> Handling:
 
 
 def set_backlash(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x10, 0x11 - up to 99. If the mount lacks it, the reply is the no-response form; a Meade has one for both."""
+    """AUX 0x10, 0x11 - set the antibacklash of one sense of a motor, 0 to 99; a Meade has one value for both senses. If
+    the mount lacks it, the reply is the no-response form.
+    """
     axis, value = motor(values), values["value"]
     if value > _FULL_BACKLASH:
         raise Invalid
@@ -140,7 +143,7 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
 
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
-    """AUX 0x40, 0x41 - the value set last."""
+    """AUX 0x40, 0x41 - the last value that was set."""
     return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
 
 
@@ -156,7 +159,7 @@ def periodic_error(values: op.Values) -> Handling:
 
 
 def hibernate_or_wake(command: Command) -> Handling:
-    """x, y - hibernate, wake"""
+    """x, y - hibernate or wake the mount."""
     yield from begin(op.Hibernate() if command.name == "x" else op.Wake())
 
 

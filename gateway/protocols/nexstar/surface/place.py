@@ -26,8 +26,8 @@ def set_site(values: Values) -> Handling:
 
 
 def clock(session: NexStarSession, command: Command) -> Handling:
-    """h, i - the local time in the zone that is reported: the zone and daylight saving that a client set, if they
-    still make up the offset. If the mount reports daylight saving itself, that counts.
+    """h, i - the local time in the reported zone: the zone and daylight saving that a client set, if they still make up
+    the offset; the mount's own daylight saving, if it reports that.
     """
     moment: Moment = yield GetClock()
     quarters = command.name == "i"

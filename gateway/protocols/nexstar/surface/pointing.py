@@ -2,10 +2,10 @@
 
 A hand control always replies ``#`` to a goto: a refusal shows only as no motion (``L`` stays 0) and in the log. On an
 equatorial mount the azimuth and altitude commands read and move the motor axes, in the coordinates of the presented
-model: azimuth and altitude on an alt-az fork, the hour angle on a German mount. A fork on its wedge counts from north,
+model: on an alt-az fork azimuth and altitude, on a German mount the hour angle. A fork on its wedge counts from north,
 where its azimuth axis points at the elevated pole: 180 on the meridian in the north, 0 in the south; it never turns
-over the pole (Celestron renamed its menu to Axis Position for that; INDI parks at 90, 90). If a German mount is
-presented as a fork by name, azimuth and altitude stay those of the sky, as rotator software expects them.
+over the pole. If a German mount is presented as a fork that the user named, azimuth and altitude are those of the sky,
+as rotator software expects.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ POLE = 90.0
 
 
 def axes(session: NexStarSession) -> Handling:
-    """Z z - the readings of both axes"""
+    """Z z - the readings of both axes."""
     return (yield from _readings(session))
 
 
 def goto(session: NexStarSession, values: op.Values) -> Handling:
-    """R r - acknowledged at once; a malformed one does nothing."""
+    """R r - slew; acknowledged at once. A malformed command does nothing."""
     if "fault" not in values:
         session.client.axis_goto = {}
         yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: NexStarSession, values: op.Values) -> Handling:
-    """B b - goto to axis readings; a malformed one does nothing."""
+    """B b - slew to axis readings. A malformed command does nothing."""
     if "fault" not in values:
         session.client.axis_goto = {}
         yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
 
 
 def sync(values: op.Values) -> Handling:
-    """S s - a refusal shows only in the log."""
+    """S s - sync; a refusal shows only in the log."""
     if "fault" not in values:
         yield from attempt(op.Sync(*fold_declination(values["ra"], values["dec"])))
 
