@@ -135,12 +135,12 @@ def beside_hardware(where: str) -> bool:
     return not where.startswith("tcp://") and where not in (SERVED, "-")
 
 
-#: Accepts the connections of one surface.
+#: Accepts the connections of a surface.
 Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor"
 
 
 class AcceptorFactory:
-    """Makes the acceptor for each surface of one gateway.
+    """Makes the acceptor for each surface of a gateway.
 
     ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on a surface for every protocol.
     """

@@ -83,7 +83,7 @@ class Gateway:
         self.acceptors: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
-        #: Serves what speaks HTTP; a process may have one for several gateways. It waits until the ports are open.
+        #: The web server; several gateways of a process may share it. It waits until the ports are open.
         self.web, self.listening = WebServer(), asyncio.Event()
         self.fitted = asyncio.Event()
         self._controller: MountController | None = None

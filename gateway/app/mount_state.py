@@ -176,7 +176,7 @@ def mount_state(
     position: op.Equatorial | None = readings.value(op.Position)
     line, wanted, run_on = controller.line, controller.wanted, controller.context.run_on
     ends = wanted.owed or run_on.value is not None
-    # A mount that ran on after a stop was seen to move like one at its keys, until it was seen at rest.
+    # A mount that ran on after a stop seemed to be moved at its keys, until its position showed rest.
     others = controller.watch.moved_by_others and controller.watch.others.seen_at > run_on.rested
     by_hand = bool(wanted.axes) or (others and not ends)
     look = StatusLine(

@@ -7,7 +7,7 @@ path of its files contains a digest of all of them: a browser caches them for a 
 Only the server's own page may send requests. A foreign page in the same browser could send requests to this server, or
 resolve its own name to this computer (DNS rebinding). So ``Host`` must be an address or a name of this computer,
 ``Origin`` must be the page's own, and every action needs the token that only the served page has. The port is not
-compared, because an SSH tunnel may use another one.
+compared, because an SSH tunnel may use another port.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def about_z(angle: float) -> Matrix:
 
 
 def product(*matrices: Matrix) -> Matrix:
-    """Return the matrix product: the combined rotation, of which the last one is applied first."""
+    """Return the matrix product: the combined rotation, of which the last is applied first."""
     *others, total = matrices
     for matrix in reversed(others):
         x, y, z = (rotate(matrix, column) for column in transpose(total))

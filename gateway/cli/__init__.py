@@ -17,7 +17,8 @@ from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
 ABOUT = ("-h", "--help", "--version")
-#: Flags that may have no value -> the values that may also follow as a word of their own; what they mean without one.
+#: Flags that may have no value -> the values that may also follow as a word of their own; their meaning without a
+#: value.
 _SIDES = ("program", "mount", "changes", "refusals")
 LOG = ("all", "true", "false", *_SIDES, "json", *(f"json-{side}" for side in _SIDES))
 ALONE = {"--log": LOG, "--read-only": ("all", "true")}

@@ -1,6 +1,6 @@
 """Accepts connections and gives each a session.
 
-A session lives as long as its connection. A new one starts with a copy of the state of the connection from the same
+A session lives as long as its connection. A new session starts with a copy of the state of the connection from the same
 host that closed last, within a minute: programs that open a connection per command keep their target that way, and two
 programs connected at the same time do not disturb each other. On network ports, web browsers and port scanners are
 recognised by their first bytes and refused before anything they send is carried out.
@@ -24,12 +24,13 @@ from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Connected
 
 INHERIT_FOR = 60.0
-#: Seconds for which a client on a serial line, or one that connects for each command, counts as present when silent.
+#: Seconds for which a client on a serial line, or a client that connects for each command, counts as present when
+#: silent.
 PRESENT_FOR = 10.0
 
 
 class ConnectionAcceptor:
-    """Creates the client connection for every connection to one port. ``binding``: the presented surface,
+    """Creates the client connection for every connection to a port. ``binding``: the presented surface,
     or a function that makes it for the first connection."""
 
     def __init__(

@@ -46,7 +46,7 @@ NO_HIBERNATION = (
 
 
 class AccessRules(Struct, frozen=True):
-    """The rules of one surface.
+    """The rules of a surface.
 
     ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
     ``most``: clients at the same time. ``hibernate``: whether a client on the network may hibernate the mount.
@@ -73,7 +73,7 @@ class Refusal(NamedTuple):
 
 
 class Rights(Struct, frozen=True):
-    """The rights of one client: ``read_only``, and whether it may hibernate the mount."""
+    """The rights of a client: ``read_only``, and whether it may hibernate the mount."""
 
     read_only: bool = False
     hibernate: bool = True
@@ -88,7 +88,7 @@ class Rights(Struct, frozen=True):
 
 
 class ClientAdmission:
-    """Admits connections to one surface, of this ``number``. A refused host is logged once, and shown in ``status``."""
+    """Admits connections to a surface, of this ``number``. A refused host is logged once, and shown in ``status``."""
 
     def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
         self._access, self._number, self._log = access, number, wire_log
@@ -113,7 +113,7 @@ class ClientAdmission:
 
 
 def _within(host: str, among: Networks) -> bool:
-    """Whether a host is in one of these networks; never for a serial line, which has no address."""
+    """Whether a host is in any of these networks; never for a serial line, which has no address."""
     try:
         address = ip_address(host)
     except ValueError:

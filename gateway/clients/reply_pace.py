@@ -61,7 +61,7 @@ class ReplyPace:
             self._write(data)
 
     def _change(self, change: Callable[[int], int], baud: int) -> int:
-        """Change the baud rate: the acknowledgement leaves at the old one."""
+        """Change the baud rate: the acknowledgement leaves at the old rate."""
         self.flush()
         return change(baud)
 

@@ -31,7 +31,7 @@ MAX_METHOD = 65536
 #: Bytes that clients send before their first command: they end nothing, read nothing, and the protocols ignore them.
 IDLE = b"#\r\n\0 ?"
 
-#: The allowed values of one byte of a greeting.
+#: The allowed values of a byte of a greeting.
 Octet = frozenset[int]
 
 

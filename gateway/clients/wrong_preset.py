@@ -71,8 +71,8 @@ def _beside(where: str) -> str:
 class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    The recent events list every such client. ``framing`` splits bytes into commands of the surface's
-    protocol ``served``. ``one_type``: the surface is for one protocol only; on one for every protocol any type fits.
+    The recent events list every such client. ``framing`` splits bytes into commands of the surface's protocol
+    ``served``. ``one_type``: the surface is for a single protocol; on a surface for every protocol any type fits.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""The arrows that pages hold down on one mount.
+"""The arrows that pages hold down on a mount.
 
 Every beat of a page names the arrows that it holds; all others are released. Every press has a number, so that a
-message about an old press changes nothing of a newer one. The newest press of an axis moves it; the release of an older
-one changes nothing. If a second page still holds the same arrow, the motion becomes that page's.
+message about an old press changes nothing of a newer press. The newest press of an axis moves it; the release of an
+older one changes nothing. If a second page still holds the same arrow, the motion becomes that page's.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ async def _over() -> Answer:
 
 
 class Arrows:
-    """The arrows that one page holds on one mount; ``pages`` are the ``Arrows`` of all pages."""
+    """The arrows that a page holds on a mount; ``pages`` are the ``Arrows`` of all pages."""
 
     def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
         self._gateway, self._who, self._pages = gateway, who, pages
@@ -52,9 +52,9 @@ class Arrows:
         return bool(self._held)
 
     def press(self, direction: Direction, rate: int, press: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow and release the opposite one, or change the rate of this ``press``.
+        """Press an arrow and release the opposite arrow, or change the rate of this ``press``.
 
-        A press without a number is a new one.
+        A press without a number is a new press.
         """
         held = self._held.get(direction)
         if held is not None and 0 < press == held.press:
@@ -93,7 +93,7 @@ class Arrows:
                 self.release(direction, lost=True)
 
     def release(self, direction: Direction | None = None, press: int = 0, lost: bool = False) -> None:
-        """Release one arrow, or all of them; if a press is given, only if that press is still held.
+        """Release an arrow, or all of them; if a press is given, only if that press is still held.
 
         If the page is ``lost``, a motion that has not begun is dropped.
         """

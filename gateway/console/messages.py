@@ -61,7 +61,7 @@ class ShowNight(Struct, frozen=True, tag="night"):
 
 
 class Explain(Struct, frozen=True, tag="explain"):
-    """Explain what happens with one command on this mount."""
+    """Explain what happens with a command on this mount."""
 
     surface: _Text = ""
     command: _Text = ""
@@ -85,7 +85,7 @@ class Jog(Struct, frozen=True, tag="jog"):
 
 
 class ReleaseArrow(Struct, frozen=True, tag="let_go"):
-    """Release one direction key, or all of them; with ``press``, only if that press is still held."""
+    """Release a direction key, or all of them; with ``press``, only if that press is still held."""
 
     direction: Arrow | None = None
     press: Annotated[int, Meta(ge=0)] = 0

@@ -109,7 +109,7 @@ def _surface_argument(surface: str, command: str) -> str:
 
 
 class MountRecorder:
-    """The recordings of one mount, one at a time."""
+    """The recordings of a mount, one at a time."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway

@@ -1,8 +1,8 @@
-"""The session of one open page: it sends the state, carries out requests, and ends motions when the page disconnects.
+"""The session of an open page: it sends the state, carries out requests, and ends motions when the page disconnects.
 
 It is sent the publisher's messages, which all pages share, but only after it has read the earlier ones. So a slow,
 stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a beat twice a
-second, which names the direction keys that it holds; after 1.5 seconds without one, its keys are released.
+second, which names the direction keys that it holds; after 1.5 seconds without a beat, its keys are released.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _short(place: Sequence[float]) -> tuple[float, float]:
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
 SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
-#: The maximum number of simultaneous requests of one page.
+#: The maximum number of simultaneous requests of a page.
 AT_ONCE = 32
 LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
 
@@ -160,7 +160,7 @@ class PageSession:
     # --- requests ---------------------------------------------------------------------------------------------------
 
     def take(self, text: str | bytes) -> None:
-        """Receive a message from the page. An invalid one is answered with an error and has no effect."""
+        """Receive a message from the page. An invalid message is answered with an error and has no effect."""
         self._heard = self._loop.time()
         try:
             message = messages.read(text, self._who)

@@ -60,7 +60,7 @@ def about_file(path: Path | str, error: OSError, *, reading: bool = False) -> st
 
 
 def similar(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
-    """Return up to ``most`` words similar to a mistyped one, the nearest first.
+    """Return up to ``most`` words similar to a mistyped word, the nearest first.
 
     ``least`` is the similarity that they need, from 0 to 1.
     """
@@ -116,7 +116,7 @@ class Disturbed(Fault):
 
 
 class NoTarget(Fault):
-    """A goto or sync without a target: none was set, or the last one was refused."""
+    """A goto or sync without a target: none was set, or the last target was refused."""
 
     words = "No target set."
 
@@ -150,7 +150,7 @@ class NearSun(Fault):
 
 
 class Contradicted(Fault):
-    """The altitude of the target is allowed by one source of site or time and forbidden by another."""
+    """The altitude of the target is allowed by a source of site or time and forbidden by another."""
 
     words = "Site or time is doubtful."
 

@@ -39,5 +39,5 @@ def begins_motion(operation: object) -> bool:
 
 
 def may_begin_motion(names: list[str]) -> bool:
-    """Whether one of the operations with these names sets the mount moving."""
+    """Whether any of the operations with these names sets the mount moving."""
     return any(issubclass(kind, MOVING) for name in names if (kind := op.named(name)) is not None)

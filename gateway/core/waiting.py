@@ -1,7 +1,7 @@
 """Waiting and background work on the event loop, for needs that asyncio alone does not meet.
 
 `TimedEvent` waits with a timeout cheaply, because every exchange does so several times. `result_of` shares work between
-several callers: it continues if one of them is cancelled, and `shared_result` tells them if it is itself cancelled.
+several callers: it continues if a caller is cancelled, and `shared_result` tells them if it is itself cancelled.
 `BackgroundTasks` keeps references to tasks and ends them at shutdown. `in_thread` also works when Python ends.
 """
 
@@ -45,7 +45,7 @@ def _resume(waiter: asyncio.Future[bool]) -> None:
 
 
 async def result_of(work: asyncio.Future[_T]) -> _T:
-    """Wait for shared work and return its result. Cancelling one caller does not cancel the work. Raises what the work
+    """Wait for shared work and return its result. Cancelling a caller does not cancel the work. Raises what the work
     raises, or CancelledError.
 
     ``asyncio.shield`` does the same, but from Python 3.14 on it reports a later exception of such work to the event
@@ -117,7 +117,9 @@ def cancelled() -> Outcome:
 
 
 class BackgroundTasks:
-    """Background tasks: ``spawn`` starts one and keeps a reference to it, ``cancel`` and ``close`` end all of them."""
+    """Background tasks: ``spawn`` starts a task and keeps a reference to it, ``cancel`` and ``close`` end
+    all of them.
+    """
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()

@@ -20,7 +20,7 @@ _NUMBERS = re.compile(r"[\d.]+")
 
 
 class Entry(NamedTuple):
-    """One event on one side.
+    """An event on a side: the mount's, or a client's.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
     a note, ``*`` for a person's request that was carried out, ``+`` and ``-`` for a connection opened and closed, ``~``
@@ -66,7 +66,7 @@ class WireLog:
         self._logged: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
         self.recent: deque[Notice] = deque(maxlen=REMEMBERED)
-        #: The number of refusals, logged or not; and what is called with each that is another one than the last.
+        #: The number of refusals, logged or not; and the function that is called with each that differs from the last.
         self.refusals = 0
         self.on_refusal: Callable[[str], object] | None = None
         self._refused_last = ""
@@ -123,14 +123,14 @@ class WireLog:
         self.note_once(side, text, host)
 
     def remember(self, host: str, text: str) -> None:
-        """Remember a recent event without logging it. Repeated events of one host do not displace those of others."""
+        """Remember a recent event without logging it. Repeated events of a host do not displace those of others."""
         if same := next((old for old in self.recent if old.text == text), None):
             self.recent.remove(same)
         self.recent.append(Notice(self.clock(), host, text))
 
 
 class ClientLog:
-    """The wire log as seen by one client; ``name`` is its host and port.
+    """The wire log for a client; ``name`` is its host and port.
 
     If ``sinks`` is empty, nothing is logged, and callers need not prepare entries.
     """

@@ -85,7 +85,7 @@ def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Im
 
 
 def carried(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
-    """Yield the implementations of an operation that such a mount can carry out, the preferred one first."""
+    """Yield the implementations of an operation that such a mount can carry out, the preferred first."""
     traits = _traits(mount, kind.model, kind.wedge)
     for way in mount.driver.get(operation, ()):
         if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):

@@ -1,7 +1,7 @@
 """Decode a capture of a serial line as a conversation: every command named, every reply parsed, in order of time.
 
 Supported are our own recordings, logs of pyserial's ``spy://`` and of ``socat -x`` (with or without ``-v``), and raw
-bytes of one direction. A capture is read in pieces, so that memory use does not depend on its length. Commands are
+bytes of a direction. A capture is read in pieces, so that memory use does not depend on its length. Commands are
 split as a surface does it, replies as a driver does it: according to the commands that they answer.
 """
 
@@ -25,7 +25,7 @@ _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9
 _SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
 _HEX = re.compile(rb"((?: [0-9a-f]{2})+)")
 _COMMANDS = re.compile(rb":[^#\r\n]{1,24}#")
-#: How many unknown commands of one connection are shown.
+#: How many unknown commands of a connection are shown.
 NOISE = 1000
 #: How many bytes decide whether a capture is a conversation.
 ENOUGH = 4096

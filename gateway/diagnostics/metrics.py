@@ -46,7 +46,7 @@ class Histogram:
 
 
 class Counts:
-    """Counts the events of one mount until it is closed. ``stops`` counts the stops requested; ``stopping`` is the time
+    """Counts the events of a mount until it is closed. ``stops`` counts the stops requested; ``stopping`` is the time
     from a request until the mount has acknowledged the stop.
     """
 

@@ -3,8 +3,8 @@
 The password comes from a file or from the environment; missing settings are reported before anything is opened. Of a
 message that is too large only the beginning is kept, because aiomqtt limits no incoming message; and aiomqtt leaves
 open a connection on which the broker did not answer. Only this module works around both, by means of paho's client
-inside aiomqtt. A broker with MQTT 5 passes on whether a message was published with the retain flag; one with only 3.1.1
-sets the flag on stored messages alone.
+inside aiomqtt. A broker with MQTT 5 passes on whether a message was published with the retain flag; a broker with only
+3.1.1 sets the flag on stored messages alone.
 """
 
 from __future__ import annotations

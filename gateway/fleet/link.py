@@ -147,7 +147,7 @@ class BrokerLink:
                 await self._ending.wait()
 
     async def _session(self, client: Client) -> None:
-        """Use one connection until it is lost or the link is closed."""
+        """Use a connection until it is lost or the link is closed."""
         if self._subscriptions:
             await client.subscribe(self._subscriptions)
         for message in self._first_messages:

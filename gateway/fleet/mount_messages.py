@@ -23,7 +23,7 @@ from gateway.fleet.topics import MqttMessage, Topics
 
 #: Arrows of the wire log that are published, and the kinds of their events.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
-#: The maximum number of events at once, and per second after that; the maximum length of one in characters.
+#: The maximum number of events at once, and per second after that; the maximum length of an event in characters.
 BURST, RATE, LONGEST = 20.0, 5.0, 500
 #: Key of the state -> name, unit, decimals that are shown.
 NUMBERS = {

@@ -1,7 +1,7 @@
 """Topics and messages on the broker, and the outbox of messages that wait to be published.
 
 ``PREFIX/ID/availability`` and ``PREFIX/ID/gateway`` are about a gateway; ``PREFIX/ID/MOUNT/state``, ``event`` and
-``command`` are about one of its mounts. ``PREFIX/all/command`` is for every mount on the broker.
+``command`` are about a mount of it. ``PREFIX/all/command`` is for every mount on the broker.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Received(Struct, frozen=True):
 
 
 class Topics(Struct, frozen=True):
-    """The topics of one gateway; ``id`` may be ``+``, the wildcard for all gateways."""
+    """The topics of a gateway; ``id`` may be ``+``, the wildcard for all gateways."""
 
     prefix: str
     id: str
@@ -89,7 +89,7 @@ class Outbox:
         self._events: deque[MqttMessage] = deque(maxlen=EVENTS)
 
     def put(self, message: MqttMessage) -> None:
-        """Add a message; a state replaces the previous one of its topic."""
+        """Add a message; a state replaces the previous state of its topic."""
         with self._lock:
             if message.newest:
                 self._newest[message.topic] = message

@@ -101,7 +101,7 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, said: Remark) -> None:
-        """Log a deviation of the driver from the request; of one text, or of one kind of remark, only the first."""
+        """Log a deviation of the driver from the request; only the first of equal texts, and of remarks of a kind."""
         self.log.note_once("mount", said.text, kind=said.kind)
 
     def note_once(self, text: str) -> None:

@@ -173,7 +173,7 @@ class Identification:
         with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(LONGEST):
                 slewing = await self._slews() and (not left.goto or await self._slews())  # bars may be old for a moment
-                if slewing != left.goto:  # a goto has ended, or one has taken the place of an arrow
+                if slewing != left.goto:  # a goto has ended, or has replaced an arrow
                     self._leave_alone()
                     return
                 rates = (0.0, 0.0) if slewing else await self._turning()

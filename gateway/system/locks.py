@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gateway.system.runtime_folders import folders
 
-#: Windows locks bytes, which other processes cannot read then: lock one far behind the content.
+#: Windows locks bytes, which other processes cannot read then: lock a byte far behind the content.
 LOCK_OFFSET = 1 << 30
 
 

@@ -46,7 +46,7 @@ def own_names() -> frozenset[str]:
 
 
 def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
-    """Whether a ``Host`` header names this computer: one of its addresses or names, or one of ``names``.
+    """Whether a ``Host`` header names this computer: any of its addresses or names, or any of ``names``.
 
     ``local`` is the address at which the connection arrived. Rebinding needs a foreign name or address.
     """

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from gateway.system.files import directory
 
-#: The name of the folders, and of the one in the state folder.
+#: The name of the folders, and of the folder in the state folder.
 NAME, FALLBACK = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
 SESSIONS = Path("/run/user")

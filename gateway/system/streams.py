@@ -36,7 +36,7 @@ def reopen_closed() -> None:
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDONLY if number else os.O_WRONLY)  # the lowest free number: this one
+            os.open(os.devnull, os.O_RDONLY if number else os.O_WRONLY)  # the lowest free number: this descriptor
     if sys.stdout is None:
         sys.stdout = os.fdopen(1, "w", closefd=False)
     if sys.stderr is None:

@@ -19,7 +19,7 @@ def web_log() -> logging.Logger:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether a record is more than an invalid request, or half of one."""
+    """Whether a record is more than an invalid or incomplete request."""
     from aiohttp.http_exceptions import HttpProcessingError
 
     return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError | ConnectionError))

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 #: A start bit, eight bits of data and a stop bit.
 BITS = 10
-#: Bytes that may wait in one direction; more are lost, as on a port that is not read in time.
+#: Bytes that may wait in a direction; more are lost, as on a port that is not read in time.
 MAX_BYTES = 65536
 #: Seconds within which a command must be understood at the new rate.
 TRIAL = 5.0

@@ -36,7 +36,7 @@ BESIDE = 1.0
 class HttpRequest(NamedTuple):
     """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
 
-    ``moves``: it begins a motion; False if it ends one, None for all others.
+    ``moves``: it begins a motion; False if it ends a motion, None for all others.
     """
 
     method: str
@@ -80,7 +80,7 @@ class HttpWire:
         self._session: ClientSession | None = None
         self._tasks: set[asyncio.Task[bool]] = set()
         self._reading: asyncio.Task[bool] | None = None
-        #: The unanswered orders that begin a motion, the stops that were written since the last one, and until when
+        #: The unanswered orders that begin a motion, the stops that were written since the last order, and until when
         #: (loop time) these are repeated without an answer.
         self._orders: set[asyncio.Task[bool]] = set()
         self._stops: dict[bytes, HttpRequest] = {}
@@ -108,7 +108,7 @@ class HttpWire:
         except BaseException:
             await session.close()
             raise
-        connector._force_close = not beside  # a kept one would lock out stops, the watchdog, and other programs
+        connector._force_close = not beside  # an open connection would lock out stops, the watchdog, and other programs
         self._session, self._on_data, self._on_lost = session, on_data, on_lost
         if self._watcher is not None:
             self._watcher.reached(*address, beside)
@@ -174,7 +174,7 @@ class HttpWire:
                         raise
         except (aiohttp.ClientError, OSError) as error:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
-            if session is self._session and not given_up:  # the line has stopped waiting for that one long ago
+            if session is self._session and not given_up:  # the line has long stopped waiting for that answer
                 self._on_lost(reason(error))
             return False
         if session is self._session and number == self._number:
@@ -204,7 +204,7 @@ class HttpWire:
 
 def written(url: str, request: HttpRequest) -> bytes:
     """Return the bytes of a request whose fields are in its body, for a process without an HTTP library. The server
-    closes the connection after its answer, because it may serve only one at a time."""
+    closes the connection after its answer, because it may serve only one connection at a time."""
     body = urlencode(request.fields)
     return (
         f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"

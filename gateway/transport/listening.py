@@ -12,7 +12,7 @@ from collections.abc import Callable
 from gateway.core.errors import UserError
 from gateway.system import processes
 
-#: Connections that may wait to be accepted: clients that open one per command arrive in bursts.
+#: Connections that may wait to be accepted: clients that open a connection per command arrive in bursts.
 BACKLOG = 512
 #: Schemes of addresses at which clients connect over the network.
 LISTENING = ("tcp://", "rfc2217://")

@@ -24,7 +24,7 @@ from gateway.transport.handler import Accept, Connected, ConnectionHandler
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
-#: Bytes of one read, and reads before other connections get their turn.
+#: Bytes of a read, and reads before other connections get their turn.
 CHUNK, READS = 4096, 8
 
 
@@ -103,7 +103,7 @@ class PtyPort:
             os.write(self._pair.master, data)
 
     def _disconnect(self) -> None:
-        """The last program has closed its end: end the connection, and reset the port for the next one."""
+        """The last program has closed its end: end the connection, and reset the port for the next program."""
         handler, self._handler, self._peer_closed = self._handler, None, False
         if handler is not None:
             handler.close()
@@ -202,7 +202,7 @@ class _Pair:
 
 
 def speed(terminal: int) -> int:
-    """Return the baud rate of a terminal, also a non-standard one (Linux); 0 if it is unknown."""
+    """Return the baud rate of a terminal, also a non-standard rate (Linux); 0 if it is unknown."""
     import fcntl
     import termios
 

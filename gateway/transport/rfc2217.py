@@ -20,9 +20,9 @@ from serial.rfc2217 import M_NORMAL, PortManager
 from gateway.transport.handler import Accept, Connected
 
 IAC = b"\xff"
-#: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
+#: IAC followed by any of these begins Telnet: WILL, WONT, DO, DONT.
 NEGOTIATION = frozenset(b"\xfb\xfc\xfd\xfe")
-#: The longest valid subnegotiation has 6 bytes, or a signature; a longer one is dropped.
+#: The longest valid subnegotiation has 6 bytes, or a signature; anything longer is dropped.
 MAX_BYTES = 256
 
 
@@ -46,7 +46,7 @@ _server: Callable[[Any, Any], PortManager] = PortManager
 
 
 class _TelnetFilter:
-    """A handler in front of the real one that handles Telnet for clients that use it."""
+    """A handler in front of the real handler that handles Telnet for clients that use it."""
 
     def __init__(self, accept: Accept, connected: Connected) -> None:
         self.write = connected.write

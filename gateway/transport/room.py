@@ -23,7 +23,7 @@ class Room:
         self._taken: Counter[str] = Counter()
 
     def enter(self, host: str) -> bool:
-        """Take a place for this host, and return whether one was free."""
+        """Take a place for this host, and return whether any was free."""
         address, free = plain_address(host), self._most - self._taken.total()
         has = self._taken[address]
         if has >= share(address, self._most) or free <= (KEPT if has else 0):

@@ -17,7 +17,7 @@ from typing import cast
 from gateway.transport.handler import Accept, Connected, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
 
-#: Bytes of one read: about a hundred commands, half a second of a serial line, two milliseconds of work.
+#: Bytes of a read: about a hundred commands, half a second of a serial line, two milliseconds of work.
 SHARE = 512
 #: Seconds for which a connection is not read after a whole share, and at least so many times the seconds that it took.
 PAUSE, OTHERS = 0.05, 4.0

@@ -62,7 +62,7 @@ class WebServer:
         self.where = ""
 
     async def listen(self, where: str, others: int = 0) -> WebPort:
-        """Open a port, or the first free one of the ``others`` that follow it. Raises UserError."""
+        """Open a port, or the first free port of the ``others`` that follow it. Raises UserError."""
         server, real = await listen(where, lambda: HttpConnection(self), others)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]

@@ -103,7 +103,7 @@ class SerialTransport:
                 loop.call_soon_threadsafe(on_lost, str(error))
 
     def _rest(self, port: Serial) -> bytes:
-        """Return the bytes available after the first one, without waiting for more."""
+        """Return the bytes available after the first byte, without waiting for more."""
         if not self.name.startswith("socket://"):
             waiting = port.in_waiting
             return bytes(port.read(waiting)) if waiting else b""
@@ -260,7 +260,7 @@ def _who_may_use(device: str) -> str:
 
 
 def group_of(device: str) -> str:
-    """Return the group that may use a serial port; the usual one if it is unknown."""
+    """Return the group that may use a serial port; the usual group if it is unknown."""
     try:
         import grp
 

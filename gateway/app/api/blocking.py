@@ -86,7 +86,7 @@ class _Thread(threading.Thread):
         super().__init__(name="mount-gateway", daemon=True)
         self._opening, self._asked = opening, False
         #: These get an item when the gateway is open, and when it is closed (``_over``). They are no Future: Ctrl-C in
-        #: the middle of waiting for one can leave its lock taken, for which this thread would then wait for ever; and
+        #: the middle of a wait can leave its lock taken, for which this thread would then wait for ever; and
         #: in the middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
         self._opened, self._closed = SimpleQueue[None](), SimpleQueue[None]()
         self._over = False

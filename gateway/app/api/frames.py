@@ -22,11 +22,11 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class FrameError(GatewayError, ValueError):
-    """The bytes are not a valid frame, or the values do not fit into one; the text says which and why."""
+    """The bytes are not a valid frame, or the values do not fit into a frame; the text says which and why."""
 
 
 class Frame(Struct, frozen=True):
-    """One command of a program, or one reply of a mount.
+    """A command of a program, or a reply of a mount.
 
     ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the bytes, and ``help`` says
     what the command is for. In a reply that refuses the command, ``fault`` is the name of the error, such as

@@ -166,7 +166,7 @@ def speaks_http(at: str) -> bool:
 
 
 def _excludes_all(where: str, allowed: Networks) -> str:
-    """Return the message if no host in ``allowed`` can connect to this address; empty if one can."""
+    """Return the message if no host in ``allowed`` can connect to this address; empty if any can."""
     host, port = split_address(where)
     if exposed(where) or AccessRules(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""

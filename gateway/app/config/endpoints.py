@@ -1,4 +1,4 @@
-"""Parses endpoints, names of mounts, brokers and sites as users type them, and suggests what a wrong one should be.
+"""Parses endpoints, names of mounts, brokers and sites as users type them, and suggests corrections.
 
 A name such as ``6se``, ``CPC 1100`` or ``lx90`` stands for protocol and model; the names are data, ``called.toml`` of
 each protocol. ``celestron`` stands for a protocol without a model. An endpoint is
@@ -201,7 +201,7 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
 
 
 def _version(spec: ProtocolSpec, text: str) -> str:
-    """Return the version in its standard form. Raises UserError for one that never existed."""
+    """Return the version in its standard form. Raises UserError for a version that never existed."""
     try:
         return spec.check_version(text)
     except ValueError:

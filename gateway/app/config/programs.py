@@ -22,7 +22,7 @@ NEWEST = (99,)
 
 
 class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A value for one key of the surface, and why the program needs it; ``below``: only before that version."""
+    """A value for a key of the surface, and why the program needs it; ``below``: only before that version."""
 
     key: str
     value: str

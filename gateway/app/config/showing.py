@@ -1,4 +1,4 @@
-"""Writes configurations from the keys: the one in effect, and a commented example."""
+"""Writes configurations from the keys: the configuration in effect, and a commented example."""
 
 from __future__ import annotations
 

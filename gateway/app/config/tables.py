@@ -154,7 +154,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
         return None if self.console.at == OFF else self.console
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:
-        """Return the surfaces of one mount."""
+        """Return the surfaces of a mount."""
         return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
 
 

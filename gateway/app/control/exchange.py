@@ -24,7 +24,7 @@ from gateway.system.runtime_folders import user
 ENDING = ".control"
 #: At most so many bytes of an endpoint file are read.
 LONGEST = 65536
-#: Characters in one part of an answer: 8 kB at most, because a datagram holds 9 kB on macOS.
+#: Characters in a part of an answer: 8 kB at most, because a datagram holds 9 kB on macOS.
 PART = 2000
 #: Confirms that a request was received and is being carried out.
 WAIT = "wait"

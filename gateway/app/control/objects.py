@@ -91,7 +91,7 @@ def completions(text: str, most: int) -> list[str]:
 
 
 def _numbers(text: str) -> list[str]:
-    """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed one."""
+    """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed number."""
     match = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
     if match is None or not _exists(text):
         return []

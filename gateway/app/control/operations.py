@@ -20,7 +20,7 @@ from gateway.core.errors import Invalid
 from gateway.core.operations import AnswerT
 
 _S = TypeVar("_S", bound=Struct)
-#: Types of fields -> one of their values.
+#: Types of fields -> an example of their values.
 EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
 
 

@@ -313,7 +313,7 @@ class RequestHandler:
         )
 
     async def _track(self, request: requests.TrackRequest, active: ActiveRequest) -> str:
-        """Set the tracking rate if one is given, and turn tracking on or off. Raises Fault."""
+        """Set the tracking rate if the request has it, and turn tracking on or off. Raises Fault."""
         if request.rate is not None:
             await self._perform(op.TrackRate(request.rate), active)
         await self._perform(op.SetTracking(request.on), active)
@@ -365,7 +365,7 @@ class RequestHandler:
             if isinstance(wanted.motion, ByHand)
             else []
         )
-        # a goto of another client that waits will replace this one anyway
+        # a goto of another client that waits will replace this goto anyway
         if not halts and all(order.by is active.activity for order in wanted.waiting_gotos):
             halts = [op.AbortSlew()]
         try:

@@ -22,7 +22,7 @@ from gateway.core.requests import FAILED, Answer, Request, decode
 from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
 
-#: So many requests are remembered, so that a repeated one gets the same answer.
+#: So many requests are remembered, so that a repeated request gets the same answer.
 REMEMBERED = 64
 ENDING = Answer(
     FAILED, "the gateway is shutting down and stops its mount; run the command again to be sure", NoAnswer.__name__

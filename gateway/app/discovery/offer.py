@@ -59,7 +59,9 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
 
 
 def address_towards(asker: tuple[str, int]) -> str:
-    """Return this computer's address on the route to another one; empty if there is no route. This sends nothing."""
+    """Return this computer's address on the route to another computer; empty if there is no route. This
+    sends nothing.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
         try:
             way.connect(asker)

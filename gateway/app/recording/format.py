@@ -23,10 +23,10 @@ FORMAT = 1
 RECORDER = "recording"
 #: The beginning of that line if the recording ended early because it could not be written.
 STOPPED = "stopped here"
-#: ``+ -`` are connections opened and closed, ``~`` the protocol that one turned out to speak, ``!`` a note or a
+#: ``+ -`` are connections opened and closed, ``~`` the protocol that was recognised on a connection, ``!`` a note or a
 #: refusal, ``*`` a person's request that was carried out, ``^ v`` the mount's port opened and lost.
 ARROWS = "<>+-~!*^v"
-#: The maximum length of a line; a file that has a longer one is no recording.
+#: The maximum length of a line; a file with a longer line is no recording.
 LONGEST_LINE = 1_000_000
 _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 

@@ -32,7 +32,7 @@ from gateway.system.files import open_plain, plain_file
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Bytes after which a new file is begun, and how many files are kept, including the one being written.
+#: Bytes after which a new file is begun, and how many files are kept, including the file being written.
 LONGEST, KEPT = 10_000_000, 20
 #: Seconds from an event until it is written, and between two looks at a disk that hangs; how many may wait for it.
 PAUSE, LOOK, WAITING = 0.1, 1.0, 100_000
@@ -69,7 +69,7 @@ class Recorder:
         self.put = self._waiting.append
         self._lock, self._hurry = asyncio.Lock(), TimedEvent()
         self._closing = self._lost = False
-        # What follows belongs to the thread that writes; there is one at a time.
+        # What follows belongs to the thread that writes; only one runs at a time.
         self._file, self._size = -1, 0
         self._at, self._warned = 0.0, False
         try:

@@ -1,6 +1,6 @@
 """The files of a state folder: the state that a real hand control keeps when switched off, motion markers, the hold.
 
-A file is always complete, because a new one is written beside the old one, flushed to the disk, and renamed. A file
+A file is always complete, because a new file is written beside the old file, flushed to the disk, and renamed. A file
 that cannot be read is moved aside and never prevents a start. Nothing here uses an event loop; ``store.py`` decides
 when to write.
 """
@@ -86,7 +86,7 @@ def _content(path: Path) -> bytes:
 
 
 def read_state(path: Path) -> SavedState:
-    """Read a state file; a missing one is an empty state. Raises OSError, and ValueError for an invalid file."""
+    """Read a state file; a missing file is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
         return msgspec.json.decode(_content(path), type=SavedState)
     except FileNotFoundError:

@@ -63,7 +63,7 @@ class MotionMarker:
             self._want(msgspec.json.encode(self._content()))
 
     def _want(self, content: bytes | None) -> None:
-        """Write this content, or delete the file (None); writes run one after another, and the last one wins."""
+        """Write this content, or delete the file (None); writes run one after another, and the last write wins."""
         self._wanted = content
         if self._writing is None and self._written != content:
             self._writing = asyncio.get_running_loop().create_task(self._write())

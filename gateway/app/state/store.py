@@ -58,7 +58,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
 
 
 class StateStore:
-    """Keeps the files of one mount. ``shared``: settings that all clients share; ``held``: it has the files' lock."""
+    """Keeps the files of a mount. ``shared``: settings that all clients share; ``held``: it has the files' lock."""
 
     def __init__(
         self,
@@ -78,9 +78,10 @@ class StateStore:
         self._simulated = where == "sim"
         self._marker_base, self.in_thread = marked, in_thread
         self._warn, self._warned = warn, False
-        #: What to tell the user, once this gateway serves, of another one that keeps these files; empty without one.
+        #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if there is
+        #: none.
         self.kept_by_another = ""
-        #: The process that has the lock instead, in words; empty if it is not known that another one has.
+        #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""
         self._lock = PidLock(self.lock_path)
         self._take_lock()
@@ -181,7 +182,7 @@ class StateStore:
             )
 
     async def before_motion(self) -> None:
-        """Write the marker of the motion that is about to begin, if this mount has one."""
+        """Write the marker of the motion that is about to begin, if this mount has a marker."""
         if self._marker is not None:
             await self._marker.before_motion()
 

@@ -21,7 +21,7 @@ SILENCE = 1.2
 #: The same for a gateway that waits for a processor while every moving mount is on a clear path; the part of the
 #: silence that it must have waited, and seconds between two looks at that.
 STARVED, WAITED, LOOK = 5.0, 0.8, 0.25
-#: Seconds between two commands of a stop: a hand control must answer one before it can receive the next.
+#: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 BETWEEN = 0.15
 #: Seconds within which a server must accept a connection; how many used ones are kept.
 CONNECT, KEPT = 0.4, 6
@@ -46,7 +46,7 @@ class GuardedMount:
         return read(self.lock) != self.holder
 
     def send(self, command: bytes) -> None:
-        """Write one command, unless the line is lost or its buffer is full."""
+        """Write a command, unless the line is lost or its buffer is full."""
         try:
             if select.select([], [self.descriptor], [], BETWEEN)[1]:
                 os.write(self.descriptor, command)
@@ -80,7 +80,7 @@ class ServedMount(GuardedMount):
         super().__init__(title, lock, -1)
         self.address, self.beforehand = (host, int(port)), when == "beside"
         self.next: list[_socket.socket] = []
-        #: The connections that were used last: to close one could cancel its request.
+        #: The connections that were used last: closing a connection could cancel its request.
         self.used: list[_socket.socket] = []
 
     def get_ready(self, now: bool = False) -> None:
@@ -134,7 +134,7 @@ def waited(process: str) -> float:
 
 
 class Watch:
-    """Watches the mounts of one gateway by its messages."""
+    """Watches the mounts of a gateway by its messages."""
 
     def __init__(self, connection: _socket.socket, gateway: str) -> None:
         self.connection, self.gateway = connection, gateway
@@ -189,7 +189,7 @@ class Watch:
         return bool(data)
 
     def handle(self, parts: list[str], descriptors: list[int]) -> None:
-        """Act on one message of the gateway, split into words."""
+        """Act on a message of the gateway, split into words."""
         kind, number = [*parts, ""][:2]
         if kind == "line":
             self.drop(number)

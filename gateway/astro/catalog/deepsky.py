@@ -132,7 +132,7 @@ def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) ->
 
 
 def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
-    """Return the next candidate after a position (``step`` 1) or before it (-1), not one exactly at it."""
+    """Return the next candidate after a position (``step`` 1) or before it (-1), not a candidate exactly at it."""
     after = bisect_left(candidates, order((_AFTER_ALL_ROWS, ra, dec)), key=order)
     before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
     return _next_visible(candidates, after if step > 0 else before, step, visible)

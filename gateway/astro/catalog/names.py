@@ -67,7 +67,7 @@ def _rank(known: str) -> tuple[bool, float, int]:
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
-    """Return known names that begin with an unknown one or are similar to it; ``more`` are additional known names."""
+    """Return known names that begin with an unknown name or are similar to it; ``more`` are additional known names."""
     spelled = _spelled() | {normalized(known): known for known in more}
     spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)

@@ -26,7 +26,7 @@ DAY, STEP = 86400.0, 10800.0
 ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
 #: The range of dates that tables can cover, Unix time: from 1973-01-02, when that of UT1 begins, to 2099.
 FROM, TO = 94780800.0, 4102444800.0
-#: Parts of the sky. A row of ``frame`` has 10 numbers, one of a body 3.
+#: Parts of the sky. A row of ``frame`` has 10 numbers, a row of a body 3.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 _FRAME, _BODY = struct.Struct("<10d"), struct.Struct("<3d")
 #: For each part the form of a row, and where in a day its rows begin; how long a day is, in bytes.
@@ -69,7 +69,7 @@ class Almanac(msgspec.Struct, frozen=True):
         return next(number for number in count() if first + number not in self.days)
 
     def joined(self, newer: Almanac) -> Almanac:
-        """Return this almanac with a newer one."""
+        """Return this almanac joined with a newer almanac."""
         return Almanac({**self.days, **newer.days})
 
     def newest(self) -> Almanac:
@@ -112,7 +112,7 @@ def read(path: Path) -> Almanac:
 
 
 def stored(named: str | None = None) -> Almanac:
-    """Return the almanac of the cache folder (empty if it has no usable one), joined with that of a ``named`` file.
+    """Return the almanac of the cache folder (empty if that has none), joined with that of a ``named`` file.
 
     Raises UserError if the named file cannot be used.
     """

@@ -211,7 +211,7 @@ _MOON_LATITUDE = (
     ((2, 0, 1, 1), 4200),
 )  # fmt: skip
 # Likewise of the physical libration: 1e-5 degrees of sine and of cosine. The Earth's eccentricity changes
-# the one term it concerns by less than 0.0001 degrees.
+# the only term that it concerns by less than 0.0001 degrees.
 _TILT = (
     ((0, 0, 1, 0), 0, -2752), ((0, 0, 0, 1), -2245, 0), ((0, 0, 1, -2), 0, 684),  ((0, 0, 0, 2), 0, -293),
     ((-2, 0, 0, 2), 0, -85),  ((-2, 0, 1, 0), 0, -54),  ((0, 0, 1, 1), -20, 0),   ((0, 0, 1, 2), 0, -20),

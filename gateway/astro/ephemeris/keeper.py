@@ -25,7 +25,7 @@ from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 from gateway.system.runtime_folders import user
 
-#: The number of days per calculation, from the first missing one; and the days ahead that must always be available.
+#: The number of days per calculation, from the first missing day; and the days ahead that must always be available.
 AHEAD, LEFT = 30, 10
 #: Seconds: the time limit of the process, between two checks (also after a process), and after a failure.
 LONGEST, PAUSE, AGAIN = 120.0, 60.0, 3600.0

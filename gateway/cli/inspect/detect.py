@@ -122,7 +122,7 @@ def _write(path: Path, mounts: list[PortFinding], force: bool, network: bool) ->
 
 
 def write_whole(path: Path, text: str, force: bool) -> None:
-    """Write a file whole or not at all; replace an existing one only with ``force``. Raises UserError."""
+    """Write a file whole or not at all; replace an existing file only with ``force``. Raises UserError."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     reserved = False
     try:

@@ -34,7 +34,7 @@ OTHERS = 50
 
 
 async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phone: PhoneLines) -> None:
-    """Open the console's port, or the next free one, and print its address."""
+    """Open the console's port, or the next free port, and print its address."""
     from gateway.app.discovery.offer import web_address
 
     try:

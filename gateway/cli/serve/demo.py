@@ -119,6 +119,6 @@ def free_port(first: int) -> int:
 
 
 def free_name(path: str) -> str:
-    """Return this name, or the first free one with a number appended; the name itself if all are in use."""
+    """Return this name, or the first free name with a number appended; the name itself if all are in use."""
     names = [path, *(f"{path}-{number}" for number in range(2, OTHERS))]
     return next((name for name in names if is_free(name)), path)

@@ -1,4 +1,4 @@
-"""Waits for the mount of one gateway to answer, and explains to the user if it does not.
+"""Waits for the mount of a gateway to answer, and explains to the user if it does not.
 
 A message says what was asked, what was received, what that means, and what to do.
 """
@@ -42,7 +42,7 @@ async def serve(
     ready: Callable[[Gateway], Awaitable[None]],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for one mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
+    """Wait for a mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
 
     A silent port is given up after ``longest`` seconds, and not before a few.
     """

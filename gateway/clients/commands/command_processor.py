@@ -34,7 +34,7 @@ ALL_AT_ONCE = 0.3
 
 
 class Releases:
-    """Decides what the release of an arrow ends on one connection: the motion of an axis, a waiting tap, or all motion.
+    """Decides what the release of an arrow ends on a connection: the motion of an axis, a waiting tap, or all motion.
 
     The release of an arrow whose press still waits in ``inbox`` makes it a tap, which is carried out in its turn.
     ``by_stop``: the program releases its arrows by a full stop.
@@ -71,7 +71,7 @@ class Releases:
 
 
 class Pushes:
-    """The subscriptions of one connection: readings that are sent without a request.
+    """The subscriptions of a connection: readings that are sent without a request.
 
     Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
     is skipped, and so is a reading that falls due while earlier bytes are unread. ``read`` takes a reading in this
@@ -102,7 +102,7 @@ class Pushes:
             await asyncio.sleep(due - now())
 
     async def _push(self, subscription: Subscription, last: bytes) -> bytes:
-        """Send one reading. Return the bytes that were sent last."""
+        """Send a reading. Return the bytes that were sent last."""
         try:
             data = subscription.encode(await self._read(subscription.operation))
         except Fault:
@@ -266,7 +266,7 @@ class CommandProcessor:
                 again = self._inbox.take_repeated(turn.frame) if turn.ended_motion else 0
                 self._answer(turn, end.value * (1 + again) if end.value else None)
                 continue
-            except Exception as error:  # a defect must cost one command, never the client's connection
+            except Exception as error:  # a defect must cost a single command, never the client's connection
                 self.runner.defect(turn.frame, error)
                 continue
             self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn

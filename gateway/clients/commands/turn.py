@@ -1,4 +1,4 @@
-"""The commands of one connection, and how each is carried out: answered from the cache, started, refused, or waited
+"""The commands of a connection, and how each is carried out: answered from the cache, started, refused, or waited
 for.
 
 A command is answered within a limited time or never. A reply that was made only of cached readings is valid until one
@@ -44,11 +44,11 @@ from gateway.protocols.base.wants import (
 LONG_AGO = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
-#: commands which arrived together with one that it does not answer are still answered.
+#: commands which arrived together with an unanswered command are still answered.
 ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
 #: Seconds after which a motion that has not begun is refused, while a reply is still possible.
 REFUSE_AFTER = 3.0
-#: Commands that may wait in one connection; beyond that the oldest are dropped.
+#: Commands that may wait in a connection; beyond that the oldest are dropped.
 INBOX = 256
 
 
@@ -90,7 +90,7 @@ class Inbox(deque[Turn]):
         self.append(turn)
 
     def take(self) -> Turn:
-        """Remove and return the oldest command. There must be one."""
+        """Remove and return the oldest command; there must be a command."""
         turn = self.popleft()
         self._log.put(">", turn.frame)
         return turn
@@ -130,7 +130,7 @@ Kinds = list[type[Operation]]
 
 #: Different commands whose replies are cached.
 MAX_REPLIES = 32
-#: Seconds within which two coordinates that are requested one by one are taken from the same reading.
+#: Seconds within which two coordinates that are requested separately are taken from the same reading.
 SAME_INSTANT = 1.0
 
 
@@ -160,12 +160,12 @@ class ReplyCache:
         self._replies.clear()
 
 
-#: Operations of one connection that may run without a reply; beyond that only those that end a motion are started.
+#: Operations of a connection that may run without a reply; beyond that only those that end a motion are started.
 MAX_BACKGROUND = 16
 
 
 class BackgroundOperations:
-    """The operations of one client that run without a reply; true while any runs."""
+    """The operations of a client that run without a reply; true while any runs."""
 
     def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
         self._controller, self._log, self._activity = controller, log, activity
@@ -201,7 +201,7 @@ LASTING = ClockFromGps
 
 
 class TurnRunner:
-    """Runs the commands of one client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
+    """Runs the commands of a client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
 
     def __init__(
         self,

@@ -98,7 +98,7 @@ class ConnectedPrograms:
 
 
 class ShownMount:
-    """The state of one mount. It collects data between ``start`` and ``stop``, while pages are open."""
+    """The state of a mount. It collects data between ``start`` and ``stop``, while pages are open."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index

@@ -1,7 +1,8 @@
 """The conversation with clients and mount as rows for the pages: bytes, their meaning, and which rows belong together.
 
-A client's command gets a number; the exchanges with the mount until it is answered, and the reply, have the same one.
-Entries are collected only while a page shows them, and are made into rows later, not in the call that logs them.
+A client's command gets a number; the exchanges with the mount until it is answered, and the reply, have the same
+number. Entries are collected only while a page shows them, and are made into rows later, not in the call that logs
+them.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ RECENT = 3.0
 
 
 class ConversationView:
-    """The conversation at one mount: stores the log entries, and makes rows of them for the next message."""
+    """The conversation at a mount: stores the log entries, and makes rows of them for the next message."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index

@@ -85,7 +85,7 @@ class MoveAxis(Operation[None], frozen=True):
 
 
 class StopAxis(Operation[None], frozen=True):
-    """End the motion of one axis (1 or 2)."""
+    """End the motion of an axis (1 or 2)."""
 
     called = "Release of an arrow"
 

@@ -1,4 +1,4 @@
-"""Operations that set values of a mount or one of its devices, or move the focuser."""
+"""Operations that set values of a mount or a device of it, or move the focuser."""
 
 from __future__ import annotations
 

@@ -214,7 +214,7 @@ class Status(Struct, frozen=True):
     """The state of the mount: its tracking mode, whether it is aligned, whether it is ``equatorial``.
 
     ``wedge``: it is a fork on a wedge, its first axis reads from north; in other equatorial mounts, the hour angle.
-    ``code``: the number that the mount itself gives to the mode in which it tracks, if it gives one.
+    ``code``: the number that the mount itself gives to the mode in which it tracks, if it gives any.
     """
 
     tracking: Tracking

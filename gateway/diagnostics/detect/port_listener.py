@@ -49,7 +49,7 @@ class PortListener:
     # --- listening ------------------------------------------------------------------------------------------------
 
     def tune(self, baud: int) -> None:
-        """Change the baud rate and discard what was received at the old one. Raises OSError."""
+        """Change the baud rate and discard what was received at the old rate. Raises OSError."""
         self._wire.set_baud(baud)
         self.forget()
 

@@ -16,7 +16,7 @@ from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
 ANYBODY = "anyone on your network can then move the mount"
-#: The version of a mount that does not report one.
+#: The version of a mount that does not report its version.
 UNTOLD = "?"
 WORDS = {
     "silent": "nothing here: no answer",
@@ -67,7 +67,7 @@ OF_OTHERS = {
 
 
 def block(finding: PortFinding) -> str:
-    """Describe one port for people: the mount and the commands that start a gateway, then the details."""
+    """Describe a port for people: the mount and the commands that start a gateway, then the details."""
     about = f"  ({finding.place.about})" if finding.place.about else ""
     lines = _mount_lines(finding) if finding.mount else [_nothing(finding)]
     return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
@@ -196,7 +196,7 @@ def toml(finding: PortFinding, network: bool = False) -> str:
 
 
 def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
-    """Return the values of one port for programs; unknown values are None."""
+    """Return the values of a port for programs; unknown values are None."""
     mount = finding.mount
     known: dict[str, object] = {
         "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,

@@ -1,4 +1,4 @@
-"""Examine one port, from opening to closing; all ports are examined at the same time.
+"""Examine a port, from opening to closing; all ports are examined at the same time.
 
 9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
 another rate.
@@ -51,7 +51,7 @@ class PortVerdict(StrEnum):
 
 class Patience(Struct, frozen=True):
     """Times in seconds: silence of ``quiet`` is required before the first query, for at most ``restless``; ``first``
-    passes from one query to the next, ``answer`` from the first query to the end.
+    passes between two queries, ``answer`` from the first query to the end.
     """
 
     quiet: float
@@ -137,7 +137,7 @@ def sentence(heard: bytes) -> bool:
 
 
 async def _fell_quiet(ear: PortListener, patience: Patience) -> bool:
-    """Wait until nothing has arrived for a while. One stray byte is ignored: opening a port often causes one."""
+    """Wait until nothing has arrived for a while. A single stray byte is ignored: opening a port often causes it."""
     end = ear.now() + patience.restless
     while ear.still < patience.quiet:
         if sentence(ear.heard) or ear.now() > end:
@@ -166,14 +166,14 @@ OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
 EAVESDROP = 1.6
 #: Verdicts after which other rates are tried.
 OPEN = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
-#: Another program has the port; and that program is a gateway; or may be the one of another user. A gateway in the
+#: Another program has the port; and that program is a gateway; or may be the gateway of another user. A gateway in the
 #: network offers the mount.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class PortFinding(Struct, frozen=True):
-    """The result for one port. ``state`` is a verdict, or the reason for its absence: ``served``, ``busy``,
+    """The result for a port. ``state`` is a verdict, or the reason for its absence: ``served``, ``busy``,
     ``foreign``, ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified).
     ``reason`` says more; the search took ``seconds``.
     """
@@ -212,7 +212,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
 ) -> PortFinding:
-    """Examine one port; problems with it are part of the result. ``wire`` is used instead of the port of a pyserial
+    """Examine a port; problems with it are part of the result. ``wire`` is used instead of the port of a pyserial
     URL.
     """
     if wire is None and (process := serving_gateway(place.url)):

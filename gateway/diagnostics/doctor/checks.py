@@ -1,4 +1,4 @@
-"""The checks: each examines one aspect of the facts, and says what it means and what to do about it.
+"""The checks: each examines an aspect of the facts, and says what it means and what to do about it.
 
 A new check is a function and a row of ``CHECKS``. It also reports good results, so that the reader sees what was
 examined. ``bad`` is reserved for problems that keep a gateway from working as it should: they make ``doctor`` fail.

@@ -28,7 +28,7 @@ class CheckResult(Struct, frozen=True):
 
 
 class Package(Struct, frozen=True):
-    """A required package: the versions that are suitable, and the installed one, empty if there is none."""
+    """A required package: the versions that are suitable, and the installed version, empty if there is none."""
 
     name: str
     needed: str

@@ -53,7 +53,7 @@ def version(name: str) -> str:
 
 
 def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
-    """Yield the packages that the product, or only one of its extras, requires on this system."""
+    """Yield the packages that the product, or an extra of it, requires on this system."""
     try:
         lines = importlib.metadata.requires(product) or []
     except importlib.metadata.PackageNotFoundError:

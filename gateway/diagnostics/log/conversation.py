@@ -1,4 +1,4 @@
-"""Describe the commands and replies of one connection in sentences, whose parts come from the command tables.
+"""Describe the commands and replies of a connection in sentences, whose parts come from the command tables.
 
 A live gateway passes frames that it has already split; a raw capture is split with the framer of the surface. A reply
 is parsed as a driver parses it: according to the command that it answers.
@@ -29,7 +29,7 @@ DUE, LONGEST = 256, 4096
 class Heard(NamedTuple):
     """A command or a reply. ``command`` is the name of its row in the command table, empty if no table has it.
 
-    ``asks``: it is a query that changes nothing, or the reply to one. ``fails``: it is a refusal, or it cannot be
+    ``asks``: it is a query that changes nothing, or the reply to a query. ``fails``: it is a refusal, or it cannot be
     understood. ``values`` are the fields that stay the same as long as nothing happens, ``fields`` are all fields of a
     reply by name. ``pushed``: it was sent without being asked for.
     """
@@ -81,7 +81,7 @@ class Side:
             yield from self._framer.feed(data[number : number + 1], self._now)
 
     def command(self, frame: bytes) -> Heard:
-        """Describe one complete command; from now on its reply is due."""
+        """Describe a complete command; from now on its reply is due."""
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)

@@ -30,7 +30,7 @@ NIGHT = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": 
 
 
 class Row(Struct, frozen=True):
-    """The content of one line. ``kind`` is a key of ``DAY``; ``name`` is the mount's name if there are several."""
+    """The content of a line. ``kind`` is a key of ``DAY``; ``name`` is the mount's name if there are several."""
 
     time: float
     side: str

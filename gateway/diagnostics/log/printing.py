@@ -25,7 +25,7 @@ from gateway.system import streams
 EVERY = 10.0
 #: A host that reconnects within so many seconds continues the folding of its last connection.
 BACK = 60.0
-#: How many lines of one connection are held back, at most, until it is clear whether they are worth showing.
+#: How many lines of a connection are held back, at most, until it is clear whether they are worth showing.
 HELD = 32
 #: The key of messages that answer no query.
 UNASKED = b""
@@ -172,7 +172,7 @@ class Folding:
         return self._count(key, run, line.row) if line.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
-        """Show a request that was held back and is still unanswered when the next one arrives."""
+        """Show a request that was held back and is still unanswered when the next request arrives."""
         if all(row.arrow in COMING for row in party.held):
             return []
         if self._kept == "refusals":
@@ -230,7 +230,7 @@ class Rows:
         self._asked: dict[str, bytes] = {}
 
     def take(self, entry: Entry) -> Iterable[Row]:
-        """Process one entry and return the rows to show now."""
+        """Process an entry and return the rows to show now."""
         ours = entry.side == MOUNT
         if entry.arrow in SILENT or self._shown == (MOUNT if not ours else "program"):
             return ()

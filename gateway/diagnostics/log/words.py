@@ -18,9 +18,9 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class Word(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to show a field: a label, and one of the formats or words for its values (``*`` for any other value).
+    """How to show a field: a label, and a format or words for its values (``*`` for any other value).
 
-    A number is multiplied by ``scale`` and followed by ``unit``. A field with ``runs`` changes by itself from one reply
+    A number is multiplied by ``scale`` and followed by ``unit``. A field with ``runs`` changes by itself from a reply
     to the next, as positions and clocks do.
     """
 
@@ -50,7 +50,7 @@ def _word(protocol: str, command: str, field: str) -> Word:
 
 
 def in_words(protocol: str, command: str, values: Mapping[str, object]) -> str:
-    """Format the fields of one command or reply; empty if it has none."""
+    """Format the fields of a command or reply; empty if it has none."""
     sentence = _table(protocol).commands.get(command)
     if sentence is not None and values:
         try:

@@ -1,6 +1,6 @@
-"""What the check has found: one finding for each assumption of the gateway about the mount, with its verdict.
+"""What the check has found: a finding for each assumption of the gateway about the mount, with its verdict.
 
-A finding contains the measured value beside the assumed one, sentences for the owner, and the keys of gateway.toml that
+A finding contains the measured and the assumed value, sentences for the owner, and the keys of gateway.toml that
 adapt the gateway to a difference. They are saved in a file from one session to the next. Another file is for the
 maintainers of the gateway: it has verdicts and measured values, and nothing that reveals a place or a time.
 """

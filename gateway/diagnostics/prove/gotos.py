@@ -1,5 +1,5 @@
-"""The gotos: to a place where the small motions have room, if the mount is not at one; then 5° and back, and one that
-is cancelled.
+"""The gotos: to a place where the small motions have room, if the mount is not at such a place; then 5° and back, and
+one that is cancelled.
 
 Before each goto, the gateway's rules are asked whether they allow its goal. By day, goals here are at least 40° from
 the Sun.
@@ -17,7 +17,7 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
 from gateway.diagnostics.prove.telescope import CheckedMount, Ended
 from gateway.mount.motion.run_on import TimedPosition
 
-#: Seconds that a goto may take, and after which one is cancelled.
+#: Seconds that a goto may take, and after which the last goto is cancelled.
 LONGEST, CANCELLED = 300.0, 2.0
 #: Degrees: how far the goto goes, how near to its goal it must end, what is at rest; so far from it nothing goes on.
 FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
@@ -28,7 +28,7 @@ ROOM, POLE, ASIDE = 20.0, 75.0, 7.0
 MERIDIAN, BESIDE = 15.0, 3.0
 #: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
 HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
-#: The gotos of the stage: there, back, one that is cancelled, and back again.
+#: The gotos of the stage: there, back, a goto that is cancelled, and back again.
 STEPS = 4
 
 #: Carries out a goto, and returns why it was refused, and which position was told at its end, None if only the mount's.

@@ -13,9 +13,10 @@ from gateway.diagnostics.prove.view import SurfaceConnection
 from gateway.protocols.registry import surfaces
 from gateway.protocols.wireformat.command_set import load
 
-#: Pulses in each direction, seconds of each, and seconds from one to the next.
+#: Pulses in each direction, seconds of each, and seconds between two.
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
-#: Exchanges that a pulse takes on an alt-az mount at most; seconds of one with which pulses are timed well enough.
+#: Exchanges that a pulse takes on an alt-az mount at most; seconds of an exchange with which pulses are timed well
+#: enough.
 EXCHANGES, SOON = 16, 0.15
 #: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
 LATE = LASTS / 8.0

@@ -26,13 +26,13 @@ PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "lett
                      "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
 #: The field that tells whether it tracks, which a limit may have ended.
 TRACKS = "mode"
-#: Seconds after which a line goes on on which one answer was missing.
+#: Seconds after which a line continues if an answer was missing.
 RECOVERS = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
 NAMES, UNKNOWN = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
-#: In the words for a reply that has no form of its command; a refusal has one.
+#: In the text for a reply that has no form of its command; a refusal has a form.
 GARBLED = "garbled"
-#: Seconds: a usual line answers sooner; and one that takes so much longer than its usual time is busy.
+#: Seconds: a usual line answers sooner; a line that takes this much longer than usual is busy.
 SOON, BUSY = 0.3, 1.0
 #: Exchanges that a question may take, which is asked again if its answer is doubtful.
 EXCHANGES = 6.0
@@ -59,7 +59,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.add(_identity(identity, telescope.driver))
-    #: Seconds until the replies, by command; the commands without one, and those whose reply has not their form.
+    #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()
     names = list(_readable(telescope.driver))
     for number, name in enumerate(names):
@@ -141,7 +141,7 @@ def _forms(fits: int, silent: list[str], strange: list[str]) -> Finding:
 
 
 def _times(took: dict[str, float], usual: float) -> Finding:
-    """Return the finding on the reply times; ``usual`` is that of one exchange; a question may take several."""
+    """Return the finding on the reply times; ``usual`` is that of an exchange; a question may take several."""
     if not took:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
     longest = max(took.values())

@@ -50,7 +50,7 @@ def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
         return Finding("site", NOT_MEASURABLE, "nobody tells it; --site LATITUDE,LONGITUDE does")
-    zone = clock[0].offset if clock is not None else 0.0  # one that is set to UTC says nothing
+    zone = clock[0].offset if clock is not None else 0.0  # a clock that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:
         means = "The longitude, its sign, or the zone is wrong: one of them."

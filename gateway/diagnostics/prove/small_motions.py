@@ -28,7 +28,8 @@ from gateway.diagnostics.prove.findings import (
 from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
-#: The keys of the hand control, by whose numbers programs name the rates; of several with one speed the last is tried.
+#: The keys of the hand control, by whose numbers programs name the rates; of several with the same speed the last is
+#: tried.
 KEYS: Sequence[int] = range(9, 0, -1)
 #: The parts of a rate by which it may be off: measured between readings, of small gotos one after the other, and by
 #: the whole way of a short motion.
@@ -48,7 +49,7 @@ PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
 class Velocity(NamedTuple):
-    """How fast one axis turned, the error of that value, how far it turned, and how far the tube ran on."""
+    """How fast an axis turned, the error of that value, how far it turned, and how far the tube ran on."""
 
     rate: float
     error: float
@@ -128,7 +129,7 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 
 
 def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:
-    """Return the finding on one rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
+    """Return the finding on a rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
     nothing.
     """
     measured, assumed = rate_words(rate), rate_words(speed)

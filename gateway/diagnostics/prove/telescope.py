@@ -36,7 +36,7 @@ LOOK, TO_REST, APART = 0.1, 15.0, 0.8
 CHANGES, LONGEST, FARTHEST, ACROSS = 20, 10.0, 5.0, 0.5
 #: From this rate on (degrees a second) a reading must change within so many seconds.
 FAST, UNCHANGED = 0.5, 2.0
-#: Degrees: the finest step of a server's angles that is believed, and a change that may be one of its calculation.
+#: Degrees: the finest step of a server's angles that is believed, and a change that may result from its calculation.
 FINEST, CALCULATED = 1.0 / 3600.0, 0.5 / 3600.0
 
 Pair = tuple[float, float]
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
 
 
 class CheckedMount:
-    """The mount of one gateway, after it was identified."""
+    """The mount of a gateway, after it was identified."""
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller

@@ -1,4 +1,4 @@
-"""Explain one command: its meaning and the bytes on both sides, found by playing it through a complete gateway.
+"""Explain a command: its meaning and the bytes on both sides, found by playing it through a complete gateway.
 
 The mount is a simulated one, aligned and tracking, in virtual time.
 """
@@ -41,7 +41,7 @@ MANY = 3
 
 
 class Explained(NamedTuple):
-    """Lines of text, and whether the command is one that can be carried out."""
+    """Lines of text, and whether the command can be carried out."""
 
     text: str
     valid: bool
@@ -50,7 +50,7 @@ class Explained(NamedTuple):
 def explain(surface: str, mount: str, typed: str) -> Explained:
     """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
 
-    Raises UserError if one of them does not exist, or if the protocol does not have the command.
+    Raises UserError if any of them does not exist, or if the protocol does not have the command.
     """
     face, at = parse_device(surface), parse_device(mount, of="mount")
     if at.protocol not in mounts():

@@ -1,4 +1,4 @@
-"""Play one command and note its meaning, what is sent to the mount, what is logged, and the reply.
+"""Play a command and note its meaning, what is sent to the mount, what is logged, and the reply.
 
 A play is a value. Queries that the gateway sends for itself (it polls the position) are part of it only if they come
 before the reply; commands that change the mount are always part of it.
@@ -67,7 +67,7 @@ class Before(NamedTuple):
 
 
 class Play(NamedTuple):
-    """Everything that one frame caused, in order; ``wire`` are the commands that reached the mount and change it;
+    """Everything that a frame caused, in order; ``wire`` are the commands that reached the mount and change it;
     ``refused``: whether the log counts a refusal.
     """
 
@@ -177,7 +177,7 @@ class Player:
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Play:
-        """Send ``before`` one by one, then the frame, and observe for ``watching`` seconds after its reply."""
+        """Send the commands of ``before``, then the frame, and observe for ``watching`` seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:

@@ -1,6 +1,6 @@
 """A complete gateway in one process on virtual time, with clients at one end and a simulated mount at the other.
 
-The gateway is a real one that is set up but not opened: it has no ports, no files and no watchdog. ``wire`` is what
+The gateway is real: it is set up but not opened: it has no ports, no files and no watchdog. ``wire`` is what
 the mount received, taken at its end of the line and not from the gateway's log.
 """
 

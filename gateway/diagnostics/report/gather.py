@@ -68,7 +68,7 @@ class _Gathering:
         self._told: dict[str, tuple[float, float]] = {}
 
     def take(self, event: Event) -> None:
-        """Process one line of the recording."""
+        """Process a line of the recording."""
         time = self._began + event.at
         self.night.ended = max(self.night.ended, time)
         if event.side == RECORDER:

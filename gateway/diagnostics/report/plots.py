@@ -18,7 +18,7 @@ SHOWN, ROOM = 0.99, 1.3
 
 
 class Spread(NamedTuple):
-    """The reply times of one interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
+    """The reply times of an interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
 
     time: float
     low: float
@@ -161,7 +161,7 @@ def track(night: Night, sky: Sky) -> list[TrackPoint]:
 
 
 def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
-    """Split into stretches of one kind, each beginning at the end of the one before."""
+    """Split into stretches of one kind, each beginning at the end of the previous."""
     piece: list[TrackPoint] = []
     for place in points:
         if piece and (not place.joined or (len(piece) > 1 and place.slewing != piece[-1].slewing)):

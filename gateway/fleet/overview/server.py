@@ -125,7 +125,7 @@ NOT_SENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's comp
 
 
 class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
-    """A request to stop one mount; both fields empty: all mounts."""
+    """A request to stop a mount; both fields empty: all mounts."""
 
     gateway: str = ""
     mount: str = ""

@@ -26,7 +26,7 @@ from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_
 from gateway.mount.link.transaction import GAP
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 
-#: Degrees by which a position may differ from the last one and be accepted at once.
+#: Degrees by which a position may differ from the last position and be accepted at once.
 NEAR = 0.05
 #: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
 FASTEST = 8.0 * math.sqrt(2.0)
@@ -45,7 +45,8 @@ UNREACHABLE, QUICK, IF_SLOW = 5, 0.25, 3
 TICK = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
 LATE_REPLY_WAIT = 12.0
-#: How many late replies are taken into account at most: if one reply more agrees, one must be the request's own.
+#: How many late replies are taken into account at most: if more replies than that agree, one of them is the request's
+#: own.
 MOST_LATE = 4
 #: How many requests have their last reply remembered: clients may ask for any number of devices.
 REMEMBERED = 100
@@ -62,7 +63,9 @@ _T = TypeVar("_T")
 
 
 class ReceivedReply(Struct):
-    """A reply, or a fault that counts as one (silence, no such device); the loop times of the request and the reply."""
+    """A reply, or a fault that counts as a reply (silence, no such device); the loop times of the request and the
+    reply.
+    """
 
     values: Values
     fault: Fault | None
@@ -71,7 +74,7 @@ class ReceivedReply(Struct):
 
 
 class ReplyVerifier:
-    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real one."""
+    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real mount."""
 
     def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
@@ -152,7 +155,7 @@ class ReplyVerifier:
                 return answer
 
     async def _ask(self, command: Send, priority: int) -> ReceivedReply:
-        """Return one reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
+        """Return a reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Values = {}
             fault: Fault | None = None
@@ -171,7 +174,7 @@ class ReplyVerifier:
         raise NoAnswer
 
     def _replies_needed(self, kind: str, known: ReceivedReply | None, reply: ReceivedReply, late_count: int) -> int:
-        """Return how many replies in a row must agree, this one included, for it to be accepted."""
+        """Return how many replies in a row must agree, including this reply, for it to be accepted."""
         least = min(late_count, MOST_LATE) + 1
         if known is None:
             return max(2, least)
@@ -355,7 +358,7 @@ class DriverRunner:
             return value
         except (Fault, asyncio.CancelledError):
             raise
-        except Exception as error:  # a defect in a driver may fail one operation, but never the gateway
+        except Exception as error:  # a defect in a driver may fail an operation, but never the gateway
             self._context.note(f"internal error, please report it: {error!r}")
             if priority != STOP:  # a failed stop is retried anyway
                 self.broken.emit(None)

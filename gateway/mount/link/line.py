@@ -27,13 +27,13 @@ from gateway.transport.wires import Transport
 
 #: Seconds of silence after half a command: a hand control would take what is sent earlier for the other half.
 HALF_COMMAND = 3.5
-#: Seconds between two commands of a stop that is written without waiting for replies, unless one comes sooner.
+#: Seconds between two commands of a stop that is written without waiting for replies, unless a reply comes sooner.
 BLIND = 0.2
 #: Seconds without a reply after which the port is closed and reopened.
 MUTE = 20.0
 #: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
 OVERDUE = 2.0
-#: Seconds before each further attempt to open the port; the last one repeats.
+#: Seconds before each further attempt to open the port; the last pause repeats.
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: The beginning of the line's reason if its port cannot be opened.
 CANNOT_OPEN = "cannot open"
@@ -58,7 +58,7 @@ class MountLink:
         self.exchanged: Signal[Values | Fault] = Signal()
         #: Emitted when the port is open again.
         self.reopened: Signal[None] = Signal()
-        #: Emitted when a stop is written without waiting for replies: a listener adds the commands of one that is owed.
+        #: Emitted when a stop is written without waiting for replies: a listener adds the commands of an owed stop.
         self.stopping: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time

@@ -25,7 +25,7 @@ MAX_START_DELAY = 2.0
 #: The message of that refusal.
 STARTED_TOO_LATE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
-#: values without pause do not hide the mount. The position always does: its two halves must be of one instant.
+#: values without pause do not hide the mount. The position always does: both coordinates must be of the same instant.
 AGED: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 #: After this many motion exchanges in a row an aged read goes first: a flood of arrow commands must not hide the mount.
 IN_A_ROW = 1
@@ -34,7 +34,7 @@ PASSED_OVER = 4
 #: Reads wait for an urgent request due within BEFORE_URGENT times the reply time, until AFTER_DUE seconds after it.
 BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
-#: motion that waited for one, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
+#: motion that waited for that, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
 FOLLOW_UP_ITERATIONS = 8
 
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
@@ -57,7 +57,7 @@ class QueuedCommand:
 
 
 class RequestQueue:
-    """The waiting requests: ``add`` queues one, ``next`` returns the one whose turn it is."""
+    """The waiting requests: ``add`` queues a request, ``next`` returns the request whose turn it is."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()

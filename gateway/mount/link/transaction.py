@@ -36,7 +36,7 @@ GAP, UNRULY = 0.05, 300.0
 BABBLE = 3.0
 #: A reply that is an acknowledgement only counts when nothing has followed it for this many seconds.
 SETTLE = 0.02
-#: A stop waits for the exchange on the wire until that is so many seconds older than a usual one.
+#: A stop waits for the exchange on the wire until that lasts this much longer than usual, seconds.
 STOP_WAITS = 0.3
 #: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
 #: it for the end of another command, or not have listened.
@@ -96,7 +96,7 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered; ``ambiguous_with`` tells whether one reply could be taken for
+    """Requests that timed out and may still be answered; ``ambiguous_with`` tells whether a reply could be taken for
     another.
     """
 
@@ -258,7 +258,7 @@ class Transaction:
         return left
 
     async def carry_out(self, command: Send, stop: bool) -> Answer:
-        """Carry out one exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
+        """Carry out an exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
         hurried, self._cut_short = self._cut_short, False
         if not stop:
             self.written.clear()
@@ -301,7 +301,7 @@ class Transaction:
         if taken is None:
             return GaveWay() if overtakes and self._stop_first else self._unanswered(command, expected, began)
         outcome, length = taken
-        if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with one byte
+        if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._distrust(command, expected, began)
@@ -360,7 +360,7 @@ class Transaction:
                     if await self._arrived.within(max(settle, alone if ambiguous else 0.0)):
                         taken = self._take(command)
                     self._settling = False
-                if taken is not None:  # else it was the beginning of a longer one
+                if taken is not None:  # else it was the beginning of a longer reply
                     return taken
             elif now >= deadline or self._stop_first:
                 return None

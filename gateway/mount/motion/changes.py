@@ -84,7 +84,7 @@ def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
 
 
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
-    """Return a pending halt that makes this one redundant; None if there is none.
+    """Return a pending halt that makes this halt redundant; None if there is none.
 
     A halt that waits behind a goto serves only if no other order came between the two.
     """
@@ -206,7 +206,7 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Apply the halt of one axis, which may end a whole goto, or release an arrow whose motion has not begun."""
+    """Apply the halt of an axis, which may end a whole goto, or release an arrow whose motion has not begun."""
     assert isinstance(order, Halt)
     if order.ends_tap:
         return ended(wanted, order)
@@ -431,7 +431,7 @@ def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
 
 
 def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
-    """Replace the motion by hand of one axis; None if it has ended."""
+    """Replace the motion by hand of an axis; None if it has ended."""
     by_hand = wanted.motion if isinstance(wanted.motion, ByHand) else ByHand()
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:

@@ -1,8 +1,8 @@
 """Motion that went on without the gateway: motion that it had begun when its line was lost, or when it was killed.
 
-Meanwhile a person at the hand control may have ended that motion and begun another one, which is left alone. A recent
-motion is stopped at once. After that time, a goto is stopped if the marker names a goto, and two positions decide
-whether an axis still turns as the marker says. If they cannot decide, the motion is stopped as well.
+Meanwhile a person at the hand control may have ended that motion and begun another motion, which is left alone. A
+recent motion is stopped at once. After that time, a goto is stopped if the marker names a goto, and two positions
+decide whether an axis still turns as the marker says. If they cannot decide, the motion is stopped as well.
 """
 
 from __future__ import annotations

@@ -423,7 +423,7 @@ class Reconciler:
         self.lasting.emit(None)
 
     async def _check_other_axis(self) -> None:
-        """After the end of one axis, check that the other axis may continue alone; if not, stop the mount."""
+        """After the end of an axis, check that the other axis may continue alone; if not, stop the mount."""
         try:
             await self._admission.still_allowed()
         except Fault as fault:

@@ -49,7 +49,7 @@ class PositionSample(Struct, frozen=True):
 
 
 class Changes(Struct, frozen=True):
-    """The speeds of these values from one position to the next, degrees a second, never negative."""
+    """The speeds of these values between two positions, degrees a second, never negative."""
 
     altitudes: tuple[float, ...] = ()
     suns: tuple[float, ...] = ()
@@ -88,12 +88,12 @@ def begin(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -
 
 
 def first(observed: Observed, sample: PositionSample) -> Observed:
-    """Add a position that cannot be compared with the one before it."""
+    """Add a position that cannot be compared with the last position."""
     return replace(observed, before=None, last=sample, farthest=sample.suns)
 
 
 def see(observed: Observed, sample: PositionSample) -> Observed:
-    """Add a position that can be compared with the last one, and calculate the speeds."""
+    """Add a position that can be compared with the last position, and calculate the speeds."""
     before = observed.last
     assert before is not None
     elapsed = sample.at - before.at

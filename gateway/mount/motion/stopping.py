@@ -22,7 +22,7 @@ from gateway.mount.link.queue import STOP
 
 #: How often a stop is sent at once on a line that is up, if its reply is lost.
 TRIES = 3
-#: Seconds between further attempts while the stop is not acknowledged; after the last one the log warns the user.
+#: Seconds between further attempts while the stop is not acknowledged; after the last attempt the log warns the user.
 AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 

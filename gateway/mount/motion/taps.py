@@ -16,7 +16,8 @@ from gateway.core.motion_kinds import ENDS, axis_moved
 from gateway.mount.motion.wanted import FIRST, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
-#: A press that has waited longer than this for its turn is dropped with its release, and one that was held longer.
+#: A press that has waited longer than this for its turn is dropped with its release, and so is a press that was held
+#: longer.
 LONGEST_WAIT, LONGEST_HELD = 1.5, 1.0
 #: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
 #: was LONGEST_HELD at most, and all of it if it was no longer than SHORT.

@@ -25,11 +25,11 @@ from gateway.mount.site.pending_settings import IncomingSettings
 
 #: The ranks of orders: ends (and what must precede motions), what an end interrupted, all other orders.
 FIRST, RESUMED, IN_ORDER = range(3)
-#: How many repetitions of a halt go before all other orders, each within AGAIN seconds of the one before.
+#: How many repetitions of a halt go before all other orders, each within AGAIN seconds of the last.
 AT_ONCE, AGAIN = 1, 1.0
 #: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
 LONGEST, LOOK = 15.0, 0.1
-#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for one on its way.
+#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for a setting on its way.
 FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
 
 
@@ -152,7 +152,7 @@ class Halt(Order, frozen=True):
 
 
 class AxisMotion(Struct, frozen=True):
-    """The motion by hand of one axis: its operation, the client's connection, its start, and degrees a second.
+    """The motion by hand of an axis: its operation, the client's connection, its start, and degrees a second.
 
     It was ``asked`` for and ``sent`` at these loop times.
     """

@@ -52,7 +52,7 @@ def course(
     goal: Pair | None = None,
     polar: bool = True,
 ) -> Extrapolation:
-    """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is one.
+    """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is any.
 
     ``fastest``: degrees a second that no motor exceeds. ``digit``: the resolution of readings, degrees. ``polar``: the
     angles are a position on a sphere, and not the readings of two axes.
@@ -106,7 +106,7 @@ def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: 
 
 
 def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
-    """Return the degrees that one angle may still turn; unlimited while it moves away from the goal (a longer path)."""
+    """Return the degrees that an angle may still turn; unlimited while it moves away from the goal (a longer path)."""
     was, left = (wrap180(goal[which] - reading.place[which]) for reading in (before, last))
     if was * left <= 0.0:
         return 0.0  # it has arrived

@@ -48,7 +48,7 @@ TIMER_ERROR = 0.001
 
 
 class Poller:
-    """Runs one task for each kind of read; the cache wakes it when its next read may be due earlier."""
+    """Runs a task for each kind of read; the cache wakes it when its next read may be due earlier."""
 
     def __init__(
         self,

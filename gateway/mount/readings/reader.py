@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 POSITIONS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: Seconds for which an extrapolated position is used again.
 MOMENT = EARLIER
-#: The status of a mount that has never reported one, with the least promises.
+#: The status of a mount that has never reported its status, with the least promises.
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 #: Seconds between two checks whether the mount has begun to move.
 MOTION_CHECK = 0.2
@@ -159,7 +159,7 @@ class Reader:
         return self._movement.anything or self._now() < self._movement.by_others_until
 
     def _instant(self) -> float:
-        """Return the moment to which positions are extrapolated; a new one makes earlier answers outdated."""
+        """Return the moment to which positions are extrapolated; a new moment makes earlier answers outdated."""
         now = self._now()
         if now - self._moment >= MOMENT:
             self._moment = now
@@ -283,8 +283,8 @@ class Reader:
         return cast(_T, await result_of(self.shared(operation)))
 
     async def _shared_answer(self, operation: op.Operation) -> object:
-        """Return the answer of the exchange under way, or of a new one. Raises Fault; NoAnswer if a mount that is not
-        identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
+        """Return the answer of the exchange under way, or of a new exchange. Raises Fault; NoAnswer if a mount that is
+        not identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
         """
         first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
@@ -299,7 +299,7 @@ class Reader:
     # --- exchanges --------------------------------------------------------------------------------------------------
 
     def shared(self, operation: op.Operation) -> asyncio.Task[object]:
-        """Return the task that reads this now, or start one. It is shared: no caller may cancel it."""
+        """Return the task that reads this now, or start it. It is shared: no caller may cancel it."""
         is_own = isinstance(operation, op.Own)
         key = (operation, self._cache.orders) if is_own else type(operation)
         task = self._sharing.get(key)
@@ -395,7 +395,7 @@ class Reader:
             self.axes.emit(entry.value)
 
     def _continue(self, kind: Kind, entry: CachedAnswer) -> None:
-        """Note the position before this one, by which its course is calculated, and whether the mount has run on."""
+        """Note the position before this, by which its course is calculated, and whether the mount has run on."""
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.value is not None:
@@ -431,7 +431,7 @@ class Reader:
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self.outdate()
         await self.answer(op.Position())
-        position = self._cache.value(op.Position)  # None if the mount has not told a new one
+        position = self._cache.value(op.Position)  # None if the mount has not reported a new one
         after = self._wanted.value
         if ends or self._wanted.ending or (before.stops, before.gotos) != (after.stops, after.gotos):
             return  # a client has ended or replaced it, and knows

@@ -22,7 +22,7 @@ from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
 TIME_TO_REST = 8.0
-#: Seconds between two samples that are compared, at least, and from one sample to the next.
+#: Seconds between two samples that are compared, at least, and between any two samples.
 APART, BREATH = 0.7, 0.2
 #: Degrees a second: the motion below which none is noticed.
 CREEP = 30.0 * ARCSECOND

@@ -21,12 +21,12 @@ from gateway.mount.policy import Limits
 
 #: Positions closer together than this, in seconds, give no reliable rate.
 MIN_INTERVAL = 0.15
-#: Exchanges until a stop takes effect: the one that returned the position, one already sent, and the first of the stop.
+#: Exchanges until a stop takes effect: that of the position, a command already sent, and the first of the stop.
 EXCHANGES = 3
 #: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
-#: Exchanges between stopping one axis and stopping the other, which alone may lead where both together do not.
+#: Exchanges between the stops of the two axes, which alone may lead where both together do not.
 BETWEEN_AXES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP = 1.0
@@ -37,7 +37,7 @@ FASTER_THAN_TRACKING = 0.1
 #: Degrees by which a goto that brakes before a limit stays behind what its last speed lets expect.
 BRAKED = 0.75
 #: Degrees by which a goto on its way may be seen beyond a limit, and seconds of its speed: the two coordinates of a
-#: position are read one after the other while the tube moves.
+#: position are read in turn while the tube moves.
 OVERSHOOT, APART = 0.1, 0.2
 #: Degrees below the lowest point of its ways, and below the horizon, at which a goto is lost.
 LOST = 10.0
@@ -46,7 +46,7 @@ NEARER = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of one mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions;
+    """Timing of a mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions;
     after a stop it runs on for ``run_on`` seconds at full speed.
     """
 
@@ -62,7 +62,7 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def interval(self) -> float:
-        """Seconds from one position to the next. While the mount moves, each coordinate is read twice."""
+        """Seconds between two positions. While the mount moves, each coordinate is read twice."""
         return max(self.period, 2.0 * self.reads * self.exchange)
 
     @property
@@ -72,11 +72,13 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def reaction(self) -> float:
-        """Seconds from one position until the stop that the next one triggers has ended the motion."""
+        """Seconds from one position until the stop that the next position triggers has ended the motion."""
         return self.interval + self.to_stop
 
     def overdue(self, elapsed: float) -> float:
-        """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next one may be as late."""
+        """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next position may be as
+        late.
+        """
         return max(self.reaction, elapsed + EXCHANGES * self.exchange + self.run_on)
 
 
@@ -216,7 +218,7 @@ class View(Struct, frozen=True):
 
 
 def allow(view: View) -> Verdict:
-    """Return the verdict that forbids the motion, else the one with the earliest deadline for the next position."""
+    """Return the verdict that forbids the motion, else the verdict with the earliest deadline for the next position."""
     soonest = ALLOWED
     for rule in (altitude, near_sun, meridian):
         verdict = rule(view)
@@ -288,7 +290,7 @@ def altitude(view: View) -> Verdict:
 
 
 def _earlier(changes: tuple[float, ...], before: tuple[float, ...] | None, number: int) -> float | None:
-    """Return the speed with this number in ``before``; None if the number of speeds was another one then."""
+    """Return the speed with this number in ``before``; None if the number of speeds was different then."""
     return before[number] if before is not None and len(before) == len(changes) else None
 
 
@@ -319,7 +321,9 @@ def near_sun(view: View) -> Verdict:
 
 
 def farthest(view: View) -> tuple[float, ...]:
-    """Return, for each Sun, the greatest distance since the tube came near it, or the present one if it is not near."""
+    """Return, for each Sun, the greatest distance since the tube came near it, or the present distance if it is not
+    near.
+    """
     if view.observed.last is None:
         return ()
     return tuple(
@@ -329,7 +333,7 @@ def farthest(view: View) -> tuple[float, ...]:
 
 
 def _rate(view: View, number: int) -> float:
-    """How fast the tube may approach one of the Suns, degrees a second."""
+    """How fast the tube may approach a Sun, degrees a second."""
     changes, earlier = view.observed.changes, view.observed.earlier
     assert changes is not None
     grew = _earlier(changes.suns, None if earlier is None else earlier.suns, number)

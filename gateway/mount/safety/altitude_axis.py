@@ -20,9 +20,9 @@ from gateway.mount.site.astrometry import Shift
 
 #: Degrees by which alignment, cone error and refraction may let an axis reading differ from the calculated altitude.
 TOLERANCE = 1.0
-#: Degrees: above this altitude a small error on the sky is a large one in azimuth, so that nothing can be said of it.
+#: Degrees: above this altitude a small error on the sky is large in azimuth, so that nothing can be said of it.
 TOO_HIGH = 80.0
-#: Seconds of motion by which the two may also differ: they are read one after the other, and motors accelerate.
+#: Seconds of motion by which the two may also differ: they are read in turn, and motors accelerate.
 READ_APART = 0.3
 #: Seconds between two readings of the axes: while the mount moves, and while it rests with a difference.
 IN_MOTION, AT_REST = 1.0, 5.0
@@ -67,7 +67,7 @@ def corrected_azimuth(
 
 
 class AltitudeAxis:
-    """Compares the two axes of one mount with the calculated altitude and azimuth.
+    """Compares the two axes of a mount with the calculated altitude and azimuth.
 
     ``tilt`` is the difference of the altitude in degrees, None until both are known; ``turn`` that of the azimuth, None
     if it is not known. ``synced`` is whether the mount was synced since.

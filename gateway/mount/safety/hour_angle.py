@@ -2,7 +2,7 @@
 
 It is the angle of the first axis from its middle, west positive: on a German mount from where the counterweight shaft
 points down, on a fork from the meridian. If the mount reports its axes, their readings give it; otherwise the hour
-angle does, on a German mount with the reported pier side. After that each hour angle continues the last one, because a
+angle does, on a German mount with the reported pier side. After that each hour angle continues the last, because a
 tube that is driven over the pole changes its hour angle by 180 degrees although the first axis rests. During a goto the
 angle is unknown: the tube may change sides, and the reported side is already that of the goal. Angles are degrees.
 """
@@ -90,7 +90,7 @@ class MeridianReading(Struct, frozen=True):
 
 
 class HourAngleWatch:
-    """Follows the first axis of one mount, as long as the owner has set a limit for it."""
+    """Follows the first axis of a mount, as long as the owner has set a limit for it."""
 
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side

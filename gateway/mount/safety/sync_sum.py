@@ -2,9 +2,9 @@
 
 Each sync, and the sum of all, may be off by at most ``sync-limit``. A sync counts by its turn of the axes: near the
 zenith (alt-azimuth) or the pole (equatorial), a sync that is small on the sky turns the first axis, and every later
-goto, by up to 180 degrees. So there is a sum on the sky and, by day, one for each axis. A new alignment resets them. If
-a sync may turn the axes in either of two ways, as beyond the pole or on the other side of the pier, all possible sums
-are stored, and the largest one counts.
+goto, by up to 180 degrees. So there is a sum on the sky and, by day, a sum for each axis. A new alignment resets them.
+If a sync may turn the axes in either of two ways, as beyond the pole or on the other side of the pier, all possible
+sums are stored, and the largest counts.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import SyncTooFar
 from gateway.core.operations import Equatorial
 
-#: Degrees by which low precision may make the sum of one axis larger in a sync that makes the other's smaller.
+#: Degrees by which low precision may make the sum of an axis larger in a sync that makes the other's smaller.
 ROUNDING = 0.05
-#: Degrees: sums nearer to each other are one; and how many that differ are kept.
+#: Degrees: sums nearer to each other count as equal; and how many different sums are stored.
 SAME, MOST = 0.5, 4
-#: The turns that one sync may make, for each of the sums that are possible before it.
+#: The turns that a sync may make, for each of the sums that are possible before it.
 Turns = Sequence[Sequence[Pair]]
 
 
@@ -68,7 +68,7 @@ NO_SYNC = SyncSum()
 
 
 def _different(sums: Iterable[Pair]) -> list[Pair]:
-    """Return the sums that are not the same as an earlier one."""
+    """Return the sums without those that equal an earlier sum."""
     distinct: list[Pair] = []
     for pair in sums:
         if not any(max(abs(wrap180(a - b)) for a, b in zip(pair, other, strict=True)) < SAME for other in distinct):

@@ -110,7 +110,7 @@ def abandoned(
 ) -> list[tuple[Supervised, str]]:
     """Return the motions whose client has disconnected or has been silent for too long, each with the reason as text.
 
-    ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
+    ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last connection was closed.
     """
     moments = []
     for motion in motions:

@@ -63,14 +63,14 @@ GUIDES = 0.01
 SETTLES = 2.0
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
-#: Seconds after that during which a resting mount may report the old sky, the new one, or half of each.
+#: Seconds after that during which a resting mount may report the old sky, the new sky, or half of each.
 SETTLE_TIME = 3.0
 
 
 class LimitWatch:
-    """Watches the limits of one mount: call ``check_position`` with every position, ``began`` with every motion begun.
+    """Watches the limits of a mount: call ``check_position`` with every position, ``began`` with every motion begun.
 
-    ``must_stop`` is emitted in the call that finds the reason: a forbidden position, a missing one, or a missed
+    ``must_stop`` is emitted in the call that finds the reason: a forbidden position, a missing position, or a missed
     deadline. ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
     """
 
@@ -208,7 +208,7 @@ class LimitWatch:
     # --- positions --------------------------------------------------------------------------------------------------
 
     def check_position(self, place: op.Equatorial) -> None:
-        """Compare a position with the previous one, apply the rules, and act on the verdict."""
+        """Compare a position with the previous position, apply the rules, and act on the verdict."""
         now, last = self._mount.now(), self.observed.last
         if last is not None and now - last.at < MIN_INTERVAL:
             return
@@ -383,7 +383,7 @@ def blind(moving: Moving, age: float, since_stop: float) -> str:
 
 
 class AxisCourse(Struct, frozen=True):
-    """The motion of one axis: commanded speed, time of the first position, last position, and degrees moved since."""
+    """The motion of an axis: commanded speed, time of the first position, last position, and degrees moved since."""
 
     speed: float
     began: float
@@ -391,7 +391,7 @@ class AxisCourse(Struct, frozen=True):
     moved: float = 0.0
 
     def after(self, axis: int, sample: AxisSample) -> AxisCourse:
-        """Add one position. The distance is summed step by step, because the reading turns back over a pole."""
+        """Add a position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
         return AxisCourse(self.speed, self.began, sample, self.moved + step)
 
@@ -431,7 +431,7 @@ class OthersWatch:
     """Notices motion that no client ordered: at the hand control, or by the mount itself.
 
     ``since`` and ``seen_at`` are the times of the first and the last position that showed it. ``moves``: the last
-    position showed it; ``begins``: as the first one. The mount is watched closely ``until`` this time.
+    position showed it; ``begins``: as the first. The mount is watched closely ``until`` this time.
     """
 
     def __init__(self) -> None:
@@ -460,7 +460,7 @@ class SkyChange:
         self.changed_at = NEVER
 
     def has_changed(self, now: float, moved_by_others: bool) -> bool:
-        """Whether the position read now cannot be compared with the one before."""
+        """Whether the position read now cannot be compared with the last position."""
         mount, (place, ahead) = self._mount, self._frame
         site_clock = mount.astrometry.site_clock
         self._frame = site_clock.site(), site_clock.unix() - now
@@ -482,7 +482,7 @@ class StopDeadline:
         self._handle: asyncio.TimerHandle | None = None
 
     def arm(self, seconds: float, limit: str) -> None:
-        """Set the deadline to ``seconds`` from now, unless an earlier one is set."""
+        """Set the deadline to ``seconds`` from now, unless an earlier deadline is set."""
         at = self._loop.time() + max(0.0, seconds)
         if self._handle is not None and self._handle.when() <= at:
             return

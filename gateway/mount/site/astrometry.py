@@ -1,6 +1,6 @@
 """Astronomy from site and clock, without asking the mount: positions, axis readings, and every Sun to avoid.
 
-Without a site, operations that need one raise ``Unsupported``, and the Sun counts as up.
+Without a site, operations that need a site raise ``Unsupported``, and the Sun counts as up.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gateway.protocols.base.driver import Driver
 
 #: Seconds for which the place of the Sun is good, and those of several: over another site they move against the stars.
 CACHE_FOR, CACHE_SHORTLY = 60.0, 5.0
-#: Degrees: Suns nearer to each other are one. One that has moved farther has jumped, with a clock or a site.
+#: Degrees: Suns nearer to each other count as one. A Sun that has moved farther has jumped, with a clock or a site.
 SAME, JUMPS = 0.5, 0.1
 #: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
 SUN_IS_UP = -1.0
@@ -302,7 +302,7 @@ class _Risen(NamedTuple):
 
 
 def _different(suns: list[Sun]) -> list[Sun]:
-    """Return the Suns without those at the position of an earlier one."""
+    """Return the Suns without those at the position of an earlier Sun."""
     distinct: list[Sun] = []
     for sun in suns:
         if not any(sun.shift == other.shift and separation(*sun[:2], *other[:2]) < SAME for other in distinct):

@@ -22,7 +22,7 @@ from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 #: How often a setting is sent, and the seconds after the first attempt, the second …
 TRIES = 3
 RETRY_AFTER = (2.0, 5.0)
-#: Seconds until the next check of a mount that is not reachable, and of one that has replied that it is busy.
+#: Seconds until the next check of a mount that is not reachable, and of a mount that has replied that it is busy.
 CHECK_AFTER, BUSY_FOR = 0.5, 2.0
 #: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
 ZONES = 1800.0
@@ -35,8 +35,8 @@ Kind = tuple[type[Operation], int | None]
 
 
 class Setting(Struct, frozen=True):
-    """A value, when it was requested (a clock runs on from then), the attempts left, the time of the next one, and the
-    host of the program.
+    """A value, when it was requested (a clock runs on from then), the attempts left, the time of the next attempt, and
+    the host of the program.
     """
 
     value: Operation
@@ -63,7 +63,7 @@ SKY = (SetSite, SetClock)
 
 
 def kind_of(operation: Operation) -> Kind:
-    """Return the key by which a newer setting replaces an older one: its type and its axis."""
+    """Return the key by which a newer setting replaces an older setting: its type and its axis."""
     return type(operation), getattr(operation, "axis", None)
 
 
@@ -102,12 +102,12 @@ class IncomingSettings:
 
 
 def added(pending: Pending, setting: Setting) -> Pending:
-    """Add a setting. It replaces an older one of its kind."""
+    """Add a setting. It replaces an older setting of its kind."""
     return {**pending, kind_of(setting.value): setting}
 
 
 def without(pending: Pending, setting: Setting) -> Pending:
-    """Remove a setting, unless a newer one has replaced it."""
+    """Remove a setting, unless a newer setting has replaced it."""
     return {kind: other for kind, other in pending.items() if other is not setting}
 
 
@@ -117,7 +117,9 @@ def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
 
 
 def tried(pending: Pending, setting: Setting, now: float) -> Pending:
-    """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last one."""
+    """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last
+    attempt.
+    """
     if setting.left <= 1:
         return without(pending, setting)
     wait = RETRY_AFTER[min(TRIES - setting.left, len(RETRY_AFTER) - 1)]
@@ -139,7 +141,7 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place) -> bool:
     """Whether the site that the mount reports may result from the site that the gateway sent.
 
-    Each half is as it was before or as the gateway sent it, because the mount may have received only one of them.
+    Each half is as it was before or as the gateway sent it, because the mount may have received only one half.
     """
     values = [setting.value for setting in sent if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]

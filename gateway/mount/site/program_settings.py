@@ -50,7 +50,7 @@ def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
 
 
 class OwnSettings(Struct, frozen=True):
-    """The settings of one program: a site, or one half of it that waits for the other; a clock with the loop time of
+    """The settings of a program: a site, or half of it that waits for the other; a clock with the loop time of
     its reading; and a zone that was set without a clock, hours, local time minus UTC.
     """
 

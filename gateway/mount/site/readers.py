@@ -1,4 +1,4 @@
-"""Site and clock as one program reads and sets them: its own settings if the mount keeps its own, else the best
+"""Site and clock as a program reads and sets them: its own settings if the mount keeps its own, else the best
 source's.
 """
 
@@ -14,7 +14,7 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 
 
 class ReadBy:
-    """Site and clock of one mount for one program. The program reads its own settings again, whatever the mount
+    """Site and clock of a mount for a program. The program reads its own settings again, whatever the mount
     reports.
     """
 
@@ -81,7 +81,7 @@ class ReadBy:
         return None not in (half.latitude, half.longitude)
 
     def take_site(self) -> SetSite | None:
-        """Return the site to send now: the halves that were set, completed by known values; None if one is missing."""
+        """Return the site to send now: the halves that were set, completed by known values; None if any is missing."""
         place = self.site()
         if self.own.half is None or place is None:
             return None

@@ -25,7 +25,7 @@ from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import CONFIGURED, GPS, GPS_SEARCH, MOUNT
 
-#: Seconds that one half of a site waits for the other.
+#: Seconds that half of a site waits for the other.
 HALF_SITE = 2.0
 #: Seconds that a client waits at most to hear whether the mount refuses its setting.
 HEARD = 2.5
@@ -106,7 +106,7 @@ class SiteAndClock:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
-        """Take one half of a site or both. It is sent when both halves are set, or after a moment."""
+        """Take half of a site or both halves. It is sent when both halves are set, or after a moment."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._read_by(program).forget_site()
             return

@@ -1,7 +1,7 @@
 """Sends pending settings (``mount/site/pending_settings.py``) to the mount as soon as it is reachable.
 
 Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
-to a mount that slews or is moved by hand. A setting is never sent to another mount than the one it was meant for, nor
+to a mount that slews or is moved by hand. A setting is never sent to a mount that it was not meant for, nor
 over a value that was changed at the mount meanwhile. The log says which settings were sent to the mount and by whom,
 which stay in the gateway, and which were lost; reads then return the mount's own value again.
 """
@@ -103,7 +103,7 @@ class SyncSettings:
     # --- pending settings -------------------------------------------------------------------------------------------
 
     def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: ProgramId = NOBODY) -> None:
-        """Queue a setting of a program for the mount; it replaces an older one of its kind."""
+        """Queue a setting of a program for the mount; it replaces an older setting of its kind."""
         self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due, by.host))
         if self._link.state in ("down", "opening"):
             note(self._context, operation, "the mount is not connected now; it is sent later")
@@ -201,7 +201,7 @@ class SyncSettings:
             if place and setting.late and await self._settled_by_reading(setting):
                 return
             if self.pending.get(kind_of(value)) is not setting or not self._reachable():
-                return  # replaced by a newer one, or the link is down
+                return  # replaced by a newer setting, or the link is down
             if place and self._in_motion():
                 return  # a motion has begun meanwhile: later
             tried = True
@@ -296,7 +296,7 @@ class SyncSettings:
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:
-        """Drop the programs' copies of a setting that the mount has, unless there is a newer one."""
+        """Drop the programs' copies of a setting that the mount has, unless there is a newer setting."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)

@@ -1,7 +1,7 @@
 """Site and clock: those that each program reads, and those that the limits use, which come from the best source.
 
-An unaligned hand control gets what programs set. An aligned one keeps its own, because setting it could cost the
-alignment: the gateway then returns a program's values to that program alone (``program_settings.py``), and the best
+An unaligned hand control gets what programs set. An aligned hand control keeps its own, because setting it could cost
+the alignment: the gateway then returns a program's values to that program alone (``program_settings.py``), and the best
 source to all others. Nothing here waits for the mount.
 """
 
@@ -21,8 +21,8 @@ from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 #: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
-#: Degrees by which a program changes a site so far that the former one counts, and seconds for which it does; settings
-#: within so many seconds are one change.
+#: Degrees by which a program changes a site so far that the former site counts, and seconds for which it does; settings
+#: within this time are a single change.
 FAR, FORMER_FOR, ONE_CHANGE = 2.0, 12 * 3600.0, 30.0
 #: Degrees within which another source confirms a site.
 CONFIRMS = 0.5
@@ -69,7 +69,7 @@ class Time(NamedTuple):
 
 
 class SiteClock:
-    """Owns every known site and clock of one mount.
+    """Owns every known site and clock of a mount.
 
     ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``trust`` is the
     owner's setting for that time (auto, right, doubtful), ``kernel`` what the kernel reports of it. ``changed`` is
@@ -115,7 +115,7 @@ class SiteClock:
         return self.programs.newest or (self.stored if self._asked else None)
 
     def lasting_site(self) -> SiteOfProgram | None:
-        """Return the site to store for a restart: a program's, if neither mount nor GPS reports one."""
+        """Return the site to store for a restart: a program's, if neither mount nor GPS reports a site."""
         known = self.mount_site is not None or self.gps_site is not None
         return None if known else self.programs.newest or self.stored
 
@@ -128,7 +128,7 @@ class SiteClock:
 
     def former_site(self) -> Place | None:
         """Return the mount's site before a program changed it by more than 2 degrees, for 12 h at most, and until the
-        owner, GPS or the configuration confirms the new one.
+        owner, GPS or the configuration confirms the new site.
         """
         site, known = self.mount_site, self._former
         if site is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(site, known[0]) <= FAR:
@@ -254,7 +254,7 @@ class BestSources:
 
     def __init__(self, site_clock: SiteClock) -> None:
         self._site_clock = site_clock
-        #: Emitted when one of them may have changed.
+        #: Emitted when any of them may have changed.
         self.changed = site_clock.changed
 
     def sites(self) -> list[Site]:

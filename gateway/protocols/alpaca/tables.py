@@ -107,7 +107,7 @@ def member(name: str) -> Member:
     return members().get(name, PLAIN)
 
 
-#: Form of a reply -> the value that goes with an error: clients expect one of the member's type.
+#: Form of a reply -> the value that goes with an error: clients expect a value of the member's type.
 _EMPTY: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
 _FORM = re.compile(r"\{\w+:(\w+)\}")
 

@@ -58,10 +58,10 @@ class Wait(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """Perform an operation after some seconds; a newer ``Schedule`` of an equal operation replaces this one.
+    """Perform an operation after some seconds; a newer ``Schedule`` of an equal operation replaces it.
 
-    An ``urgent`` operation has the priority of a stop (to repeat the end of a motion). A ``not_while_busy`` one waits
-    while the mount is busy with a long command, during which it accepts nothing but a stop.
+    An ``urgent`` operation has the priority of a stop (to repeat the end of a motion). A ``not_while_busy`` operation
+    waits while the mount is busy with a long command, during which it accepts nothing but a stop.
     """
 
     seconds: float
@@ -83,7 +83,7 @@ class Remark(NamedTuple):
 Step = Send | Wait | Schedule | Remark
 #: The steps of a driver's function. Its return value is the answer to the operation.
 Steps = Generator[Step, Any, Any]
-#: A function of a protocol's driver, (driver, operation) -> steps. Each handles one kind of operation.
+#: A function of a protocol's driver, (driver, operation) -> steps. Each handles a kind of operation.
 Handler = Callable[..., Steps]
 FollowUps = dict[type[op.Operation], Handler]
 #: What the state file stores for a driver.
@@ -122,7 +122,7 @@ class Driver:
     #: Resolution of the reported position, degrees: at rest two readings differ by no more. The steps of its angles.
     resolution = 20.0 / 3600.0
     ticks: tuple[float, float] = (resolution, resolution)
-    #: How many times faster than a real mount a simulated one slews.
+    #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
     #: The years that its clock, or the gateway's substitute for it, can be set to.
     years = range(1900, 2100)
@@ -301,7 +301,7 @@ class Driver:
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
     def perform(self, operation: op.Operation[_T]) -> Generator[Step, Any, _T]:
-        """Carry out one operation. The generator's return value is the operation's answer. Raises Fault."""
+        """Carry out an operation. The generator's return value is the operation's answer. Raises Fault."""
         if isinstance(operation, op.PassThrough):
             if not self.supports(operation.command):
                 raise Unsupported

@@ -2,9 +2,10 @@
 
 A frame is ``bytes``, one whole command. Two subclasses carry more: ``Unterminated``, a command whose terminator was
 lost, which is never carried out because its argument may be incomplete, and ``Suspect``, a command that arrived
-together with an unterminated one, which is answered but may not begin a motion. A framer receives the time with the
+together with an unterminated command, which is answered but may not begin a motion. A framer receives the time with the
 bytes, because a pause may be all that separates two commands: in a protocol of fixed lengths it drops bytes that begin
-no command, with all that arrive with them, and half a command whose rest is late. It never buffers more than one.
+no command, with all that arrive with them, and half a command whose rest is late. It never buffers more than one
+command.
 """
 
 from __future__ import annotations

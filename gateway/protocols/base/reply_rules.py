@@ -23,13 +23,13 @@ ALONE = 0.3
 class Expected(NamedTuple):
     """What is known of a reply before it arrives.
 
-    answer_kind   how the answer may change from one time to the next; None if it is accepted without verification
+    answer_kind   how the answer may change between two requests; None if it is accepted without verification
     timeout       how many seconds the reply may take
     unterminated  the reply has no terminator, so that nothing shows that it is complete
     delay_after   the pause in seconds that the mount needs after a ``silent`` command
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
-    beginnings    replies that are also the beginning of a longer one: nothing must follow them for ``ALONE`` seconds
+    beginnings    replies that are also the beginning of a longer reply: nothing must follow them for ``ALONE`` seconds
     gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the reply to the newest
                   request
     """
@@ -84,8 +84,8 @@ class PlainReplies:
 class ReplyRules(Replies, Protocol):
     """How a protocol's requests and replies look on the wire.
 
-    ``closing`` are the bytes that end a half-sent command, and an unanswered one that ``leaves_open``; ``padding`` are
-    those that some mounts send before and after a reply, and that are no part of it.
+    ``closing`` are the bytes that end a half-sent command, and an unanswered command that ``leaves_open``; ``padding``
+    are those that some mounts send before and after a reply, and that are no part of it.
     """
 
     closing: bytes

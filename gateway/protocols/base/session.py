@@ -1,4 +1,4 @@
-"""The state of one client of a surface, and the settings that all clients of a mount share.
+"""The state of a client of a surface, and the settings that all clients of a mount share.
 
 ``Session.client`` holds the settings of the client; each protocol has a struct for them, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
@@ -73,11 +73,11 @@ class MountSettings(Struct, frozen=True):
         return self.sites.get(index, UNNAMED)
 
     def with_site(self, index: int, site: NamedSite) -> MountSettings:
-        """Return a copy with one site replaced."""
+        """Return a copy with a site replaced."""
         return replace(self, sites={**self.sites, index: site})
 
     def with_motor(self, name: str, value: int) -> MountSettings:
-        """Return a copy with one value of a motor replaced."""
+        """Return a copy with a value of a motor replaced."""
         return replace(self, motors={**self.motors, name: value})
 
 
@@ -91,7 +91,7 @@ class Shared:
 
 
 class ClientState(Struct):
-    """The settings of one client."""
+    """The settings of a client."""
 
     precision: str
 
@@ -102,9 +102,9 @@ class Session:
     It begins with a copy of ``client``, if given. ``may_not_set`` is called when a read-only client tries to set.
     """
 
-    #: Whether the next connection from the same host begins with the settings of this one.
+    #: Whether the next connection from the same host begins with the settings of this connection.
     inherits = True
-    #: The struct for the settings of one client of this protocol.
+    #: The struct for the settings of a client of this protocol.
     state: type[ClientState] = ClientState
     client: ClientState
 

@@ -1,6 +1,6 @@
 """Surface: turns a client's commands into operations and their answers into replies, without I/O.
 
-``handle`` runs one command as a generator: it yields operations, is sent their answers, and returns the reply. The rows
+``handle`` runs a command as a generator: it yields operations, is sent their answers, and returns the reply. The rows
 of ``surface.toml`` define what a command does; rows with ``call`` name functions of the protocol's own package.
 """
 
@@ -61,7 +61,7 @@ class Surface:
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is sent without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
-        #: Whether a reply is a refusal, in protocols whose rows have no reply form for one.
+        #: Whether a reply is a refusal, in protocols whose rows have no reply form for a refusal.
         self.is_refusal: Callable[[bytes], bool] = lambda reply: False
         #: Whether clients wait for replies to commands; if not, a motion may begin as late as the mount takes it.
         self.replies = True
@@ -88,7 +88,7 @@ class Surface:
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
-        """Handle one frame: yield operations, return the reply (empty: none). No input of a client makes it raise."""
+        """Handle a frame: yield operations, return the reply (empty: none). No input of a client makes it raise."""
         if isinstance(frame, Unterminated):
             return (yield from self._refuse(session, frame))
         if isinstance(frame, Suspect):
@@ -186,7 +186,7 @@ class Surface:
         return (yield from self._act(session, command, row, values))
 
     def silence(self, session: Session, frame: bytes) -> str:
-        """Return why a command got no reply although its client may have expected one; empty if none is due."""
+        """Return why a command got no reply although its client may have expected a reply; empty if none is due."""
         if isinstance(frame, Unterminated):
             return ""  # the log said so when it arrived
         if lacking := self.lacks(session.model, frame):

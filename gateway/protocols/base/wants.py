@@ -28,7 +28,7 @@ class CheckPossible(NamedTuple):
 
 
 class ReuseLastReading(NamedTuple):
-    """Reuse the last reading that this client received, so that both coordinates are of one instant; read again if
+    """Reuse the last reading that this client received, so that both coordinates are of the same instant; read again if
     stale.
     """
 

@@ -81,7 +81,7 @@ def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
     return frozenset(shapes)
 
 
-#: The commands whose answers show a telescope's notation, and those that are written like another one.
+#: The commands whose answers show a telescope's notation, and the commands that are written in the same way.
 EXAMPLES = frozenset({"GR", "GD", "GZ", "GA", "GT", "Gt", "Gg"})
 SITE = frozenset({"Gt", "Gg"})
 LIKE = {"Gr": "GR", "Gd": "GD"}
@@ -94,7 +94,7 @@ _TURN = 360 * 60
 
 
 class Notation:
-    """The notation of one telescope: separators, the seconds of a site, the sign of a longitude or a rate.
+    """The notation of a telescope: separators, the seconds of a site, the sign of a longitude or a rate.
 
     ``learn`` takes the telescope's answers, ``write`` converts a reply of the manual's form.
     """
@@ -152,7 +152,7 @@ class Lx200ReplyRules:
         return self._notation.write(command, reply)
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
-        """Whether the forms of the two replies are so similar that one could be mistaken for the other."""
+        """Whether the forms of the two replies are so similar that they could be confused."""
         first, second = (_shapes(_sources(self.protocol, ask.command)) for ask in (sent, other))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
@@ -195,7 +195,7 @@ class Lx200ReplyRules:
             if rest and _begins_longer(self.protocol, ask.command, str(template.source)):
                 continue
             if "#" not in str(template.source) and rest == b"#":
-                length = len(buffer)  # some telescopes append one to every reply
+                length = len(buffer)  # some telescopes append this to every reply
             elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
                 return refusal
             text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED.sub(b"#", match[0]))
@@ -283,7 +283,7 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
 
 
 def _fault(name: str, values: Values, says: str | None) -> Fault:
-    """Return the fault of a reply form, with the mount's own text if it sent one, or what its form ``says``."""
+    """Return the fault of a reply form, with the mount's own text if it sent any, or what its form ``says``."""
     fault: type[Fault] = getattr(errors, name)
     text = str(values.get("text", "")).strip()
     return fault(" ".join(text.split()) or says)

@@ -1,4 +1,4 @@
-"""The settings of one client of the LX200 surface."""
+"""The settings of a client of the LX200 surface."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class Draft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
-    ``stamped``: one command has set date and time. ``carried``: parts (``time``, ``day``) kept from an earlier clock.
+    ``stamped``: a single command has set date and time. ``carried``: parts (``time``, ``day``) kept from an earlier
+    clock.
     """
 
     time: tuple[float, float] | None = None
@@ -54,7 +55,7 @@ class LibraryLimits(Struct, frozen=True):
 
 
 class LxClientState(ClientState):
-    """The settings of one client. Angles are degrees; None means never set."""
+    """The settings of a client. Angles are degrees; None means never set."""
 
     ra: float | None = None
     dec: float | None = None
@@ -65,7 +66,7 @@ class LxClientState(ClientState):
     moving: MoonPlace | PlanetPlace | None = None
     object: str | None = None
     moon: MoonPlace = _MIDDLE
-    #: The chosen catalogues; None after one was refused. The default of ``stars`` depends on the model.
+    #: The chosen catalogues; None after a catalogue was refused. The default of ``stars`` depends on the model.
     deep_sky: str | None = "NGC"
     stars: int | Literal["model"] | None = "model"
     #: The catalogues chosen in the mount's own library, by command.

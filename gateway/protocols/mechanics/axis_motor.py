@@ -1,7 +1,7 @@
 """One motor axis of a simulated mount: its orders, the course of a goto, and how it accelerates and brakes.
 
-No motor stops at once. Like a real one it ramps: it changes to the ordered speed at a constant acceleration, and after
-a stop order it runs on until it rests. Angles are degrees, times Unix seconds, rates degrees a second of time.
+No motor stops at once. Like a real motor it ramps: it changes to the ordered speed at a constant acceleration, and
+after a stop order it runs on until it rests. Angles are degrees, times Unix seconds, rates degrees a second of time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-#: Tracking rates besides the sidereal one, degrees a second.
+#: Tracking rates besides sidereal, degrees a second.
 SOLAR_RATE = 360.0 / 86400.0
 LUNAR_RATE = 14.685 / 3600.0
 #: The last stretch of a goto, degrees, and its rate, degrees a second.

@@ -112,7 +112,7 @@ class Mechanics:
             self._follow(now)
 
     def set_drive_rate(self, now: float, rate: float) -> None:
-        """Track at this rate instead of the sidereal one, on every build; hand motion and gotos continue."""
+        """Track at this rate instead of the sidereal rate, on every build; hand motion and gotos continue."""
         self._advance_and_note(now)
         self._drive_rate = rate
         if not any(motor.overridden or motor.leg is not None for motor in self._axes.values()):
@@ -124,7 +124,7 @@ class Mechanics:
         self._follow(now)
 
     def resume_axis(self, now: float, axis: int) -> None:
-        """End the hand motion of one axis. The first of a polar mount tracks again, even if the other still moves."""
+        """End the hand motion of an axis. The first of a polar mount tracks again, even if the other still moves."""
         self.move(now, axis, 0.0)
         if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
             self._advance_and_note(now)
@@ -147,7 +147,7 @@ class Mechanics:
         self._begin_goto(now, (first, second), fixed=True)
 
     def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
-        """Slew one motor alone; it rests at the goal. The other motor keeps its last rate."""
+        """Slew a single motor; it rests at the goal. The other motor keeps its last rate."""
         self._override_tracking(now, axis)
         motor = self._axes[axis]
         fast = APPROACH_RATE * self.speed if slow else None
@@ -182,7 +182,7 @@ class Mechanics:
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
-        """Turn one motor at a rate instead of tracking. A ``drive`` rate counts as tracking: gentle rates add to it."""
+        """Turn a motor at a rate instead of tracking. A ``drive`` rate counts as tracking: gentle rates add to it."""
         self._override_tracking(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
 
@@ -263,7 +263,7 @@ class Mechanics:
         self._follows_aim = self._on and self.build is Build.ALTAZ
 
     def _override_tracking(self, now: float, axis: int) -> None:
-        """Override the tracking of one motor; in alt-az the other motor keeps its last rate."""
+        """Override the tracking of a motor; in alt-az the other motor keeps its last rate."""
         self._advance_and_note(now)
         if self._follows_aim:
             before, after = self._axes_at_aim(now), self._axes_at_aim(now + 1.0)

@@ -18,7 +18,7 @@ Later = Callable[[float, bytes], None]
 
 
 class TimedFramer(Protocol):
-    """Cuts commands out of the bytes of one connection; ``now`` is when they arrived."""
+    """Cuts commands out of the bytes of a connection; ``now`` is when they arrived."""
 
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
@@ -36,7 +36,7 @@ class Simulated(ABC):
 
     @abstractmethod
     def framer(self) -> TimedFramer:
-        """Make the framer of one connection."""
+        """Make the framer of a connection."""
 
     @abstractmethod
     def answer(self, frame: bytes, later: Later | None) -> bytes:
@@ -53,7 +53,7 @@ class Simulated(ABC):
         return b"".join([self.answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
-        """Return the ``feed`` of one more connection to the same mount, with a framer of its own."""
+        """Return the ``feed`` of another connection to the same mount, with its own framer."""
         framer = self.framer()
         return lambda data: self.feed(data, framer, later)
 

@@ -19,7 +19,7 @@ from gateway.astro.axes import Build, Geometry
 from gateway.astro.spherical import UNIX_AT_J2000, from_vector, hour_angle_to_horizon, separation, wrap180
 from gateway.protocols.mechanics.simulated import Simulated
 
-#: Seconds of the simulator's time from one sample to the next.
+#: Seconds of the simulator's time between two samples.
 EVERY = 0.1
 #: Digits after the decimal point in a file: milliseconds for the time; 0.004 arcseconds for angles.
 _DIGITS = {"t": 3}

@@ -1,4 +1,4 @@
-"""One client of the NexStar surface: its own settings, and how its motion commands are acknowledged.
+"""A client of the NexStar surface: its own settings, and how its motion commands are acknowledged.
 
 The acknowledgement does not wait for the mount. While the mount's line is down, a pass-through command gets the
 no-response form, and every other command gets no reply, because ``#`` would mean yes. A command that ends a motion is
@@ -16,7 +16,7 @@ from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 
 
 class NexStarClientState(ClientState):
-    """Settings of one client. ``axis_goto``: the goals of single axes (1, 2) since its last goto, degrees."""
+    """Settings of a client. ``axis_goto``: the goals of single axes (1, 2) since its last goto, degrees."""
 
     axis_goto: Mapping[int, float] = {}
 

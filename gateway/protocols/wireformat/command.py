@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, Reply
 
 
 class FrameTemplate:
-    """The form of one frame. ``fields``: name -> codec, in wire order; ``prefix``: the literal bytes before them."""
+    """The form of a frame. ``fields``: name -> codec, in wire order; ``prefix``: the literal bytes before them."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -32,7 +32,7 @@ class FrameTemplate:
         self.width = None if None in widths else sum(width for width in widths if width is not None)
 
     def _add(self, piece: str | int) -> None:
-        """Split one piece into literals and fields. Raises ValueError for a malformed field or an unknown codec."""
+        """Split a piece into literals and fields. Raises ValueError for a malformed field or an unknown codec."""
         if isinstance(piece, int):
             self._add_literal(bytes((piece,)))
             return
@@ -82,7 +82,7 @@ class Command:
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
-        #: The models whose row in ``models.toml`` lists commands without this one.
+        #: The models whose row in ``models.toml`` lists commands without this command.
         self.lacking: frozenset[str] = frozenset()
         self.answer, self.takes_back = row.answer, row.takes_back
         self.urgent, self.urgent_at = row.urgent, row.urgent_at
@@ -135,7 +135,7 @@ class Command:
         return self.request.encode(self.urgent_at).removesuffix(end if isinstance(end, bytes) else b"")
 
     def form(self, *formats: object) -> FrameTemplate | None:
-        """Return the first form of reply that is no refusal and fits one of these formats; None if there is none."""
+        """Return the first form of reply that is no refusal and fits any of these formats; None if there is none."""
         fitting = (form for reply, form in self.replies if reply.fault is None and reply.when in (None, *formats))
         return next(fitting, None)
 

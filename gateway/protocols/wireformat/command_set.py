@@ -1,4 +1,4 @@
-"""The tables of one protocol as objects: its commands, what a surface does with them, how a driver uses them.
+"""The tables of a protocol as objects: its commands, what a surface does with them, how a driver uses them.
 
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (commands that a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands)
@@ -45,7 +45,7 @@ AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of one protocol, or of one ``dialect`` of it. The commands and models are loaded at once, the other
+    """The tables of a protocol, or of a ``dialect`` of it. The commands and models are loaded at once, the other
     tables when first used.
     """
 
@@ -117,7 +117,7 @@ class CommandSet:
         return self._spoken[dialect]
 
     def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
-        """Convert one TOML file row by row, so that an error can name its row; an optional file may be missing."""
+        """Convert a TOML file row by row, so that an error can name its row; an optional file may be missing."""
         path = self.folder / file
         if file != "commands.toml" and self.folder.is_dir() and not path.exists():
             return {}
@@ -197,7 +197,7 @@ class CommandSet:
 
     @cached_property
     def driver(self) -> dict[str, list[Implementation]]:
-        """Operation name -> its implementations, the preferred one first."""
+        """Operation name -> its implementations, the preferred first."""
         where, rows = self._where("driver.toml"), self._read("driver.toml", list[Implementation])
         if self.other is not None:
             where, rows = self._where(f"{self.dialect}.toml"), self.other.driven(rows, frozenset(self.commands))
@@ -356,7 +356,7 @@ def _takes(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _given(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that accepts all of ``GIVEN``, and passes on the parameters that this one has."""
+    """Return a function that accepts all of ``GIVEN``, and passes on the parameters that ``function`` has."""
     names = _takes(function)
     if names == GIVEN or not set(names).issubset(GIVEN):
         return function

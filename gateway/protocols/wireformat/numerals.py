@@ -45,7 +45,7 @@ def hours(degrees: float) -> bytes:
 
 
 def parse_hours(raw: bytes) -> float:
-    """Parse hours and return degrees, not reduced to one turn."""
+    """Parse hours and return degrees, not reduced to a single turn."""
     return parse_number(raw) * 15.0
 
 
@@ -86,7 +86,7 @@ def quoted(text: str) -> bytes:
 
 
 def parse_json(raw: bytes) -> object:
-    """Parse one line of JSON."""
+    """Parse a line of JSON."""
     try:
         value: object = msgspec.json.decode(raw)
     except msgspec.DecodeError as error:

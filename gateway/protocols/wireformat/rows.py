@@ -23,7 +23,7 @@ KEEPS = {
     "order": "sent each time",
     "library": "its own object library, and this program's target",
 }
-#: How the answer to a question may change from one time to the next; replies are verified by this.
+#: How the answer to a question may change between two requests; replies are verified by this.
 ANSWERS = {
     "position": "moves",
     "clock": "runs as a clock does",
@@ -129,13 +129,13 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acts          it returns a value and also changes something
     answer        how the answer to a question may change: a word of ``ANSWERS``
     urgent        what it ends: a word of ``URGENT``; ``urgent_at``: only with these values
-    takes_back    the queued commands that are discarded when this one arrives
+    takes_back    the queued commands that are discarded when this command arrives
     long          the mount may be busy with it for this many seconds
     while_seeking, while_asleep   whether the mount accepts it while it seeks its home, or hibernates
-    by_hand       it begins a motion by hand, or sets the rate of one: done at once or not at all
+    by_hand       it begins a motion by hand, or sets its rate: done at once or not at all
     may_be_silent   some mounts that have it do not answer it
     pushed        it is sent to a program every so many seconds without being asked for; it may have no request
-    read          some programs read only so many bytes of the reply, and take the rest for the next one
+    read          some programs read only so many bytes of the reply, and take the rest for the next reply
     """
 
     help: str
@@ -216,7 +216,7 @@ class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``driver.toml``: one implementation of an operation.
+    """A row of ``driver.toml``: an implementation of an operation.
 
     call          the function that carries it out (``module.function``)
     needs, uses   the commands that it sends: without those of ``needs`` it is skipped, ``uses`` are optional

@@ -50,7 +50,7 @@ class Start(NamedTuple):
     ``tilt`` is the altitude axis minus the calculated altitude, degrees. ``shifts`` are the rotations by syncs, if the
     axes do not report them. ``turned`` is the angle of the first axis west of its middle, degrees; None if it is
     unknown or the hour angle has no limit. ``suns`` are the Suns to avoid. ``others`` are the sources of site and time
-    that contradict the best one and also count, each with its site.
+    that contradict the best source and also count, each with its site.
     """
 
     position: op.Equatorial
@@ -206,7 +206,7 @@ class HandAdmission:
     ) -> None:
         try:
             check_either_way(self._mount, limits, start, turns)
-        except Fault:  # one direction is forbidden, so find out in which the motors turn the tube
+        except Fault:  # a direction is forbidden, so find out in which the motors turn the tube
             for axis, moving in by_hand.items():
                 turns[axis] *= await self._sense(moving, start.status)
             check_turns(self._mount, limits, start, turns)

@@ -109,8 +109,8 @@ def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
 
 
 def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goto to ``goal`` by every source that contradicts the best one, against the ``written``
-    limits.
+    """Check the altitude of a goto to ``goal`` by every source that contradicts the best source, against the
+    ``written`` limits.
 
     Raises Contradicted, which names the sources; NearSun if the time is unknown.
     """

@@ -48,7 +48,7 @@ SITE_TIMEOUT = 4.0
 
 
 class MotionAdmission:
-    """Admits the motions of one mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
+    """Admits the motions of a mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
 
     def __init__(self, mount: Context, ask: Readings, watch: LimitWatch, previews: bool = False) -> None:
         """With ``previews`` it changes neither the log nor the watched limits."""
@@ -128,7 +128,7 @@ class MotionAdmission:
         return await self._ask.read(op.GetStatus())
 
     async def _check_aligned(self, operation: op.Operation) -> None:
-        """Raises NotAligned if the operation needs an aligned mount and this one is not aligned."""
+        """Raises NotAligned if the operation needs an aligned mount and this mount is not aligned."""
         if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
             return
         if not (await self._status()).aligned:
@@ -262,7 +262,7 @@ class MotionAdmission:
         status = await self._status()
         if not status.aligned:
             return
-        # where another clock or site may be the mount's, its way is not the one that is calculated
+        # where another clock or site may be the mount's, its way is not the calculated one
         doubted = next(contradictions(mount.sources.sites(), mount.sources.times()), None) is not None
         lost = 180.0 if doubted else LOST
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):

@@ -31,7 +31,7 @@ EITHER_WAY_ROUND = 5.0
 EITHER_SIDE = 2.0
 #: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
 STEP = 0.2
-#: Degrees that an axis can turn on one path, and degrees between two points of a path that are kept.
+#: Degrees that an axis can turn on a path, and degrees between two points of a path that are kept.
 LONGEST, APART = 1080.0, 3.0
 #: Azimuths and altitudes of the places that are tried between here and a goal, and how far they keep from a limit: the
 #: mount tracks while its user reads the refusal.
@@ -119,7 +119,7 @@ def _polar(
     other: bool,
     flip: bool,
 ) -> Path:
-    """The path of an equatorial mount; ``flip``: a German one will point there in the other of the two ways."""
+    """The path of an equatorial mount; ``flip``: a German mount will point at the goal in the other of the two ways."""
     begin, end = _hour_angle(astrometry, position), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
         target = axes or geometry.axes(end, goal.dec, flip)
@@ -132,12 +132,12 @@ def _polar(
 
 
 def _pointing(first: float, second: float, other: bool) -> Pair:
-    """Return one of the two pairs of readings for the same direction; ``other`` is over the pole or the zenith."""
+    """Return a pair of readings out of the two for the same direction; ``other`` is over the pole or the zenith."""
     return (first + 180.0, 180.0 - second) if other else (first, second)
 
 
 def _both_directions(path: Path) -> Iterator[Path]:
-    """Yield the path, and for a turn of about 180 degrees also the one with the first axis turning the other way."""
+    """Yield the path, and for a turn of about 180 degrees also the path on which the first axis turns the other way."""
     start, (first, second) = path
     yield path
     if abs(first) > 180.0 - EITHER_WAY_ROUND:

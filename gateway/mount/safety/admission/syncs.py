@@ -90,7 +90,7 @@ async def _turns(
         if axes is not None:
             way, reads = abs(wrap180(axes.alt + turned[1])) > 90.0, abs(wrap180(axes.alt)) > 90.0
             doubtful = len({way, reads, *others}) > 1 and not (driver.german and site is None)
-        elif driver.german:  # one that does not tell its side has chosen it by the hour angle
+        elif driver.german:  # a mount that does not report its side has chosen it by the hour angle
             way = wrap180(start[0]) < 0.0 if len(others) > 1 else True in others
             doubtful = not watch.observed.upright
         else:

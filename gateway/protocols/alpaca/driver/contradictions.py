@@ -12,8 +12,8 @@ from gateway.core import operations as op
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, told
 from gateway.protocols.base.driver import Remark, Steps
 
-#: Degrees: altitudes at which refraction and the azimuth leave little doubt; how near one equinox must fit, how much
-#: worse the other one.
+#: Degrees: altitudes at which refraction and the azimuth leave little doubt; how near an equinox must fit, how much
+#: worse the other.
 HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
 #: Degrees by which refraction raises what stands 30 degrees high.
 REFRACTION = 0.03
@@ -63,7 +63,7 @@ def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
 
 
 def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...] | None) -> str:
-    """Compare a new position with the expected one; return a description of the contradiction, or an empty text."""
+    """Compare a new position with the expectation; return a description of the contradiction, or an empty text."""
     position = (-place.ra, place.dec)
     if not mount.equatorial:
         if horizon is None:

@@ -33,7 +33,7 @@ from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps
 LOOKS, LOOK_AGAIN = 4, 0.5
 #: A deviation from a speed by more than this fraction is remarked in the log.
 REMARK_FROM = 0.1
-#: The longest guide pulse that is sent at once, milliseconds: no request ends one.
+#: The longest guide pulse that is sent at once, milliseconds: no request ends a pulse.
 LONGEST_PULSE = 500
 #: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
 DIRECTIONS = {"n": 0, "s": 1, "e": 2, "w": 3}
@@ -173,12 +173,14 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
-    """End the motion of one axis."""
+    """End the motion of an axis."""
     axis = operation.axis
     if not mount.may_move(axis):
         return
     mount.pulsed.pop(axis, None)
-    if mount.slow.pop(axis, None) is not None and mount.slow:  # the other axis is moved on: this one follows the sky
+    if (
+        mount.slow.pop(axis, None) is not None and mount.slow
+    ):  # the other axis is still moved: this axis follows the sky
         rates = yield from _following(mount, "")
         mount.following[axis] = mount.nearest(axis, rates.get(axis, 0.0))
         yield from _send_rate(mount, axis, mount.sign(axis, "") * mount.following[axis])
@@ -268,7 +270,7 @@ class PulseOn(op.Operation, frozen=True):
 
 
 def pulse_on(mount: AlpacaDriver, operation: PulseOn) -> Steps:
-    """Send a guide pulse, and the next one when it ends, until the arrow is released."""
+    """Send a guide pulse, and the next when it ends, until the arrow is released."""
     if (direction := mount.pulsed.get(operation.axis)) is not None:
         yield Schedule(LONGEST_PULSE / 1000.0, operation)
         yield from _pulse(mount, direction, LONGEST_PULSE)
@@ -332,7 +334,7 @@ def rise(mount: AlpacaDriver, _: op.Wake) -> Steps:
 
 
 def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
-    """Choose one of the mount's tracking rates. Raises Unsupported for a rate that it does not have."""
+    """Choose a tracking rate. Raises Unsupported for a rate that it does not have."""
     factor = operation.factor or 1.0
     near = (name for name, number in RATES.items() if abs(FACTORS[number] - factor) < SAME_RATE)
     name = operation.name or next(near, "")

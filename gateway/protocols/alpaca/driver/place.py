@@ -39,7 +39,7 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
-    """Return the Moment; servers have no zone, so its offset is the last one set."""
+    """Return the Moment; servers have no zone, so its offset is the last that was set."""
     return Moment((yield Send("utcdate"))["unix"], mount.zone)
 
 

@@ -49,7 +49,7 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
         place = _numbers(state, "RightAscension", "Declination")
         if place is not None and not (0.0 <= place[0] <= 24.0 and abs(place[1]) <= 90.0):
             place = None
-        mount.lists_state = place is not None or not state  # one failure is no reason never to ask again
+        mount.lists_state = place is not None or not state  # a single failure is no reason never to ask again
     if place is None:
         ra, since = (yield Send("rightascension"))["ra"], mount.now()
         place = ra / 15.0, (yield Send("declination"))["dec"]
@@ -61,7 +61,7 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
 
 
 def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
-    """Return these values; None if one is missing or no finite number."""
+    """Return these values; None if any is missing or no finite number."""
     try:
         values = tuple(float(state[name]) for name in names)
     except (KeyError, TypeError, ValueError):

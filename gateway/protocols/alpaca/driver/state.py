@@ -96,7 +96,7 @@ class AlpacaDriver(Driver):
         #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; whether it may be moved by hand at all.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
         self.movable: dict[int, bool] = {}
-        #: Whether one answer lists all that is read often.
+        #: Whether a single answer lists everything that is read often.
         self.lists_state = False
         self.rates: tuple[float, float] = (0.5, 0.5)
         #: Whether it is a German mount that does not tell the side of the pier; the side of the last goto's goal by its

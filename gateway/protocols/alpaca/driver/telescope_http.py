@@ -32,7 +32,7 @@ COM = 0x80040000
 
 
 class TelescopeHttp:
-    """Converts between lines and HTTP for one telescope, ``http://HOST:PORT[/NUMBER]``."""
+    """Converts between lines and HTTP for a telescope, ``http://HOST:PORT[/NUMBER]``."""
 
     def __init__(self, url: str) -> None:
         self._url, self._number = url, urlsplit(url).path.strip("/") or "0"

@@ -32,7 +32,7 @@ def tokens() -> list[str]:
 
 
 def check(where: str, description: Mapping[str, Any]) -> None:
-    """Note the gateways behind a mount's server. Raises OSError if this one is among them."""
+    """Note the gateways behind a mount's server. Raises OSError if this gateway is among them."""
     listed = description.get(MEMBER)
     behind = [token for token in listed if isinstance(token, str)] if isinstance(listed, list) else []
     if own(os.getpid()) in behind:

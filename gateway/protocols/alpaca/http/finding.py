@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: How often the question is sent, seconds between two times, seconds until no more answers are expected, and until a
 #: server must have answered.
 TIMES, BETWEEN, LAST, LONGEST = 3, 0.15, 1.0, 5.0
-#: The port of a server whose address is given without one.
+#: The port of a server whose address names none.
 USUAL = 80
 
 
@@ -70,7 +70,7 @@ class _Asking(asyncio.DatagramProtocol):
 
 
 async def _discover(port: int) -> list[Place]:
-    """Ask by one broadcast in each network, loopback included, because 255.255.255.255 goes to one network only."""
+    """Ask by a broadcast in each network, loopback included, because 255.255.255.255 goes to one network only."""
     places: set[Place] = set()
     loop, askers = asyncio.get_running_loop(), []
     for address, network in ipv4_networks():
@@ -96,7 +96,7 @@ async def _discover(port: int) -> list[Place]:
 
 
 async def _telescopes(session: ClientSession, host: str, port: int) -> list[OfferedMount]:
-    """Return the telescopes of one server; none if it does not answer as ASCOM defines."""
+    """Return the telescopes of a server; none if it does not answer as ASCOM defines."""
     server, now = f"http://{in_brackets(host)}:{port}", asyncio.get_running_loop().time
     began = now()
     devices = await _value(session, f"{server}/management/v1/configureddevices")

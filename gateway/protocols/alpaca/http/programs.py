@@ -22,7 +22,7 @@ from gateway.transport.web_server import WebDevice
 
 #: Seconds until a request times out, and until a silent program is forgotten.
 TIMEOUT, FORGET = 5.0, 600.0
-#: The maximum number of programs of one mount, and of waiting requests of one program.
+#: The maximum number of programs of a mount, and of waiting requests of a program.
 MOST, WAITING = 64, 64
 #: The beginning of a line that only reads.
 READS = b"get "
@@ -94,7 +94,7 @@ class AlpacaClient:
 
 
 class Programs:
-    """The programs of one mount, by host and ClientID."""
+    """The programs of a mount, by host and ClientID."""
 
     def __init__(self, accept: Accept) -> None:
         self._accept = accept
@@ -117,8 +117,8 @@ class Programs:
         return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget closed and silent programs; if there are too many, also an idle program, preferably one that has only
-        read.
+        """Forget closed and silent programs; if there are too many, also an idle program, preferably a program that has
+        only read.
         """
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):

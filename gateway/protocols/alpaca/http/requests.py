@@ -1,4 +1,4 @@
-"""Converts an HTTP request to one line for the surface, with the numbers of the client and of the request.
+"""Converts an HTTP request to a line for the surface, with the numbers of the client and of the request.
 
 As ASCOM defines: the path is in lower case; a GET has its parameters in the query, whose names may be in any case; a
 PUT has them in its body, with names in exact case. A missing or invalid parameter is an error (400); unknown parameters
@@ -29,7 +29,7 @@ Pairs = Sequence[tuple[str, str]]
 
 
 class BadRequest(Exception):
-    """The request is invalid; ``allow`` names the methods of this member if another one was used."""
+    """The request is invalid; ``allow`` names the methods of this member if another method was used."""
 
     def __init__(self, text: str, allow: str = "") -> None:
         super().__init__(text)
@@ -46,7 +46,7 @@ class Asked(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """A member with one method: its command, and the names of its parameters in order."""
+    """A member with a method: its command, and the names of its parameters in order."""
 
     command: Command
     parameters: tuple[str, ...]
@@ -83,7 +83,7 @@ def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
 
 
 def client_numbers(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:
-    """Return ClientID and ClientTransactionID. Raises BadRequest if one is not a valid number."""
+    """Return ClientID and ClientTransactionID. Raises BadRequest if either is not a valid number."""
     given = _Given(pairs, any_case)
     return given.number("ClientID"), given.number("ClientTransactionID")
 

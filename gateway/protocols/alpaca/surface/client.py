@@ -1,7 +1,7 @@
 """The session of an Alpaca program, the conditions of its requests, and the ranges of their parameters.
 
 Only a connected program may change anything; a program that has never connected may read. For some requests the
-mount must not be parked. Every request is answered, also a refused one.
+mount must not be parked. Every request is answered, also a refused request.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class AlpacaClientState(ClientState):
 
 
 class AlpacaSession(Session):
-    """One client: a ClientID on one computer."""
+    """A client: a ClientID on one computer."""
 
     inherits = False  # another ClientID on the same computer is another program
     state = AlpacaClientState
@@ -57,7 +57,7 @@ class AlpacaSurface(Surface):
 
 
 def _admitted(session: Session, command: Command) -> Handling:
-    """Check the conditions of a member. Raises Fault if one is not met."""
+    """Check the conditions of a member. Raises Fault if any is not met."""
     assert isinstance(session, AlpacaSession)
     needs, client = member(command.name), session.client
     if not (needs.always or client.connected or (client.connected is None and reads(command))):

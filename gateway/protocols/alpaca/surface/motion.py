@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.command import Command
 #: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
 NO_PARK = "This mount cannot be parked."
-#: A speed that differs from one of the mount's by less than this fraction counts as that one.
+#: A speed that differs from a speed of the mount by less than this fraction counts as that speed.
 NEAR = 0.01
 #: The sidereal rate, degrees per second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0

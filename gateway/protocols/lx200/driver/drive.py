@@ -29,7 +29,7 @@ _DRIVE_AGE = 60.0
 _KEEPS_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
 #: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
 _LOOKS, _LOOK_AGAIN = 3, 0.5
-#: Focuser speeds from here on are the fast one of the two speeds of a classic.
+#: From this focuser speed on, a classic uses the faster of its two speeds.
 _FAST_FOCUS = 3
 
 

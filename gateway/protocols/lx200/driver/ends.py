@@ -110,7 +110,7 @@ def set_fastest(mount: Lx200Driver, degrees: float | None) -> Steps:
 
 
 def use_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """:Rg - set the guide rate, if the model has it and the last value sent was another one; it cannot be read."""
+    """:Rg - set the guide rate, if the model has it and the last value sent was different; it cannot be read."""
     if _guide_rate_differs(mount, fraction):
         yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
         mount.guide_rate_sent = fraction

@@ -32,7 +32,7 @@ from gateway.protocols.lx200.reply_rules import PACE
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: Guide rates that differ by less, in fractions of sidereal, are the same.
 SAME_RATE = 0.01
-#: A speed that deviates from the requested one by more than this ratio is reported in the log.
+#: A speed that deviates from the request by more than this ratio is reported in the log.
 _REPORT_FROM = math.log(1.1)
 
 
@@ -126,7 +126,7 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
 
 
 def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
-    """Set one of the four rates."""
+    """Set a named rate."""
     command = rate_command(mount, rate)
     mount.rate_sent = command
     if command == "RS" and not mount.dialect:
@@ -212,7 +212,7 @@ def _pulse_by_both(mount: Lx200Driver, direction: op.Direction, ms: int) -> Step
     shares = ratios(horizon.az, horizon.alt, mount.site.latitude)
     piece, now = min(ms, int(LONGEST_PULSE / max(1.0, *map(abs, shares)))), mount.now()
     for axis, share in enumerate(shares, 1):
-        left = mount.shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new one replaces it
+        left = mount.shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new pulse replaces it
         total = direction.sense * share * piece + math.copysign(max(0.0, left[1] - now) * 1000.0, left[0])
         letter = {(1, True): "w", (1, False): "e", (2, True): "n", (2, False): "s"}[axis, total >= 0.0]
         if (

@@ -14,11 +14,11 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 from gateway.protocols.lx200.nmea import fix
 
 ARCMINUTE = 1.0 / 60.0
-#: The forms of a longitude: an unknown controller that does not take the first one may take the other.
+#: The forms of a longitude: an unknown controller that refuses the first form may take the other.
 LONGITUDES = ("Sg", "Sg360")
 #: Seconds by which a clock that was set may differ.
 CLOCK_DIFFERS = 10.0
-#: How many NMEA sentences to read until one has site and time, and seconds for each: they are sent in blocks.
+#: The most NMEA sentences that are read to find site and time, and seconds for each: they are sent in blocks.
 SENTENCES, NEXT_SENTENCE = 8, 2.5
 
 
@@ -31,7 +31,9 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - the site is read back, as some reply 0 to a valid one. Raises Refused if it differs, or Unsupported."""
+    """:St :Sg - the site is read back, as some reply 0 to a valid site. Raises Refused if it differs, or
+    Unsupported.
+    """
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):

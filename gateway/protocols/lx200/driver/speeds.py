@@ -34,7 +34,7 @@ class Speed(Struct, frozen=True):
     guide           the guide rate to set for :RG, a fraction of sidereal
     fastest, free   the values for :Sw, and for :RA or :RE, degrees per second
     hertz           the drive rate to set, None to leave it
-    west            the direction of the key on the first axis, if it is not the requested one
+    west            the direction of the key on the first axis, if it differs from the requested direction
     """
 
     command: str | None
@@ -63,7 +63,7 @@ class ModelSpeeds(Struct, frozen=True):
 
 
 def ratio_error(asked: float, done: float) -> float:
-    """Return the difference of two speeds as the logarithm of their ratio; infinite if one is reversed or zero."""
+    """Return the difference of two speeds as the logarithm of their ratio; infinite if either is reversed or zero."""
     if asked == done:
         return 0.0
     return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf

@@ -15,7 +15,7 @@ BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
 _TEXTS = {"GVP": "product", "GVN": "firmware", "GVD": "firmware_date", "GVT": "firmware_time", "GVF": "full_name"}
 _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.", "GO TO slews to the object.")
-#: The tracking rate that an LX200GPS reports before one is set.
+#: The tracking rate that an LX200GPS reports before any rate was set.
 _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 

@@ -87,7 +87,7 @@ class Controller(SimulatedLx200):
         return FrameCutter(79 if self.onstep else 28, self.onstep)
 
     def times(self, number: int) -> float:
-        """Return a rate in multiples of the sidereal one."""
+        """Return a rate in multiples of the sidereal rate."""
         rates, fastest = ONSTEP_RATES if self.onstep else TEEN_RATES, self.mechanics.fastest / SIDEREAL_RATE
         return rates[number] if number < len(rates) else fastest / 2 if self.onstep and number == 8 else fastest
 
@@ -339,7 +339,7 @@ def _set_park(sim: Controller) -> bytes:
     return b"1"
 
 
-#: Those of the next ones that only one of the two has.
+#: Those of the next commands that only an OnStep or only a TeenAstro has.
 OF_ONSTEP = {"GU", "GX90", "GX97", "GtH", "GgH", "GRa", "GDe"}
 OF_TEENASTRO = {"GXT2", "GXRX", "GRL", "GDL"}
 #: Commands without an argument, for which the driver has no row or which it answers by its state.

@@ -165,7 +165,7 @@ def release(sim: MeadeTelescope, *axes: int) -> None:
 
 
 def let_go(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:Qn :Qs :Qe :Qw - end the motion in one direction."""
+    """:Qn :Qs :Qe :Qw - end the motion in a direction."""
     release(sim, axis_of(sim, name[1])[0])
 
 

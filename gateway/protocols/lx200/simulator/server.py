@@ -16,7 +16,7 @@ one does, these assumptions hold:
 - An argument that is not in the manual's notation is refused and changes nothing: other telescopes with this protocol
   refuse it, and tests of a driver against a lenient simulator would not show that. Only the degree sign may be ``*``,
   the byte 0xDF or a colon, which programs have sent to real telescopes for decades. Commands beyond the manual are not
-  checked. A ``tolerant`` one accepts every notation that the gateway's own surface accepts.
+  checked. A ``tolerant`` telescope accepts every notation that the gateway's own surface accepts.
 - A classic reads a line of 15 seven-bit characters: it sends the degree sign as 0xDF but does not accept that byte.
   Bytes above 0x7F, control characters and a sixteenth character drop the command without a reply.
 """

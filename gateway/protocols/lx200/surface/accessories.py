@@ -14,7 +14,7 @@ from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: Digit of :SB -> baud rate. The manual prints the first one as 56.7K.
+#: Digit of :SB -> baud rate. The manual prints the first rate as 56.7K.
 RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
 _STEPS = {"??": None, "?+": 1, "?-": -1}
 #: These lines have no hash sign, because it would end the line.

@@ -166,9 +166,9 @@ def _dated(session: LxSession) -> date | None:
 
 
 def _instant(session: LxSession, day: date, seconds: float, offset: float, is_local: bool) -> float:
-    """Return the Unix seconds of a local time. ``is_local``: the date is certainly the local one.
+    """Return the Unix seconds of a local time. ``is_local``: the date is certainly local.
 
-    By the manual an LX200GPS expects the UTC date, but some programs send the local one. The date that gives the
+    By the manual an LX200GPS expects the UTC date, but some programs send the local date. The date that gives the
     instant nearer to the host's clock is used; the UTC date, if the host's clock is more than a day away from both.
     """
     midnight = datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
@@ -215,7 +215,7 @@ def tell_hours(session: LxSession) -> dict[str, str]:
     return {"hours": "12" if session.client.twelve else "24"}
 
 
-# --- GPS: the mount's own receiver; without one the reply is that of a receiver without a fix ---
+# --- GPS: the mount's receiver; if it has none, the reply is that of a receiver without a fix ---
 
 
 def gps_sentence() -> Handling:

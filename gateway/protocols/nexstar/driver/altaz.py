@@ -91,7 +91,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
 
 
 def stop_axis(mount: NexStar, axis: int) -> Steps:
-    """End the slow motion ordered for one axis; other motion continues.
+    """End the slow motion ordered for an axis; other motion continues.
 
     The last hand motion ends with rate 0 on both axes, a pulse with the bare tracking rates.
     """
@@ -170,7 +170,7 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = Non
 
 
 def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:
-    """Return the command with the sum of rates of one axis: tracking, if it was on, and all added rates.
+    """Return the command with the sum of rates of an axis: tracking, if it was on, and all added rates.
 
     ``catch_up`` is the fraction by which tracking is faster.
     """

@@ -1,9 +1,9 @@
 """Park, home, hibernate and wake.
 
-A hand control has no park position: the gateway slews to a configured one by ``b`` and turns tracking off on arrival.
-``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand control
-resumes tracking when it wakes, but some do so late, so the gateway turns tracking on a little later, unless a client
-has changed tracking meanwhile.
+A hand control has no park position: the gateway slews to a configured position by ``b`` and turns tracking off on
+arrival. ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand
+control resumes tracking when it wakes, but some do so late, so the gateway turns tracking on a little later, unless a
+client has changed tracking meanwhile.
 """
 
 from __future__ import annotations

@@ -125,11 +125,11 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
 
 
 def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
-    """End hand motion of one axis by rate 0; resume tracking, once, when no axis moves any more."""
+    """End hand motion of an axis by rate 0; resume tracking, once, when no axis moves any more."""
     stepped = mount.steps.pop(operation.axis, None)
     if mount.moves_by_gotos:
         if stepped is not None:
-            yield Send("M")  # the last small goto may lead far in azimuth; the other axis continues with its next one
+            yield Send("M")  # the last small goto may lead far in azimuth; the other axis continues with its next goto
         return
     if operation.axis in mount.added_rates:
         yield from altaz.stop_axis(mount, operation.axis)
@@ -273,7 +273,7 @@ def backlash(mount: NexStar, operation: op.Backlash) -> Steps:
 
 
 def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
-    """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only one that has it."""
+    """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only motor that has it."""
     if not mount.has("pec"):
         raise Unsupported("This mount has no periodic error correction.")
     if operation.axis == 2:

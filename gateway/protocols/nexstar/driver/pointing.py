@@ -187,7 +187,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
         return (yield from _still_seeking(mount, state))
     moving = yield from _slews(mount)
     if mount.goto is not state:
-        return mount.goto is not None or moving  # meanwhile another goto has begun, or this one was stopped
+        return mount.goto is not None or moving  # meanwhile another goto has begun, or this goto was stopped
     if state is None:
         return moving
     if moving:

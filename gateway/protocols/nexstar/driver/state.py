@@ -435,7 +435,7 @@ class NexStar(Driver):
 
 
 def rate_zero(axis: int) -> Send:
-    """Return the command that ends hand motion of one axis."""
+    """Return the command that ends hand motion of an axis."""
     return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
 
 

@@ -39,7 +39,7 @@ def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 
 
 def _mode_of(mount: NexStar, code: int | None) -> op.Tracking:
-    """Return the mode for a byte of ``t``. An unknown one (4 occurs on some mounts) counts as equatorial."""
+    """Return the mode for a byte of ``t``. An unknown byte (4 occurs on some mounts) counts as equatorial."""
     return modes(mount.facts, mount.version).get(code or 0) or mount.equatorial_mode
 
 
@@ -96,7 +96,7 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
     equatorial = known.equatorial if known is not None else mount.german
     mode = mount.suspended or mount.tracking or op.Tracking.OFF
     if known is None and mount.tracking is None and mount.aligned:
-        # the hand control cannot report its mode: an aligned one tracks, in the mode of its build
+        # the hand control cannot report its mode: an aligned hand control tracks, in the mode of its build
         mode = _mode_by_build(mount)
     wedge = equatorial and not mount.german
     code = mount.code if mode is not op.Tracking.OFF and _mode_of(mount, mount.code) is mode else None
@@ -239,7 +239,7 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
         raise Unsupported("This mount tracks with both axes (alt-az), at the sidereal rate only.")
     mount.rate = operation
     if mount.goto is not None:
-        return  # sent now it would end the goto of one axis; it is sent after the goto
+        return  # sent now it would end the goto of an axis; it is sent after the goto
     if mount.suspended is not None or (mount.tracking or op.Tracking.OFF) is op.Tracking.OFF:
         return  # it is sent when tracking resumes
     if operation.name == "sidereal":

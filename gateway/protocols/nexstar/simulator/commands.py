@@ -65,7 +65,7 @@ def axes(sim: SimulatedMount, _: Values) -> Values:
 
 def goto(sim: SimulatedMount, values: Values) -> None:
     """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits. A SynScan tracks
-    then, and an old one keeps the goal.
+    then, and an old SynScan keeps the goal.
     """
     if sim.aligned:
         ra, dec = _of_date(sim, values)

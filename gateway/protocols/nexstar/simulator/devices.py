@@ -85,7 +85,7 @@ def _position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
-    """02 and 17 hex: goto of one motor alone."""
+    """02 and 17 hex: goto of a single motor."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
         sim.focuser.go(sim.now, values["position"] / 360.0 * _TURN)

@@ -28,7 +28,7 @@ from gateway.protocols.nexstar.versions import STARSENSE, modes, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
-#: Carries out one command. Returns the values of its reply, or None if the device does not have the command.
+#: Carries out a command. Returns the values of its reply, or None if the device does not have the command.
 Handler = Callable[["SimulatedMount", Values], Values | None]
 OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 AZM, ALT, FOCUSER = 16, 17, 18

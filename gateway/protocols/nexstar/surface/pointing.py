@@ -70,14 +70,14 @@ def pier_side(session: NexStarSession) -> Handling:
 
 
 def axis_position(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x01 - the reading of one axis"""
+    """AUX 0x01 - the reading of an axis"""
     number = motor(values)
     readings = yield from _readings(session)
     return {"position": readings.az if number == 1 else readings.alt}
 
 
 def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x02, 0x17 - goto of one axis. The other axis continues its own goto if one is under way, else stays."""
+    """AUX 0x02, 0x17 - goto of an axis. The other axis continues its own goto, or stays."""
     number = motor(values)
     readings = yield from _readings(session)
     sent = session.client.axis_goto if (yield op.Slewing()) else {}

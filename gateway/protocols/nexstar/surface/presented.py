@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.rows import Model, Version, show_version
 #: Presented by default: the version that most clients support best, and the models of an alt-az fork, a fork on a
 #: wedge and a German mount.
 VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
-#: Answered in every version: one client sends it to every hand control and waits.
+#: Answered in every version: a client program sends it to every hand control and waits.
 ALWAYS = "v"
 #: The gateway answers these for the motors, which it moves; other devices answer them themselves.
 _AXES = frozenset({"axis_position", "axis_done"})
@@ -41,7 +41,7 @@ def presented(model: str | None, version: str | None) -> Model:
 
 
 def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> Model:
-    """Return the default model to present for a mount; it has a GPS unit only if the mount has one."""
+    """Return the default model to present for a mount; it has a GPS unit only if the mount does."""
     model = presented((GERMAN if german else WEDGE) if equatorial else FORK, version)
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
