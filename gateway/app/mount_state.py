@@ -22,7 +22,7 @@ from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.policy import Policy
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
-from gateway.mount.safety.hour_angle import NOT_KEPT, is_kept
+from gateway.mount.safety.hour_angle import NOT_KEPT, can_enforce_hour_angle
 from gateway.mount.site.site_clock import Site, Time
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def mount_state(
         title=driver.protocol.title(product, model),
         pier=readings.value(op.PierSide) or "",
         german=driver.german,
-        pier_kept=identity is None or is_kept(controller.context),
+        pier_kept=identity is None or can_enforce_hour_angle(controller.context),
         over=astrometry.horizon(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal(controller),

@@ -12,7 +12,7 @@ import sys
 
 from gateway.cli import suggestions
 from gateway.cli.command_line import COMMANDS, commands_of, parser
-from gateway.core.errors import UserError, told
+from gateway.core.errors import UserError, explain_os_error
 from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
@@ -78,7 +78,7 @@ def _stdout_failed(failed: Exception, code: int) -> int:
     """Return the exit code if stdout could not be written."""
     if isinstance(failed, BrokenPipeError):
         return code
-    why = told(failed) if isinstance(failed, OSError) else str(failed)
+    why = explain_os_error(failed) if isinstance(failed, OSError) else str(failed)
     streams.warn(f"cannot write to stdout: {why}", streams.ERROR)
     return 2
 

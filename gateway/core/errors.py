@@ -37,13 +37,13 @@ class SunIsNoGoal(UserError):
     exit_code = 1
 
 
-def told(error: OSError) -> str:
+def explain_os_error(error: OSError) -> str:
     """Return what the system says of an error, and what to do about it if that is known."""
     text = error.strerror or str(error)
     return f"{text}; {step}" if (step := _STEPS.get(error.errno or 0)) else text
 
 
-def about_file(path: Path | str, error: OSError, *, reading: bool = False) -> str:
+def explain_file_error(path: Path | str, error: OSError, *, reading: bool = False) -> str:
     """Return why a file cannot be written, or be read, and what to do about it."""
     folder = Path(path).parent
     if error.errno == errno.ENOENT and not folder.is_dir():
@@ -56,7 +56,7 @@ def about_file(path: Path | str, error: OSError, *, reading: bool = False) -> st
         return "there is a file of that name, where a folder is needed"
     if reading and error.errno == errno.EACCES:
         return f"{error.strerror}; ls -l {path} shows whose it is: run this as that user, or let yours read it"
-    return told(error)
+    return explain_os_error(error)
 
 
 def similar(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:

@@ -24,7 +24,7 @@ from typing import Any, Protocol
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Broker, parse_broker
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, explain_file_error
 from gateway.fleet.topics import MqttMessage
 from gateway.system.own_commands import how_to_add
 
@@ -75,7 +75,7 @@ def _password(file: str | None) -> str | None:
     try:
         return Path(file).expanduser().read_text("utf-8").strip("\r\n")
     except OSError as error:
-        raise UserError(f"{file}: {about_file(file, error, reading=True)}") from None
+        raise UserError(f"{file}: {explain_file_error(file, error, reading=True)}") from None
     except UnicodeDecodeError:
         raise UserError(f"{file}: this is no UTF-8 text") from None
 

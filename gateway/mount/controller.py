@@ -232,7 +232,7 @@ class MountController:
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.who if activity is not None else "")
         if isinstance(operation, MOTIONS):
-            value = await _ended(self.reconciler.take(operation, stops, activity, patience, asked))
+            value = await _wait_for_outcome(self.reconciler.take(operation, stops, activity, patience, asked))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self.astrometry.from_mount(value.place), value.text, value.reply)
             return cast(_T, value)
@@ -280,7 +280,7 @@ class MountController:
 
         async def finish() -> None:
             try:
-                await (_ended(motion) if motion is not None else self.perform(operation, stops))
+                await (_wait_for_outcome(motion) if motion is not None else self.perform(operation, stops))
             except Fault as fault:
                 failed(fault)
             except Exception as error:  # no caller waits for this task, so a defect must be logged here
@@ -306,7 +306,7 @@ class MountController:
             self.context.note(f"the goto was stopped before its goal{f' by {by}' if by else ''}")
 
 
-async def _ended(outcome: Outcome) -> Any:
+async def _wait_for_outcome(outcome: Outcome) -> Any:
     """Wait for an outcome without cancelling the order. Raises Fault; Stopped if the order was superseded."""
     try:
         return await result_of(outcome)

@@ -18,7 +18,7 @@ from gateway.app.config.describing import Key, find_key, keys, title
 from gateway.app.config.endpoints import parse_site, site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import plain_file
 
 #: Hints for messages of the parser, by how they begin: what the user may have meant.
@@ -53,7 +53,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
         with open(plain_file(path), encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
-        reason = about_file(path, error, reading=True)
+        reason = explain_file_error(path, error, reading=True)
         makes = f"; mount-gateway detect --write {path} makes one" if reason.endswith("no such file") else ""
         raise UserError(f"{path}: {reason}{makes}") from None
     except UnicodeDecodeError as error:

@@ -9,7 +9,7 @@ import asyncio
 
 from gateway.app.state import file as on_disk
 from gateway.app.state.store import StateStore
-from gateway.core.errors import Fault, told
+from gateway.core.errors import Fault, explain_os_error
 from gateway.core.requests import DONE, FAILED, Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
@@ -70,7 +70,7 @@ async def _on_disk(store: StateStore, *, held: bool) -> str:
             await store.in_thread(on_disk.hold_folder if held else on_disk.release_folder, store.directory)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
         where = store.directory / on_disk.HOLD
-        why = told(error) if error.strerror else "the disk does not answer"
+        why = explain_os_error(error) if error.strerror else "the disk does not answer"
         if held:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"
         return f", but a restart of the gateway holds it again: {where} cannot be removed ({why})"

@@ -81,13 +81,13 @@ def search(scope: Scope) -> SearchResult:
     for path, endpoint in endpoints:
         if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == folder:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
-    of_gateways = (left_moving(endpoint) for path, endpoint in gateways.values() if is_own(path.parent))
+    of_gateways = (left_moving(endpoint) for path, endpoint in gateways.values() if belongs_to_user(path.parent))
     paths = {os.path.realpath(path): path for path in chain(scope.folder.glob("*.moving"), *of_gateways)}
     markers = [(path.parent, mark) for path in sorted(paths.values()) if (mark := read_marker(path)) is not None]
     return SearchResult(list(gateways.values()), markers, doubts)
 
 
-def is_own(folder: Path) -> bool:
+def belongs_to_user(folder: Path) -> bool:
     """Whether a folder exists and belongs to this user."""
     try:
         return user() is None or os.lstat(folder).st_uid == user()

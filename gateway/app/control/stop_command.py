@@ -16,7 +16,15 @@ from msgspec import Struct, field
 
 from gateway.app.control.exchange import ControlEndpoint, is_listening, left_moving
 from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
-from gateway.app.control.reach import Scope, ask, explain_unreachable, is_own, reachable, search, unreachable_gateways
+from gateway.app.control.reach import (
+    Scope,
+    ask,
+    belongs_to_user,
+    explain_unreachable,
+    reachable,
+    search,
+    unreachable_gateways,
+)
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
@@ -118,7 +126,7 @@ def _matches(mount: str, only: str | None) -> bool:
 def _delete(path: Path) -> None:
     """Delete the endpoint file of a gateway that has ended, unless the folder belongs to another user."""
     with contextlib.suppress(OSError):
-        if is_own(path.parent):
+        if belongs_to_user(path.parent):
             path.unlink()
 
 

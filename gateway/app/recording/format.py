@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, explain_file_error
 from gateway.core.wire_log import show
 from gateway.system.files import open_plain
 
@@ -157,7 +157,7 @@ def _format(path: Path) -> int | None:
         with open_plain(path) as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
-        reason = about_file(path, error, reading=True)
+        reason = explain_file_error(path, error, reading=True)
         makes = f"; mount-gateway run --record {path} makes one" if reason.endswith("no such file") else ""
         raise UserError(f"{path}: {reason}{makes}") from None
     number = line.removeprefix(MARK).rstrip("\n")

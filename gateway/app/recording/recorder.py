@@ -24,7 +24,7 @@ import msgspec
 
 from gateway.app.recording.format import FORMAT, LONGEST_LINE, MARK, RECORDER, STOPPED, escape, is_recording, part_path
 from gateway.core.about import commit, version
-from gateway.core.errors import UserError, about_file, told
+from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.core.waiting import TimedEvent, in_thread, mark_retrieved
 from gateway.core.wire_log import MOUNT, Entry
 from gateway.system.files import open_plain, plain_file
@@ -77,7 +77,7 @@ class Recorder:
             self._open(0.0)
         except OSError as error:
             self._close_file()
-            raise UserError(f"cannot record to {path}: {about_file(path, error)}") from None
+            raise UserError(f"cannot record to {path}: {explain_file_error(path, error)}") from None
         self._writing = asyncio.get_running_loop().create_task(self._write())
 
     # --- on the event loop --------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ class Recorder:
                     "whenever a new one begins; record-keep says how many files are kept"
                 )
         except Exception as error:  # neither a full disk nor a defect may end the night
-            self._end(told(error) if isinstance(error, OSError) else str(error))
+            self._end(explain_os_error(error) if isinstance(error, OSError) else str(error))
 
     def _end(self, reason: str) -> None:
         """End a recording that cannot be written any more."""
@@ -145,9 +145,8 @@ class Recorder:
                 self._append("".join(lines))
                 full |= self._size >= self._longest and self._next_file()
             except OSError as error:
-                self._end_early(
-                    f"{self._at:.6f} {RECORDER} ! {STOPPED}, it could not be written any more: {told(error)}\n"
-                )
+                reason = f"it could not be written any more: {explain_os_error(error)}"
+                self._end_early(f"{self._at:.6f} {RECORDER} ! {STOPPED}, {reason}\n")
                 raise
         return full
 

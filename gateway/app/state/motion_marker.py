@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.state.file import MarkerContent
-from gateway.core.errors import told
+from gateway.core.errors import explain_os_error
 from gateway.core.waiting import in_thread
 from gateway.system.files import replace_file
 
@@ -77,7 +77,7 @@ class MotionMarker:
                 except OSError as error:
                     self._warn(
                         f"cannot write the motion marker {self.path} "
-                        f"({told(error)}): after a crash the mount would not be stopped automatically"
+                        f"({explain_os_error(error)}): after a crash the mount would not be stopped automatically"
                     )
                 self._written = content
         finally:

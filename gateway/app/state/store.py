@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from gateway.app.state import file
 from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.motion_marker import InThread, MotionMarker
-from gateway.core.errors import about_file, told
+from gateway.core.errors import explain_file_error, explain_os_error
 from gateway.core.operations import Values
 from gateway.core.waiting import in_thread
 from gateway.mount.as_left import AsLeft
@@ -123,7 +123,7 @@ class StateStore:
                     f"that one, in {self.path}"
                 )
         except OSError as error:
-            why = about_file(self.directory, error)
+            why = explain_file_error(self.directory, error)
             self._warn_once(
                 f"{self.directory} cannot be written to ({why}): what a hand control keeps over power-off is kept "
                 "in memory only; --state PATH names another folder"
@@ -134,9 +134,9 @@ class StateStore:
             return file.read_state(self.path)
         except OSError as error:
             if self.held:
+                why = explain_file_error(self.path, error, reading=True)
                 self._warn_once(
-                    f"cannot read the state file {self.path} ({about_file(self.path, error, reading=True)}): the "
-                    "gateway starts without what earlier runs kept"
+                    f"cannot read the state file {self.path} ({why}): the gateway starts without what earlier runs kept"
                 )
         except ValueError as error:
             if self.held:
@@ -227,7 +227,7 @@ class StateStore:
         except OSError as error:
             self._written = b""
             self._warn_once(
-                f"cannot write the state file {self.path} ({told(error)}): what is "
+                f"cannot write the state file {self.path} ({explain_os_error(error)}): what is "
                 "set now is lost when the gateway ends"
             )
         return True

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gateway.core.errors import UserError, told
+from gateway.core.errors import UserError, explain_os_error
 from gateway.system.files import cache_directory, plain_file
 from gateway.system.runtime_folders import user
 
@@ -123,4 +123,6 @@ def stored(named: str | None = None) -> Almanac:
     try:
         return almanac if named is None else almanac.joined(read(Path(named).expanduser()))
     except (OSError, ValueError) as error:
-        raise UserError(f"--almanac {named}: {told(error) if isinstance(error, OSError) else error}") from None
+        raise UserError(
+            f"--almanac {named}: {explain_os_error(error) if isinstance(error, OSError) else error}"
+        ) from None

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from gateway.cli.command_line import Commands
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import replace_file
 
 
@@ -58,7 +58,7 @@ def _almanac(arguments: argparse.Namespace) -> int:
         try:
             replace_file(Path(arguments.file), data)
         except OSError as error:
-            raise UserError(about_file(arguments.file, error)) from None
+            raise UserError(explain_file_error(arguments.file, error)) from None
         print(f"wrote {arguments.file}: {len(days)} days, {len(data) / 1e3:.0f} kB")
     return 0
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
-from gateway.core.errors import UserError, about_file
+from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import NOT_PLAIN
 
 if TYPE_CHECKING:
@@ -58,15 +58,19 @@ def add_detect(commands: Commands) -> None:
 def _detect(arguments: argparse.Namespace) -> int:
     import json
 
-    from gateway.diagnostics.detect import ask_servers, here, look_at_all, named
+    from gateway.diagnostics.detect import ask_servers, local_ports, look_at_all, parse_port
     from gateway.diagnostics.detect.report import block, next_steps, toml, values
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)
     if arguments.write is not None and not arguments.write.parent.is_dir():
         missing = FileNotFoundError(errno.ENOENT, "")
-        raise UserError(f"{arguments.write}: {about_file(arguments.write, missing)}")
-    places = list({place.url: place for place in map(named, arguments.port)}.values()) if arguments.port else here()
+        raise UserError(f"{arguments.write}: {explain_file_error(arguments.write, missing)}")
+    places = (
+        list({place.url: place for place in map(parse_port, arguments.port)}.values())
+        if arguments.port
+        else local_ports()
+    )
     urls = [place.url for place in places if place.url.startswith("http://")]
     ports = [place for place in places if place.url not in urls]
     if not arguments.json:
@@ -139,7 +143,7 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
                 leftover.unlink()
-        raise UserError(f"{path}: {about_file(path, error)}") from None
+        raise UserError(f"{path}: {explain_file_error(path, error)}") from None
 
 
 def _there_already(path: Path) -> UserError:

@@ -14,7 +14,7 @@ from typing import TextIO
 
 from gateway.cli.command_line import Commands
 from gateway.cli.mount.gateway_client import add_which, no_such_mount
-from gateway.core.errors import UserError, told
+from gateway.core.errors import UserError, explain_os_error
 from gateway.core.requests import HoldRequest, ReleaseHoldRequest, StopRequest
 from gateway.system import streams
 
@@ -111,7 +111,7 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
             if word == "hold"
             else ("a gateway that is started later is held again")
         )
-        return "", f"{folder / HOLD}: {told(error)}: {after}"
+        return "", f"{folder / HOLD}: {explain_os_error(error)}: {after}"
 
 
 def _say(lines: list[str], stream: TextIO, level: int) -> None:

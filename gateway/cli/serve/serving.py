@@ -253,7 +253,7 @@ def _log(config: Config, mount: MountConfig) -> Sink:
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]
-    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.kept(config.log), mount.name or "")
+    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
     if as_json.wanted(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
     return printer(rows, sys.stderr, config.night)

@@ -16,7 +16,7 @@ from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import naming_flag
 from gateway.cli.serve.signals import unless, until_signal
-from gateway.core.errors import UserError, about_file, told
+from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 from gateway.system.files import plain_file
@@ -178,7 +178,7 @@ def _open(path: str) -> TextIO:
     try:
         return open(path, "w", encoding="ascii", buffering=1, opener=lambda _, how: plain_file(Path(path), how, 0o666))
     except OSError as error:
-        raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
+        raise UserError(f"cannot write {path}: {explain_file_error(path, error)}") from None
 
 
 async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
@@ -189,7 +189,7 @@ async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -
         await unless(done, sample(simulator, lambda truth: file.write(truth.line())))
         file.close()
     except OSError as error:
-        raise UserError(f"cannot write {file.name}: {told(error)}; the simulated mount has ended") from None
+        raise UserError(f"cannot write {file.name}: {explain_os_error(error)}; the simulated mount has ended") from None
     finally:
         with contextlib.suppress(OSError):
             file.close()

@@ -7,7 +7,7 @@ No other part of the gateway may send anything to an unknown device.
 
 from __future__ import annotations
 
-from gateway.diagnostics.detect.ports import SerialPortInfo, here, named
+from gateway.diagnostics.detect.ports import SerialPortInfo, local_ports, parse_port
 from gateway.diagnostics.detect.scan_port import BUSY, PortFinding, ask_servers, look, look_at_all, who_answers
 
 __all__ = [
@@ -15,9 +15,9 @@ __all__ = [
     "PortFinding",
     "SerialPortInfo",
     "ask_servers",
-    "here",
+    "local_ports",
     "look",
     "look_at_all",
-    "named",
+    "parse_port",
     "who_answers",
 ]

@@ -39,7 +39,7 @@ class SerialPortInfo(Struct, frozen=True):
         return "://" not in self.url or self.url.startswith(("hwgrep://", "spy://"))
 
 
-def here() -> list[SerialPortInfo]:
+def local_ports() -> list[SerialPortInfo]:
     """List the serial ports of this computer. Pseudo-terminals are not included; users must name them."""
     from serial.tools.list_ports import comports
 
@@ -55,7 +55,7 @@ def is_usb_or_named(url: str) -> bool:
     return not re.match(r"/dev/tty(S|AMA)\d", url)
 
 
-def named(text: str) -> SerialPortInfo:
+def parse_port(text: str) -> SerialPortInfo:
     """Parse a port that the user typed: a device, a pyserial URL, or an endpoint ``PROTOCOL[:MODEL]@WHERE``. Raises
     UserError."""
     what, at, where = text.partition("@")

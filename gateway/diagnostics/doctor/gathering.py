@@ -29,7 +29,7 @@ from gateway.app.control.reach import Scope, ask_state, reachable, search, unrea
 from gateway.app.status import State
 from gateway.astro.ephemeris.almanac import DAY, stored
 from gateway.core.about import full_version
-from gateway.diagnostics.detect.ports import here, holder, is_usb_or_named
+from gateway.diagnostics.detect.ports import holder, is_usb_or_named, local_ports
 from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
 from gateway.system.files import directory
@@ -164,7 +164,7 @@ def _almanac_until(now: float, named: str | None) -> float | None:
 
 def ports() -> Iterator[Port]:
     """List the serial ports of this computer without opening them, as programs may be using them."""
-    for port in here():
+    for port in local_ports():
         yield Port(
             name=port.url,
             about=port.about,

@@ -41,7 +41,7 @@ def wanted(log: bool | str) -> bool:
     return isinstance(log, str) and log.partition("-")[0] == FORM
 
 
-def kept(log: bool | str) -> str:
+def filter_of(log: bool | str) -> str:
     """Return the filter that a value of ``log`` names, whatever the format: "normal" for true, "all" if it
     names none.
     """

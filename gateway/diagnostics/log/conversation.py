@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import Fault, Refused
-from gateway.diagnostics.log.words import in_words, steady
+from gateway.diagnostics.log.words import constant_values, format_fields
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
@@ -99,7 +99,7 @@ class Side:
         self.understood += len(frame)
         if command.replies:
             self._due.append(Send(command.name, values))
-        fields = in_words(self.protocol, command.name, values)
+        fields = format_fields(self.protocol, command.name, values)
         text = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
         return Heard(frame, text, command.name, command.question)
 
@@ -164,7 +164,7 @@ class Side:
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
         values = {key: value for key, value in outcome.items() if key != "length"}
-        text = in_words(self.protocol, command.name, values) or "accepted"
-        lasting = steady(self.protocol, command.name, values)
+        text = format_fields(self.protocol, command.name, values) or "accepted"
+        lasting = constant_values(self.protocol, command.name, values)
         heard = Heard(b"", f"{command.name}: {text}", command.name, command.question, values=lasting, fields=values)
         return heard, length

@@ -49,7 +49,7 @@ def _word(protocol: str, command: str, field: str) -> Word:
     return fields.get(f"{command}.{field}") or fields.get(field) or Word()
 
 
-def in_words(protocol: str, command: str, values: Mapping[str, object]) -> str:
+def format_fields(protocol: str, command: str, values: Mapping[str, object]) -> str:
     """Format the fields of a command or reply; empty if it has none."""
     sentence = _table(protocol).commands.get(command)
     if sentence is not None and values:
@@ -60,7 +60,7 @@ def in_words(protocol: str, command: str, values: Mapping[str, object]) -> str:
     return ", ".join(_told(protocol, name, value, _word(protocol, command, name)) for name, value in values.items())
 
 
-def steady(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
+def constant_values(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
     """Return the values that stay the same as long as nothing happens: all but positions and clocks."""
     return tuple(value for name, value in values.items() if not _word(protocol, command, name).runs)
 

@@ -7,7 +7,7 @@ import asyncio
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
-from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_words
+from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_text
 from gateway.diagnostics.prove.telescope import ACROSS, CheckedMount, Ended
 from gateway.diagnostics.prove.view import SurfaceConnection
 from gateway.protocols.registry import surfaces
@@ -72,11 +72,11 @@ def judged(what: str, rate: float, assumed: float, exchange: float, tick: float)
     """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``tick``, degrees)
     for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
     """
-    rates = rate_words(rate), rate_words(assumed)
+    rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", rates[1])
     shows = exchange / 2.0 / LASTS * assumed + 2.0 * tick / (PULSES * LASTS)
-    measured = f"{rates[0]} ± {rate_words(shows)}"
+    measured = f"{rates[0]} ± {rate_text(shows)}"
     if (off := abs(rate - assumed)) <= OFF * assumed:
         return Finding(what, SAME, measured, rates[1])
     if off <= OFF * assumed + shows:

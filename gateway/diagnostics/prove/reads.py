@@ -38,7 +38,7 @@ SOON, BUSY = 0.3, 1.0
 EXCHANGES = 6.0
 
 
-async def told(telescope: CheckedMount, name: str) -> Heard:
+async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
     """Ask the mount itself, even if the gateway has the answer in its cache. Raises Fault."""
     driver = telescope.driver
     side = Side(driver.protocol.name, driver.model)
@@ -66,7 +66,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
         began = telescope.now()
         try:
-            heard = await told(telescope, name)
+            heard = await ask_mount(telescope, name)
         except (Unsupported, NoDevice):
             continue  # it has not got that
         except Refused:
@@ -97,7 +97,7 @@ async def settings(telescope: CheckedMount, report: StageReporter) -> None:
     after = dict[str, str]()
     for name in telescope.settings:
         with suppress(Fault):
-            heard = await told(telescope, name)
+            heard = await ask_mount(telescope, name)
             if not (TRACKS in heard.fields and telescope.switched_off):
                 after[name] = repr(heard.values)
         telescope.check()

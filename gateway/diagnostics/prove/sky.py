@@ -69,7 +69,7 @@ async def _overhead(telescope: CheckedMount) -> Finding:
     values: Values = {}
     for name in filter(driver.supports, overhead["asks"]):
         with suppress(Fault):
-            values |= (await reads.told(telescope, name)).fields
+            values |= (await reads.ask_mount(telescope, name)).fields
     look = await telescope.look()
     try:
         expected = telescope.controller.astrometry.horizon(look.sky)

@@ -132,7 +132,7 @@ def judged(what: str, rate: float, error: float, speed: float, one: Velocity, wa
     """Return the finding on a rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
     nothing.
     """
-    measured, assumed = rate_words(rate), rate_words(speed)
+    measured, assumed = rate_text(rate), rate_text(speed)
     if way <= least:
         if speed * LONGEST > 2.0 * least:
             return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
@@ -147,7 +147,7 @@ def judged(what: str, rate: float, error: float, speed: float, one: Velocity, wa
     return Finding(what, DIFFERS, measured, assumed, MEANS)
 
 
-def rate_words(rate: float) -> str:
+def rate_text(rate: float) -> str:
     return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
 
 
@@ -171,7 +171,7 @@ def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) ->
         return Finding(what, NOT_TRIED)
     rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * lasts), pair[0]))
     allowed = rate * (lasts + 2.0 * exchange)
-    measured, assumed = f"{max(0.0, most):.1f}° from {rate_words(rate)}", f"{rate * lasts:.1f}°"
+    measured, assumed = f"{max(0.0, most):.1f}° from {rate_text(rate)}", f"{rate * lasts:.1f}°"
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits must stop the mount that much earlier: set run-on in gateway.toml."
@@ -194,4 +194,4 @@ async def tracking(telescope: CheckedMount) -> Finding:
         shows = sky * seconds - least > DRIFT * seconds
         return Finding(what, SAME) if shows else Finding(what, NOT_MEASURABLE, "too few steps of its reading")
     explanation = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
-    return Finding(what, DIFFERS, f"it drifts {rate_words(rate)}", "", explanation)
+    return Finding(what, DIFFERS, f"it drifts {rate_text(rate)}", "", explanation)

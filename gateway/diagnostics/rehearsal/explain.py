@@ -21,7 +21,7 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, MountKind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.log.words import in_words
+from gateway.diagnostics.log.words import format_fields
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, denies, stage, watched
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
@@ -79,7 +79,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
-        if values := in_words(face.protocol, command.name, picture.decode(frame)):
+        if values := format_fields(face.protocol, command.name, picture.decode(frame)):
             lines.append(f"  {values}")
     except ValueError as error:
         lines.append(f"  not valid: {error}")

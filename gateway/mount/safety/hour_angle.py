@@ -35,15 +35,15 @@ SIDE_AGE = 5.0
 NOT_KEPT = "hour-angle-limit is not kept on this mount: it does not tell on which side of the pier its tube is"
 
 
-def told_by_axes(mount: Context) -> bool:
+def reports_axes(mount: Context) -> bool:
     """Whether the mount itself reports its axes."""
     return mount.driver.implementation(op.AxisPosition) is not None
 
 
-def is_kept(mount: Context) -> bool:
+def can_enforce_hour_angle(mount: Context) -> bool:
     """Whether an hour angle limit can be enforced: on forks, and on German mounts that report axes or pier side."""
     german = mount.driver.german
-    return told_by_axes(mount) or german is False or (german is True and mount.driver.tells_side)
+    return reports_axes(mount) or german is False or (german is True and mount.driver.tells_side)
 
 
 def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
@@ -105,11 +105,11 @@ class HourAngleWatch:
         mount = self._mount
         status = mount.cache.value(op.GetStatus)
         limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
-        return limited and is_kept(mount)
+        return limited and can_enforce_hour_angle(mount)
 
     def interval(self, moves: bool) -> float | None:
         """Return how often to read the axes, seconds; None if that is not needed."""
-        if not (self.watched and told_by_axes(self._mount)) or self._mount.movement.slewing:
+        if not (self.watched and reports_axes(self._mount)) or self._mount.movement.slewing:
             return None
         return IN_MOTION if moves else AT_REST
 
@@ -119,7 +119,7 @@ class HourAngleWatch:
 
     def take_reading(self, axes: op.Horizontal, now: float) -> None:
         """Take an axis reading."""
-        turned = turned_by_axes(self._mount, axes) if self.watched and told_by_axes(self._mount) else None
+        turned = turned_by_axes(self._mount, axes) if self.watched and reports_axes(self._mount) else None
         if turned is not None and not self._mount.movement.slewing:
             self._add(now, turned)
 
@@ -133,7 +133,7 @@ class HourAngleWatch:
             if mount.cache.value(op.PierSide) is not None:
                 mount.cache.forget(op.PierSide)  # it is that of the goal
             return None
-        if not told_by_axes(mount) and observed.last is not None:
+        if not reports_axes(mount) and observed.last is not None:
             self._follow(observed.last)
         return _by_readings(self._readings, mount.now())
 

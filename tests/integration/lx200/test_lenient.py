@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.core.errors import Fault, Garbled
-from gateway.diagnostics.detect import SerialPortInfo, look, named
+from gateway.diagnostics.detect import SerialPortInfo, look, parse_port
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
@@ -77,7 +77,7 @@ def test_a_home_made_telescope_is_found(url: str) -> None:
         )
 
     async def night() -> None:
-        place = SerialPortInfo("-", "-") if url == "-" else named(url)
+        place = SerialPortInfo("-", "-") if url == "-" else parse_port(url)
         finding = await look(place, UartWire(device))
         assert finding.state == "lx200", finding
         assert finding.mount is not None, finding

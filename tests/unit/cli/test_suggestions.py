@@ -17,7 +17,7 @@ from gateway.app.control.stop_command import StopReport
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect.ports import named
+from gateway.diagnostics.detect.ports import parse_port
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
@@ -238,7 +238,9 @@ def test_refusal_of_half_an_endpoint_shows_it_whole(half: str, says: str) -> Non
 
 
 def test_a_port_is_named_as_run_would_have_it() -> None:
-    named_as = {text: named(text).url for text in ("null", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5", "tcp://pi:4030")}
+    named_as = {
+        text: parse_port(text).url for text in ("null", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5", "tcp://pi:4030")
+    }
     assert named_as == {
         "null": "/dev/null", "COM3": "COM3", "/dev/ttyS0": "/dev/ttyS0", "socket://1.2.3.4:5": "socket://1.2.3.4:5",
         "tcp://pi:4030": "socket://pi:4030",
@@ -246,9 +248,9 @@ def test_a_port_is_named_as_run_would_have_it() -> None:
 
 
 def test_an_address_is_one_of_the_network() -> None:
-    assert named("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
-    assert named("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
-    assert named("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
+    assert parse_port("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
+    assert parse_port("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
+    assert parse_port("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
 
 
 # --- places as people write them -------------------------------------------------------------------------------------

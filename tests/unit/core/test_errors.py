@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.errors import about_file, told
+from gateway.core.errors import explain_file_error, explain_os_error
 
 
 @pytest.mark.parametrize(
@@ -22,11 +22,11 @@ from gateway.core.errors import about_file, told
 )
 def test_an_error_of_the_system_has_its_next_step(number: int, step: str) -> None:
     error = OSError(number, os.strerror(number))
-    assert told(error).startswith(step)
-    assert about_file("night.rec", error) == told(error)
+    assert explain_os_error(error).startswith(step)
+    assert explain_file_error("night.rec", error) == explain_os_error(error)
 
 
 def test_what_may_not_be_read_is_not_called_a_matter_of_folders(tmp_path: Path) -> None:
     error = PermissionError(errno.EACCES, "Permission denied")
-    words = about_file(tmp_path / "gateway.toml", error, reading=True)
+    words = explain_file_error(tmp_path / "gateway.toml", error, reading=True)
     assert words.startswith("Permission denied") and f"ls -l {tmp_path}/gateway.toml" in words

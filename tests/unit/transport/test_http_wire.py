@@ -285,7 +285,7 @@ def test_an_answer_is_one_line(status: int, body: bytes, line: bytes) -> None:
 
 
 def test_a_gateway_refuses_to_drive_itself() -> None:
-    told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own(os.getpid())]}})
+    told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own_token(os.getpid())]}})
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     telescope.opened(telescope.first[0], 404, b"")
     with pytest.raises(OSError, match="this very gateway"):

@@ -31,7 +31,7 @@ from gateway.mount.safety.admission.contradictions import (
 )
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import MIN_INTERVAL, leaving
-from gateway.mount.safety.hour_angle import past_meridian, told_by_axes, turned_by_axes
+from gateway.mount.safety.hour_angle import past_meridian, reports_axes, turned_by_axes
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift, Sun
 from gateway.protocols.base.driver import BY_HAND
@@ -233,7 +233,7 @@ class HandAdmission:
     async def _turned(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""
         mount = self._mount
-        if told_by_axes(mount):
+        if reports_axes(mount):
             return turned_by_axes(mount, await self._ask.read(op.AxisPosition()))
         side = await self._ask.tube_side() if mount.driver.german else None
         return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - position.ra, side)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import hour_angle_to_horizon, separation, wrap180
 from gateway.core import operations as op
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, told
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, read_member
 from gateway.protocols.base.driver import Remark, Steps
 
 #: Degrees: altitudes at which refraction and the azimuth leave little doubt; how near an equinox must fit, how much
@@ -33,7 +33,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
     """Return the equinox that fits the server's altitude and azimuth; None if both do, or the data are insufficient."""
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
-        values.append((yield from told(mount, member)))
+        values.append((yield from read_member(mount, member)))
     if None in values or not HIGH[0] < values[3] < HIGH[1]:
         return None
     sidereal, ra, dec, altitude, azimuth, latitude, unix = values

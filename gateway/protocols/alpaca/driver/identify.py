@@ -18,8 +18,8 @@ from gateway.protocols.alpaca.driver.state import (
     TOLD_BY,
     AlpacaDriver,
     device_state,
-    insist,
-    told,
+    read_member,
+    read_member_again,
 )
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 
@@ -37,13 +37,13 @@ def contact(mount: AlpacaDriver, _: object = None) -> Steps:
     if (yield Send("connected"))["value"]:
         return
     try:
-        if (yield from told(mount, "interfaceversion", 0)) < TWO_STEPS:
+        if (yield from read_member(mount, "interfaceversion", 0)) < TWO_STEPS:
             raise Unsupported
         yield Send("connect")
     except Unsupported:
         yield Send("set_connected", {"on": True})
     for _look in range(LOOKS):
-        if not (yield from told(mount, "connecting", False)) and (yield Send("connected"))["value"]:
+        if not (yield from read_member(mount, "connecting", False)) and (yield Send("connected"))["value"]:
             return
         yield Wait(LOOK_AGAIN)
     raise NoAnswer("The server does not connect the mount.")
@@ -53,32 +53,34 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     """Return the Identity, after everything that depends on it was asked."""
     yield from contact(mount)
     for request, member in TOLD_BY.items():
-        if not (yield from insist(mount, member, False)):
+        if not (yield from read_member_again(mount, member, False)):
             mount.absent.add(request)
     mount.model = mount.settings.model or (yield from _kind(mount))
     for axis in (1, 2):
-        able = yield from insist(mount, "canmoveaxis", axis=axis - 1)
+        able = yield from read_member_again(mount, "canmoveaxis", axis=axis - 1)
         mount.movable[axis] = able is not False  # a failure denies nothing
-        mount.ranges[axis] = () if able is False else _ranges((yield from insist(mount, "axisrates", axis=axis - 1)))
-    mount.side_untold = bool(mount.german) and (yield from insist(mount, "sideofpier")) not in (0, 1)
-    system = yield from insist(mount, "equatorialsystem", 0)
-    mount.refracts = bool((yield from insist(mount, "doesrefraction", False)))
+        mount.ranges[axis] = (
+            () if able is False else _ranges((yield from read_member_again(mount, "axisrates", axis=axis - 1)))
+        )
+    mount.side_untold = bool(mount.german) and (yield from read_member_again(mount, "sideofpier")) not in (0, 1)
+    system = yield from read_member_again(mount, "equatorialsystem", 0)
+    mount.refracts = bool((yield from read_member_again(mount, "doesrefraction", False)))
     mount.equinox, mount.declared = EQUINOXES.get(system, "jnow"), system in EQUINOXES
     fits = None if mount.compared else (yield from compare_equinox(mount))
     if not mount.declared:
         mount.equinox = fits or "jnow"
         yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
-    mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount, insist)).keys()
-    east = (yield from insist(mount, "guideraterightascension", 0.0)) / SIDEREAL
-    north = (yield from insist(mount, "guideratedeclination", 0.0)) / SIDEREAL
+    mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount, read_member_again)).keys()
+    east = (yield from read_member_again(mount, "guideraterightascension", 0.0)) / SIDEREAL
+    north = (yield from read_member_again(mount, "guideratedeclination", 0.0)) / SIDEREAL
     mount.rates = (east if 0.0 < east < IMPOSSIBLE else 0.5, north if 0.0 < north < IMPOSSIBLE else 0.5)
     yield from read_status(mount)
-    name, version = (yield from told(mount, "name", "")), (yield from told(mount, "driverversion", ""))
+    name, version = (yield from read_member(mount, "name", "")), (yield from read_member(mount, "driverversion", ""))
     return op.Identity(product=str(name or "Alpaca telescope"), version=str(version or "?"), model=mount.model)
 
 
 def _kind(mount: AlpacaDriver) -> Steps:
-    number = yield from insist(mount, "alignmentmode")
+    number = yield from read_member_again(mount, "alignmentmode")
     if number in range(len(MODELS)):
         return MODELS[number]
     yield Remark("the server does not tell what kind of mount this is: it counts as a German one; write alpaca:altaz@…")
@@ -103,9 +105,9 @@ def read_status(mount: AlpacaDriver) -> Steps:
     state = (yield from device_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")
     if tracks is None:
-        tracks = yield from told(mount, "tracking")
+        tracks = yield from read_member(mount, "tracking")
     if parked is None:
-        parked = yield from told(mount, "atpark")
+        parked = yield from read_member(mount, "atpark")
     if tracks is not None and not mount.moving and mount.goto is None and mount.now() >= mount.doubted_until:
         mount.tracks = bool(tracks)
     if parked is not None and mount.goto is None:

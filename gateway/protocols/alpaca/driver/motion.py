@@ -25,7 +25,7 @@ from gateway.protocols.alpaca.driver.pointing import (
     resume_tracking,
     stop_current_motion,
 )
-from gateway.protocols.alpaca.driver.state import SIDEREAL, SLOW, AlpacaDriver, told
+from gateway.protocols.alpaca.driver.state import SIDEREAL, SLOW, AlpacaDriver, read_member
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
 
@@ -147,7 +147,7 @@ def _following(mount: AlpacaDriver, side: str) -> Steps:
         return {1: turned(mount, 1, 1, side) * SIDEREAL}
     place = []
     for member in ("azimuth", "altitude", "sitelatitude"):
-        place.append((yield from told(mount, member)))
+        place.append((yield from read_member(mount, member)))
     if None in place:
         raise Unsupported("Slow arrows on top of alt-az tracking need azimuth, altitude and latitude from the server.")
     first, second = hour_angle_rates(*place)
@@ -218,7 +218,7 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
                 failed[axis] = fault
     if any(isinstance(fault, NoAnswer | Silence) for fault in failed.values()):
         raise NoAnswer
-    if failed and (failed.keys() & mount.moving.keys() or (yield from told(mount, "slewing", True))):
+    if failed and (failed.keys() & mount.moving.keys() or (yield from read_member(mount, "slewing", True))):
         raise Refused(f'The stop was refused. The server says: "{next(iter(failed.values()))}"')
     yield from resume_tracking(mount)
     yield from look_at_tracking(mount)
@@ -302,7 +302,7 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
     if operation.on and mount.parked:
         yield from order(mount, "unpark")
         mount.parked = False
-    if (yield from told(mount, "tracking")) is not operation.on:  # what is so is not sent again
+    if (yield from read_member(mount, "tracking")) is not operation.on:  # what is so is not sent again
         yield from order(mount, "set_tracking", on=operation.on)
     mount.tracks, mount.doubted_until = operation.on, mount.now()
     for _look in range(LOOKS if operation.heard else 0):
@@ -338,7 +338,7 @@ def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
     factor = operation.factor or 1.0
     near = (name for name, number in RATES.items() if abs(FACTORS[number] - factor) < SAME_RATE)
     name = operation.name or next(near, "")
-    possible = yield from told(mount, "trackingrates", [0])
+    possible = yield from read_member(mount, "trackingrates", [0])
     if name not in RATES or (isinstance(possible, list) and RATES[name] not in possible):
         raise Unsupported(f"This mount does not track at the {name or f'{factor:g} times sidereal'} rate.")
     yield from order(mount, "set_trackingrate", rate=RATES[name])
@@ -346,5 +346,5 @@ def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
 
 def drive_rate(mount: AlpacaDriver, _: op.DriveRate) -> Steps:
     """Return the tracking rate as a multiple of sidereal."""
-    number = yield from told(mount, "trackingrate", 0)
+    number = yield from read_member(mount, "trackingrate", 0)
     return FACTORS[number] if number in range(len(FACTORS)) else 1.0

@@ -17,7 +17,7 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
 from gateway.protocols.alpaca.driver.identify import read_status
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, insist, told
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, read_member, read_member_again
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps, Wait
 
@@ -76,7 +76,7 @@ def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
 
 def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
     """Return the side of the tube of a German mount. Raises Unsupported if it is unknown, or there are no sides."""
-    ask = told if mount.side_untold else insist
+    ask = read_member if mount.side_untold else read_member_again
     side = (yield from ask(mount, "sideofpier")) if mount.german else None
     if side not in (0, 1):
         raise Unsupported("The server does not tell the side of the pier.")
@@ -97,12 +97,12 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
         return True
     mount.goto = None
     if state.then == "park":
-        mount.parked = bool((yield from told(mount, "atpark", True)))
+        mount.parked = bool((yield from read_member(mount, "atpark", True)))
         mount.tracks = mount.tracks and not mount.parked
     elif not mount.compared:
         yield Schedule(COMPARE_AFTER, CompareEquinox())
     if state.then == "home":
-        mount.home_state = int(bool((yield from told(mount, "athome", True))))
+        mount.home_state = int(bool((yield from read_member(mount, "athome", True))))
     elif state.then is None:
         yield from look_at_tracking(mount, 0.0)
     return False
@@ -143,14 +143,14 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
 
 def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
     """Return the refusal of an order with its reason, by the present reports of the mount."""
-    if command not in OF_PARKED and (yield from told(mount, "atpark", False)):
+    if command not in OF_PARKED and (yield from read_member(mount, "atpark", False)):
         mount.parked = True
         return Parked(_with_text(PARKED, fault))
-    if command in WHILE_TRACKING and not (yield from told(mount, "tracking", True)):
+    if command in WHILE_TRACKING and not (yield from read_member(mount, "tracking", True)):
         return Refused(_with_text("The mount does not track: turn tracking on first.", fault))
     if goal is not None:
-        sidereal = yield from told(mount, "siderealtime")
-        latitude = yield from told(mount, "sitelatitude")
+        sidereal = yield from read_member(mount, "siderealtime")
+        latitude = yield from read_member(mount, "sitelatitude")
         if None not in (sidereal, latitude):
             altitude = hour_angle_to_horizon(wrap180(sidereal - goal.ra), goal.dec, latitude)[1]
             if altitude < 0.0:
@@ -179,7 +179,7 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
 
 def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
     """Return the future pier side of the tube, and forget the senses of arrows measured on an unknown side."""
-    sidereal = yield from told(mount, "siderealtime")
+    sidereal = yield from read_member(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
     if abs(hour_angle) < EITHER_SIDE:
         return ""
@@ -220,7 +220,7 @@ def stop_current_motion(mount: AlpacaDriver) -> Steps:
     if mount.goto is not None:
         yield from abort_slew(mount, op.AbortSlew())
     until = mount.now() + ENDS_WITHIN
-    while moves and mount.now() < until and (yield from told(mount, "slewing", False)):
+    while moves and mount.now() < until and (yield from read_member(mount, "slewing", False)):
         yield Wait(LOOK_AGAIN)
 
 

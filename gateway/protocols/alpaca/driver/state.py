@@ -224,7 +224,7 @@ class AlpacaDriver(Driver):
         return op.Abilities(able.can, self.ranges.get(1, ()), self.rates, self.german)
 
 
-def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
+def read_member(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
     """Return the value of a member; ``otherwise`` if the server does not have the member, or fails to read it.
 
     If the server reports that it lacks the member, and has never sent it, it is not requested again.
@@ -244,10 +244,10 @@ def told(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: obje
     return next(iter(answer.values()), otherwise)
 
 
-def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
-    """Return the same as ``told``, but ask again after a failure: a server may fail for a moment."""
+def read_member_again(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
+    """Return the same as ``read_member``, but ask again after a failure: a server may fail for a moment."""
     for left in reversed(range(TIMES)):
-        value = yield from told(mount, member, **values)
+        value = yield from read_member(mount, member, **values)
         if value is not None:
             return value
         if left and member not in mount.absent:
@@ -255,7 +255,7 @@ def insist(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: ob
     return otherwise
 
 
-def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = told) -> Steps:
+def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = read_member) -> Steps:
     """Return all values that the server reports in one answer, by name; empty if it has no such request, or fails."""
     listed = yield from ask(mount, "devicestate", [])
     if not isinstance(listed, list):

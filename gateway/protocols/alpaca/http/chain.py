@@ -21,20 +21,20 @@ _behind: dict[str, list[str]] = {}
 
 
 @cache
-def own(process: int) -> str:
+def own_token(process: int) -> str:
     """Return the token of this process, which no process that it was forked from has."""
     return secrets.token_hex(8)
 
 
 def tokens() -> list[str]:
     """Return the tokens of this gateway and of those through which it reaches its mounts."""
-    return list(dict.fromkeys([own(os.getpid()), *(token for tokens in _behind.values() for token in tokens)]))
+    return list(dict.fromkeys([own_token(os.getpid()), *(token for tokens in _behind.values() for token in tokens)]))
 
 
 def check(where: str, description: Mapping[str, Any]) -> None:
     """Note the gateways behind a mount's server. Raises OSError if this gateway is among them."""
     listed = description.get(MEMBER)
     behind = [token for token in listed if isinstance(token, str)] if isinstance(listed, list) else []
-    if own(os.getpid()) in behind:
+    if own_token(os.getpid()) in behind:
         raise OSError(errno.ELOOP, "the mount there is this very gateway, directly or through another one")
     _behind[where] = behind

@@ -17,7 +17,7 @@ OWN = {
 }
 
 
-def kept(session: AlpacaSession, command: Command) -> float:
+def stored_value(session: AlpacaSession, command: Command) -> float:
     """Return a value that the program has set. Raises NoTarget for a target that was not set."""
     field, name, *_ = OWN[command.name]
     value: float | None = getattr(session.client, field)

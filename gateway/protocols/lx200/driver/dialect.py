@@ -16,7 +16,7 @@ from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Told, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, ControllerReport, Lx200Driver, ask
 
 #: Seconds for which a reply serves further questions; an order makes it stale at once.
 SHARED = 2.5
@@ -26,25 +26,27 @@ LOOK_FIRST, LOOK_AGAIN = 1.25, 2.0
 GLANCE = 0.5
 
 
-def tell(mount: Lx200Driver, glance: Send | None = None) -> Steps:
+def read_report(mount: Lx200Driver, glance: Send | None = None) -> Steps:
     """Send :GU or :GW, or take this ``glance``, and return what it reports; a recent reply is used again if nothing was
     ordered since.
     """
     if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
         answer = (yield glance) if glance is not None else (yield from ask(mount, form["command"]))
-        state = _by_letters(mount, form, answer["letters"]) if "letters" in answer else _by_places(answer)
+        state = (
+            _report_from_letters(mount, form, answer["letters"]) if "letters" in answer else _report_from_places(answer)
+        )
         mount.reported = mount.now(), state
     return mount.reported[1]
 
 
-def _by_places(answer: dict[str, Any]) -> Told:
+def _report_from_places(answer: dict[str, Any]) -> ControllerReport:
     place = answer["aligned"]
     build = None if answer["build"] == "L" else answer["build"]
-    return Told(answer["tracking"] == "T", place == "P", place == "H", build)
+    return ControllerReport(answer["tracking"] == "T", place == "P", place == "H", build)
 
 
-def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
+def _report_from_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> ControllerReport:
     letters, tail = text[: -form["tail"]], text[-form["tail"] :]
     if not any(letter in letters for letter in form["park"]):
         raise Garbled  # cut short, or another controller's
@@ -58,7 +60,7 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
         return any(letter in letters for letter in form[name])
 
     builds, sides = {"german": "G", "fork": "P", "alt-az": "A"}, {"east": "E", "west": "W"}
-    return Told(
+    return ControllerReport(
         tracks=not has("tracks-not"),
         parked=has("parked"),
         home=has("home"),
@@ -70,14 +72,14 @@ def _by_letters(mount: Lx200Driver, form: dict[str, Any], text: str) -> Told:
     )
 
 
-def told_side(mount: Lx200Driver) -> Steps:
+def reported_side(mount: Lx200Driver) -> Steps:
     """Return the side of the pier, E or W; None if the mount does not report it."""
     if not mount.tells_status or not mount.dialect:
         return None
     if (command := mount.dialect["status"].get("side")) is not None:
         side = (yield from ask(mount, command))["side"]
     else:
-        side = (yield from tell(mount)).side
+        side = (yield from read_report(mount)).side
     return side if side in ("E", "W") else None
 
 
@@ -137,7 +139,7 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
         return not set(form["moves"]).isdisjoint(str(reply.get("letters")))
 
     try:
-        state = yield from tell(mount, Send(form["command"], patience=patience, unverified=shows_motion))
+        state = yield from read_report(mount, Send(form["command"], patience=patience, unverified=shows_motion))
     except (Silence, Garbled):
         yield Schedule(LOOK_AGAIN, operation)
         return

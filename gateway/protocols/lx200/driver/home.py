@@ -11,10 +11,10 @@ import contextlib
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import tell
+from gateway.protocols.lx200.driver.dialect import read_report
 from gateway.protocols.lx200.driver.drive import periodic_error, set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, restore_rates_later
-from gateway.protocols.lx200.driver.identify import insist, read_status
+from gateway.protocols.lx200.driver.identify import ask_repeatedly, read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
@@ -38,7 +38,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     home".
     """
     nameless = not mount.product and mount.named_model is None
-    if nameless and (yield from insist(mount, "GVP", 2)) is not None:
+    if nameless and (yield from ask_repeatedly(mount, "GVP", 2)) is not None:
         raise Refused("The mount has told its name only now. Connect it again, so that it is identified.")
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on no other command is sent; requests in the queue are answered first
@@ -74,7 +74,7 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
     if mount.dialect:
         if mount.goto is not None and mount.goto.then:
             return 2
-        state = yield from tell(mount)
+        state = yield from read_report(mount)
         return int(state.home or state.parked)
     return int((yield from ask(mount, "h?"))["state"])
 

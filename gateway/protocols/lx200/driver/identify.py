@@ -13,7 +13,7 @@ from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import learn_speeds, tell
+from gateway.protocols.lx200.driver.dialect import learn_speeds, read_report
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, PUSHED, Lx200Driver, ask, ask_unless
 from gateway.protocols.wireformat.command_set import load
 
@@ -55,7 +55,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         _learn_letter(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
     times = 1 if mount.named_model is not None else 3 if mount.product else 2
-    product = yield from insist(mount, "GVP", times - ("GVP" in mount.mute))
+    product = yield from ask_repeatedly(mount, "GVP", times - ("GVP" in mount.mute))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.count_as((yield from _model(mount, mount.product)))
@@ -64,7 +64,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         times = ASKED_FOR_STATE if mount.dialect else 1
-        mount.tells_status = (yield from insist(mount, mount.status_command, times)) is not None
+        mount.tells_status = (yield from ask_repeatedly(mount, mount.status_command, times)) is not None
         if mount.dialect and not mount.tells_status:
             mount.count_as("other")
     mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
@@ -104,7 +104,7 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
         yield Remark(PUSHED)
 
 
-def insist(mount: Lx200Driver, command: str, times: int) -> Steps:
+def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
     """Send a question, on whose answer everything depends, several times, because replies may be lost."""
     answer = None
     for _ in range(times):
@@ -190,7 +190,7 @@ def read_status(mount: Lx200Driver) -> Steps:
         mount.tells_status = (yield from _probe(mount, command)) is not None
     if mount.dialect and mount.tells_status:
         mount.reported = None
-        state = yield from tell(mount)
+        state = yield from read_report(mount)
         _learn_letter(mount, state.build or mount.home_letter)
         mount.aligned, mount.land = True, False
         if mount.goto is None:

@@ -14,7 +14,7 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separ
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Garbled, Refused, Silence, TooHigh, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import tell, told_side
+from gateway.protocols.lx200.driver.dialect import read_report, reported_side
 from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Lx200GotoState, ask
@@ -115,7 +115,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     mount.parked = state.then == "park"
     if state.then and mount.dialect and mount.tells_status:
         mount.reported = None
-        status = yield from tell(mount)
+        status = yield from read_report(mount)
         mount.parked = status.parked
         if not (status.parked if state.then == "park" else status.home):
             place = "parked" if state.then == "park" else "at its home"
@@ -185,7 +185,7 @@ def _bars(mount: Lx200Driver) -> Steps:
     """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches."""
     if mount.goto is not None and mount.goto.then and mount.dialect and mount.tells_status:
         mount.reported = None
-        status = yield from tell(mount)
+        status = yield from read_report(mount)
         if status.slews is not None:
             return status.slews or status.moves
     return bool((yield from ask(mount, "D"))["bars"].strip())
@@ -250,7 +250,7 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
     """Return whether the second axis is turned beyond the pole, by :GS and the last goto, or :GR. False for a fork."""
     if not mount.german:
         return False
-    if (side := (yield from told_side(mount))) is not None:
+    if (side := (yield from reported_side(mount))) is not None:
         mount.beyond_pole = (side == "W") is not mount.southern
         return mount.beyond_pole
     if mount.beyond_pole is None:

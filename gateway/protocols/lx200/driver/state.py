@@ -57,7 +57,7 @@ class Lx200GotoState(GotoUnderWay):
     place: Equatorial | None = None
 
 
-class Told(Struct, frozen=True):
+class ControllerReport(Struct, frozen=True):
     """The report of a mount of another maker. ``moves``: an arrow or a pulse moves it; ``slews``: a goto, or a search
     for home by switches, None if it does not report that. ``build`` is a Meade's letter for the mounting, ``side`` the
     letter of the pier side, or None; ``fault``: a limit of the mount, or an error.
@@ -139,7 +139,7 @@ class Lx200Driver(Driver):
         #: Whether a motion in right ascension has changed the drive rate.
         self.drive_changed = False
         # of another maker's: the state that it has told, and when; its own speeds, degrees per second
-        self.reported: tuple[float, Told] | None = None
+        self.reported: tuple[float, ControllerReport] | None = None
         self.own_speeds: dict[str, float] = {}
         #: The rate commands of the last arrow or pulse, of its own pulses (also before that one), and of its own keys,
         #: as far as it tells them.

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
-from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, named
+from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, parse_port
 from gateway.diagnostics.detect.report import block, command, toml
 from gateway.diagnostics.detect.scan_port import OTHERS, sentence
 from gateway.diagnostics.virtual_time import run
@@ -169,7 +169,7 @@ def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:
 
         return feed
 
-    for place in (SerialPortInfo("-", "-"), named("lx200@/dev/ttyUSB0")):
+    for place in (SerialPortInfo("-", "-"), parse_port("lx200@/dev/ttyUSB0")):
         finding, _ = seen(device, place=place)
         assert finding.mount is not None, finding
 
@@ -341,7 +341,7 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
         return lambda data: b"" if data in (b"\x06", b"#\x06") else bytes(sim.feed(data))
 
     assert seen(device)[0].state == "silent"
-    finding, wire = seen(device, place=named("lx200:lx200@/dev/ttyUSB0"))
+    finding, wire = seen(device, place=parse_port("lx200:lx200@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert wire.sent()[:3] == [b"Kx", b"#\x06", b"#:GR#"]
     assert command(finding) == (
@@ -350,13 +350,13 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
 
 
 def test_a_hand_control_that_is_named_is_asked_nothing_else() -> None:
-    finding, wire = seen(lambda: silent, place=named("nexstar@socket://127.0.0.1:1"))
+    finding, wire = seen(lambda: silent, place=parse_port("nexstar@socket://127.0.0.1:1"))
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx"]
 
 
 def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mistake() -> None:
-    finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=named("lx200:autostar@/dev/ttyUSB0"))
+    finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=parse_port("lx200:autostar@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert b":" not in b"".join(wire.sent())
     assert command(finding) == "mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030"

@@ -23,8 +23,8 @@ from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
 from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, named, ports
-from gateway.diagnostics.detect.ports import here, holder, lasting_name
+from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, parse_port, ports
+from gateway.diagnostics.detect.ports import holder, lasting_name, local_ports
 from gateway.diagnostics.detect.scan_port import Patience
 from gateway.system.processes import Process
 from gateway.transport.baud import misread
@@ -261,14 +261,14 @@ def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.Monk
         device, description = "/dev/ttyUSB7", "USB-Serial Controller"
 
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port])
-    assert here() == [SerialPortInfo("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
+    assert local_ports() == [SerialPortInfo("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
 
 
 def test_an_endpoint_may_be_given_for_a_port() -> None:
-    assert named("lx200@/dev/ttyS0").named == Endpoint("lx200", "/dev/ttyS0")
-    assert named("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
+    assert parse_port("lx200@/dev/ttyS0").named == Endpoint("lx200", "/dev/ttyS0")
+    assert parse_port("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
     with pytest.raises(UserError, match="no model"):
-        named("nexstar:cpx@/dev/ttyS0")
+        parse_port("nexstar:cpx@/dev/ttyS0")
 
 
 # --- over the network ---------------------------------------------------------------------------------------------
@@ -363,5 +363,5 @@ def test_a_rate_is_more_than_nothing(rate: str, capsys: pytest.CaptureFixture[st
 ])  # fmt: skip
 def test_no_mount_speaks_what_only_programs_do(text: str, words: str) -> None:
     with pytest.raises(UserError) as raised:
-        named(text)
+        parse_port(text)
     assert words in str(raised.value)

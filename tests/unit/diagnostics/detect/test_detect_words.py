@@ -81,7 +81,7 @@ def test_without_a_mount_it_is_said_what_to_try(finding: PortFinding, says: list
 
 
 def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.diagnostics.detect.here", list)
+    monkeypatch.setattr("gateway.diagnostics.detect.local_ports", list)
     asked = []
 
     async def nobody(urls: list[str] | None) -> list[PortFinding]:

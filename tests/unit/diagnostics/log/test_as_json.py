@@ -18,7 +18,7 @@ AT = 1768514400.25
 def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
     """The objects of a log."""
     stream = io.StringIO()
-    put = as_json.json_printer(Rows("nexstar", ["lx200"], as_json.kept(log)), stream, "pier")
+    put = as_json.json_printer(Rows("nexstar", ["lx200"], as_json.filter_of(log)), stream, "pier")
     for entry in entries:
         put(entry)
     return [json.loads(line) for line in stream.getvalue().splitlines()]
@@ -64,7 +64,7 @@ def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
     ],
 )
 def test_form_and_filter(log: bool | str, wanted: bool, kept: str) -> None:
-    assert as_json.wanted(log) is wanted and as_json.kept(log) == kept
+    assert as_json.wanted(log) is wanted and as_json.filter_of(log) == kept
 
 
 def test_filters_hold_for_objects_too() -> None:

@@ -140,8 +140,8 @@ def test_a_gateway_that_would_drive_itself(monkeypatch: pytest.MonkeyPatch) -> N
     """The tokens of gateways in a row are all there; one's own is refused."""
     monkeypatch.setattr(chain, "_behind", {})
     chain.check("http://a", {"ServerName": "another"}), chain.check("http://b", {"Gateways": ["first", "second", 3]})
-    own = chain.own(os.getpid())
-    assert chain.tokens() == [own, "first", "second"] and own != chain.own(os.getpid() + 1)
+    own = chain.own_token(os.getpid())
+    assert chain.tokens() == [own, "first", "second"] and own != chain.own_token(os.getpid() + 1)
     with pytest.raises(OSError, match="this very gateway"):
         chain.check("http://c", {"Gateways": ["first", own]})
     chain.check("http://b", {"Gateways": "nonsense"})
