@@ -242,7 +242,7 @@ def keys_table() -> str:
         head = f"`{title(name)}`" if name else ""
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
-            lines.append(f"| {head} | `{key.name}` | {key.words} | {key.right} | {default} |")
+            lines.append(f"| {head} | `{key.name}` | {key.description} | {key.right} | {default} |")
     return "\n".join(lines) + "\n"
 
 

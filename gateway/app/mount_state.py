@@ -110,11 +110,11 @@ class MountState(Struct, frozen=True, dict=True):
             moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
         except (OverflowError, OSError, ValueError):  # a mount may report any year
             return ""
-        doubts = "".join(f"; {doubt.words}" for doubt in self.clock_doubts)
+        doubts = "".join(f"; {doubt.text}" for doubt in self.clock_doubts)
         return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
 
     @property
-    def goal_words(self) -> str:
+    def goal_text(self) -> str:
         """The goal of a goto under way as text; empty if there is none, or only the mount knows it."""
         if isinstance(self.goal, op.Horizontal):
             return f"azimuth {self.goal.az:.1f}°, altitude {self.goal.alt:.1f}°"
@@ -133,7 +133,7 @@ class MountState(Struct, frozen=True, dict=True):
             yield "a stop, which the mount has not acknowledged yet"
         if isinstance(motion, Slew):
             home = "the way to its park position" if isinstance(motion.operation, op.Park) else "the way home"
-            yield (f"a goto to {self.goal_words}" if self.goal else home) + asked(motion.by, motion.since)
+            yield (f"a goto to {self.goal_text}" if self.goal else home) + asked(motion.by, motion.since)
         elif self.look.slewing:
             yield "it slews without an order from this gateway: perhaps by its hand control"
         yield from filter(None, (wanted.short, self.sun_ahead, self.doubt))
@@ -146,7 +146,7 @@ class MountState(Struct, frozen=True, dict=True):
 
     def _allowed(self) -> Iterator[str]:
         limits = self.policy.limits
-        yield from (limits if self.pier_kept else replace(limits, hour_angle=None)).words()
+        yield from (limits if self.pier_kept else replace(limits, hour_angle=None)).as_text()
         if limits.hour_angle is not None and not self.pier_kept:
             yield NOT_KEPT
         if limits.by_page:
@@ -196,7 +196,7 @@ def mount_state(
         over=astrometry.horizon(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal(controller),
-        sun_ahead=controller.sun_ahead.words,
+        sun_ahead=controller.sun_ahead.warning,
         doubt=controller.synced.doubt,
         policy=controller.policy,
         sites=sites,
@@ -227,7 +227,7 @@ _TUBE = {"north": "up", "south": "down", "east": "left", "west": "right"}
 
 
 def _arrow(operation: op.Move | op.MoveAxis, axis: int, tube: bool) -> str:
-    """Return an arrow in words: as it moves the ``tube`` of an alt-azimuth mount, else on the sky."""
+    """Return an arrow as text: as it moves the ``tube`` of an alt-azimuth mount, else on the sky."""
     if isinstance(operation, op.Move):
         word = operation.direction.word
         return f"an arrow {_TUBE[word] if tube else word}"

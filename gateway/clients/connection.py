@@ -185,7 +185,7 @@ class ClientConnection:
             self._first.end()
         titles, client = self._binding.titles, self.client
         client.log.note(
-            f"sends {greeting.words}; this is a port for programs that speak {titles}: "
+            f"sends {greeting.description}; this is a port for programs that speak {titles}: "
             "nothing of it reaches the mount, and the connection is closed"
         )
         self._hang_up(answer(titles) if greeting.http else b"")

@@ -36,9 +36,9 @@ Octet = frozenset[int]
 
 
 class Greeting(Struct, frozen=True):
-    """The first bytes of a stranger: ``first`` identifies it, ``words`` follow "sends" in the log."""
+    """The first bytes of a stranger: ``first`` identifies it, ``description`` follows "sends" in the log."""
 
-    words: str
+    description: str
     first: tuple[Octet, ...]
     #: Whether it is answered over HTTP.
     http: bool = False

@@ -211,7 +211,7 @@ class PageSession:
         if isinstance(wish, StopRequest):
             chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
             answers = await asyncio.gather(*(gateway.request_handler.take(wish) for gateway in chosen))
-            reason = "; ".join(dict.fromkeys(answer.words for answer in answers))
+            reason = "; ".join(dict.fromkeys(answer.text for answer in answers))
             await self._answer(message.id, all(answer.done for answer in answers), reason)
             return
         gateway = mounts.gateway(message.mount)
@@ -260,7 +260,7 @@ class PageSession:
         await self._answer(message.id, True, f"the recording is in {path}", more)
 
     async def _tell(self, message: Message, answer: Answer) -> None:
-        await self._answer(message.id, answer.done, on_page(answer.words))
+        await self._answer(message.id, answer.done, on_page(answer.text))
 
     async def _answer(self, number: int, done: bool, text: str, more: dict[str, Any] | None = None) -> None:
         if number:

@@ -79,7 +79,7 @@ class MappingError(UserError):
 class Fault(GatewayError):
     """An operation that was not carried out; ``str(fault)`` is the text for the client's user."""
 
-    words = "Not possible."
+    default_text = "Not possible."
     #: An explanation for a terminal or a page; {sun} and {sync} are the limits.
     means = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
@@ -94,7 +94,7 @@ class Fault(GatewayError):
     brief = ""
 
     def __init__(self, text: str | None = None, brief: str = "") -> None:
-        super().__init__(text or self.words)
+        super().__init__(text or self.default_text)
         if text or brief:
             self.brief = brief
 
@@ -106,31 +106,31 @@ class Fault(GatewayError):
 class Invalid(Fault):
     """A value outside its range, or a field that cannot be read."""
 
-    words = "Invalid value."
+    default_text = "Invalid value."
 
 
 class Disturbed(Fault):
     """A motion command that arrived together with a truncated command: more bytes may have been lost."""
 
-    words = "A command before this one was damaged."
+    default_text = "A command before this one was damaged."
 
 
 class NoTarget(Fault):
     """A goto or sync without a target: none was set, or the last target was refused."""
 
-    words = "No target set."
+    default_text = "No target set."
 
 
 class BelowHorizon(Fault):
     """The target is lower than the lowest altitude allowed."""
 
-    words = "Object Below Horizon."
+    default_text = "Object Below Horizon."
 
 
 class TooHigh(Fault):
     """The target is higher than the highest altitude allowed."""
 
-    words = "Object Below Higher."
+    default_text = "Object Below Higher."
 
 
 class WayBlocked(TooHigh):
@@ -139,115 +139,115 @@ class WayBlocked(TooHigh):
     The target itself is allowed: a protocol with separate replies answers as for a target above the horizon.
     """
 
-    words = "The way there leaves the limits."
+    default_text = "The way there leaves the limits."
 
 
 class NearSun(Fault):
     """The target, or the path to it, is nearer to the Sun than the operator allows."""
 
-    words = "Too close to the Sun."
+    default_text = "Too close to the Sun."
     means = "By day the gateway keeps the tube {sun:g}° from the Sun; with a solar filter, --sun changes that."
 
 
 class Contradicted(Fault):
     """The altitude of the target is allowed by a source of site or time and forbidden by another."""
 
-    words = "Site or time is doubtful."
+    default_text = "Site or time is doubtful."
 
 
 class PastMeridian(Fault):
     """The target is farther from the meridian than the operator's limit of the hour angle."""
 
-    words = "Beyond the hour angle limit."
+    default_text = "Beyond the hour angle limit."
     means = "The hour angle limit keeps the tube from the pier."
 
 
 class NotAligned(Fault):
     """The hand control is not aligned, so its coordinates mean nothing."""
 
-    words = "Mount not aligned."
+    default_text = "Mount not aligned."
     means = "Align it at the hand control, then ask again."
 
 
 class SyncTooFar(Fault):
     """A sync farther from the present position than ``sync_limit``."""
 
-    words = "Sync too far from present position."
+    default_text = "Sync too far from present position."
     means = "All syncs since the last alignment may add up to {sync:g}°."
 
 
 class Stopped(Fault):
     """A stop arrived before the motion could be started."""
 
-    words = "Stopped."
+    default_text = "Stopped."
     means = "A stop or another order came before it was done."
 
 
 class Unsupported(Fault):
     """This mount, or this version of its hand control, cannot do it."""
 
-    words = "Not possible on this mount."
+    default_text = "Not possible on this mount."
 
 
 class NoAnswer(Fault):
     """The mount did not reply, or its line is lost."""
 
-    words = "No answer from mount."
+    default_text = "No answer from mount."
     means = "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."
 
 
 class Asleep(NoAnswer):
     """The mount hibernates: the command was not sent, because the mount would not answer."""
 
-    words = "The mount is asleep."
+    default_text = "The mount is asleep."
     means = "Unpark it, or wake it by its own keys."
 
 
 class Garbled(NoAnswer):
     """Bytes came that are no reply to the request."""
 
-    words = "Garbled answer from the mount."
+    default_text = "Garbled answer from the mount."
 
 
 class Silence(Fault):
     """No reply to a request that a mount of this kind may leave unanswered."""
 
-    words = "The mount does not know this command."
+    default_text = "The mount does not know this command."
 
 
 class Held(Fault):
     """The user holds the mount with ``mount-gateway stop --hold``: no client moves it until the user releases it."""
 
-    words = "The mount is held: release it first (mount-gateway stop --release)."
+    default_text = "The mount is held: release it first (mount-gateway stop --release)."
     brief = "The mount is held: type mount-gateway stop --release."
 
 
 class Busy(Fault):
     """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
 
-    words = "The mount is busy."
+    default_text = "The mount is busy."
     means = "Ask again in a moment."
 
 
 class NoDevice(Fault):
     """The hand control answered, but the device it was asked to reach did not."""
 
-    words = "No such device on the mount."
+    default_text = "No such device on the mount."
 
 
 class ReadOnly(Fault):
     """The client may read, and stop the mount, but neither move it nor set anything."""
 
-    words = "Read only."
+    default_text = "Read only."
 
 
 class NotFromNetwork(Fault):
     """A network client sent a command that clients there may send only if the operator allows it."""
 
-    words = "Not allowed over a network."
+    default_text = "Not allowed over a network."
 
 
 class Refused(Fault):
     """The mount itself, or a check of the gateway, refused the operation."""
 
-    words = "Refused by the mount."
+    default_text = "Refused by the mount."

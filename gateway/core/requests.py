@@ -214,7 +214,7 @@ class Answer(NamedTuple):
     """
 
     outcome: str
-    words: str
+    text: str
     fault: str = ""
 
     @property
@@ -222,7 +222,7 @@ class Answer(NamedTuple):
         return self.outcome == DONE
 
     def __str__(self) -> str:
-        return f"{self.outcome} {self.words}"
+        return f"{self.outcome} {self.text}"
 
 
 def encode(request: Request) -> str:

@@ -146,7 +146,7 @@ def decode(chunks: Iterable[Chunk], of: Callable[[str], Side], began: float | No
             continue
         pieces = side.commands(chunk.data, chunk.at) if chunk.arrow == ">" else side.replies(chunk.data)
         lines = [
-            _line(chunk, began, heard.data, heard.words)
+            _line(chunk, began, heard.data, heard.text)
             for heard in pieces
             if heard.command or chunk.arrow == "<" or side.unknown <= NOISE
         ]

@@ -107,7 +107,7 @@ class Orders:
 
     async def _stopped(self) -> None:
         answer = await self._gateway.request_handler.take(StopRequest())
-        self._report(answer.outcome, f"stop: {answer.words}")
+        self._report(answer.outcome, f"stop: {answer.text}")
 
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
@@ -116,7 +116,7 @@ class Orders:
             answer = await self._gateway.request_handler.take(request)
         finally:
             self._busy = False
-        self._report(answer.outcome, f"{text}: {answer.words}")
+        self._report(answer.outcome, f"{text}: {answer.text}")
 
 
 #: The maximum number of other gateways that are answered.

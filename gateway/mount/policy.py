@@ -63,7 +63,7 @@ class Limits(Struct, frozen=True):
             raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
         return replace(limits, by_page=limits != self)
 
-    def words(self) -> Iterator[str]:
+    def as_text(self) -> Iterator[str]:
         """Yield the limits, as text for the user."""
         yield f"altitude {self.lowest:g}° to {self.highest:g}°"
         if self.sun > 0.0:
@@ -72,7 +72,7 @@ class Limits(Struct, frozen=True):
             yield f"no more than {self.hour_angle / 15.0:g} h past the meridian"
 
     def __str__(self) -> str:
-        return ", ".join(self.words())
+        return ", ".join(self.as_text())
 
     def check_altitude(self, altitude: float) -> None:
         """Check an altitude. Raises BelowHorizon or TooHigh."""

@@ -30,7 +30,7 @@ class Mistake(NamedTuple):
     """The place of a mistake, and a message with the mistake and its correction."""
 
     place: Place
-    words: str
+    message: str
 
 
 def mistakes(config: Config, served: bool = True, in_file: bool = False) -> Iterator[Mistake]:

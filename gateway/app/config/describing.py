@@ -16,7 +16,7 @@ class Key(NamedTuple):
     """A key of the configuration. ``right`` describes the valid values, ``choices`` lists them if they are few."""
 
     name: str
-    words: str
+    description: str
     shown: str
     right: str
     choices: tuple[str, ...]
@@ -34,9 +34,9 @@ class Key(NamedTuple):
     def help(self) -> str:
         """The description, followed by the default if it is a number or a word."""
         if self.default is None or isinstance(self.default, bool | list):
-            return self.words
+            return self.description
         shown = f"{self.default:g}" if isinstance(self.default, float) else self.default
-        return f"{self.words} (default {shown})"
+        return f"{self.description} (default {shown})"
 
 
 @lru_cache
@@ -66,7 +66,7 @@ def _key(field: Any, hint: Any) -> Key:
         default = field.default_factory()
     return Key(
         name=field.encode_name,
-        words=meta.description or "",
+        description=meta.description or "",
         shown=meta.extra["shown"] or "|".join(choices),
         right=right,
         choices=choices,
@@ -104,10 +104,10 @@ def _choices(hint: object) -> tuple[str, ...]:
 
 def _right(hint: object) -> str:
     """Return a description of the valid values."""
-    return " or ".join(_words(kind, metas) for kind, metas in _types(hint))
+    return " or ".join(_valid_values(kind, metas) for kind, metas in _types(hint))
 
 
-def _words(kind: object, metas: list[msgspec.Meta]) -> str:
+def _valid_values(kind: object, metas: list[msgspec.Meta]) -> str:
     if get_origin(kind) is Literal:
         return f"one of {', '.join(get_args(kind))}"
     if get_origin(kind) is tuple:

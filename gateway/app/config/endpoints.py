@@ -188,9 +188,9 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
         raise UserError(f"{name!r} is no protocol ({', '.join(among)}) and no model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
-    if model in spec.version_words:
-        model, version = "", spec.version_words[model](version if slash else None)
-    possible = [*spec.commands.models, *spec.version_words] if model or version else []
+    if model in spec.version_names:
+        model, version = "", spec.version_names[model](version if slash else None)
+    possible = [*spec.commands.models, *spec.version_names] if model or version else []
     if (model or version) and not possible:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in possible:

@@ -18,10 +18,10 @@ OFF = "off"
 
 
 def key(
-    words: str, shown: str = "", example: Any = None, *, flag: bool = True, common: bool = False, **limits: Any
+    description: str, shown: str = "", example: Any = None, *, flag: bool = True, common: bool = False, **limits: Any
 ) -> Meta:
     extra = {"shown": shown, "example": example, "flag": flag, "common": common}
-    return Meta(description=words, extra=extra, **limits)
+    return Meta(description=description, extra=extra, **limits)
 
 
 #: The characters of a name: no blank, no slash, no wildcard.

@@ -31,7 +31,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A program. ``first``: the first bytes of a connection that only this program sends; ``told``: how that is known.
+    """A program. ``first``: the first bytes of a connection that only this program sends; ``evidence``: how that is known.
 
     ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
     """
@@ -39,7 +39,7 @@ class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     needs: list[Need] = []
     first: str | None = None
-    told: str = ""
+    evidence: str = ""
     leaves_text: bool = False
     stops_arrows: bool = False
 
@@ -79,7 +79,7 @@ def _numbers(endpoint: Endpoint) -> Version:
     """
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
-    if version is None or version.partition("-")[0] in spec.version_words:
+    if version is None or version.partition("-")[0] in spec.version_names:
         return NEWEST
     return parse_version(version)
 

@@ -155,7 +155,7 @@ def _msgspec_error(tables: dict[str, object], source: Source, place: Place, fiel
             f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
             "the port), or --config FILE with a gateway.toml"
         )
-    return _located(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
+    return _located(source, Mistake((*place, field), f'is needed: {key.description}; for example "{key.example}"'))
 
 
 def _wrong_value(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
@@ -207,11 +207,11 @@ def _located(source: Source, mistake: Mistake) -> UserError:
     where = source.where(mistake.place)
     if where.startswith("--") or not (source.is_file or len(mistake.place) > 1):
         return UserError(
-            f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
+            f"{where} {mistake.message}" if mistake.message[:1] in "'0123456789-" else f"{where}: {mistake.message}"
         )
     head = f"{title(str(table))} " if table in TABLES else ""
     name = key if isinstance(key, str) and (len(mistake.place) > 1 or key not in TABLES) else ""
-    return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.words}")
+    return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.message}")
 
 
 def _show(value: object) -> str:

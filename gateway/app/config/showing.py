@@ -71,7 +71,7 @@ def example() -> str:
 def _sample(table: str) -> Iterator[str]:
     for key in keys(table):
         choice = f" ({', '.join(key.choices)})" if key.choices else ""
-        yield f"# {key.words}{choice}"
+        yield f"# {key.description}{choice}"
         off = "" if key.required or key.example == key.default else "#"
         yield f"{off}{key.name} = {toml(key.example)}"
 

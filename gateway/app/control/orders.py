@@ -27,7 +27,7 @@ async def halt(request: StopOrHold, controller: MountController, store: StateSto
     """Stop, hold or release the mount."""
     who = request.who or WHO
     answer = await _answer(request, who, controller, store)
-    controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.words}")
+    controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.text}")
     return answer
 
 
@@ -41,7 +41,7 @@ async def _answer(request: StopOrHold, who: str, controller: MountController, st
     controller.hold.on = True
     answer, trouble = await asyncio.gather(stopped(controller, who), _on_disk(store, held=True))
     if not answer.done:
-        return Answer(FAILED, f"not stopped: {answer.words}; it is held from now on{trouble}")
+        return Answer(FAILED, f"not stopped: {answer.text}; it is held from now on{trouble}")
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 

@@ -204,6 +204,6 @@ async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: floa
     """Return the state of a gateway's mount, or the answer that explains why the gateway does not report it."""
     answer = await request(endpoint, StateRequest(fresh), seconds)
     try:
-        return msgspec.json.decode(answer.words, type=State)
+        return msgspec.json.decode(answer.text, type=State)
     except msgspec.MsgspecError:
         return answer._replace(outcome=FAILED)

@@ -27,7 +27,7 @@ _WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "
 class NotInstalled(Unsupported):
     """The catalogue's package is missing."""
 
-    words = "Object library not installed."
+    default_text = "Object library not installed."
 
 
 def data_file(package: str, name: str) -> Path:

@@ -93,7 +93,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
 
 def report(answer: Answer) -> int:
     """Print the result of a request and return the exit code."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in answer.words)
+    plain = "".join(letter if letter.isprintable() else "?" for letter in answer.text)
     if answer.outcome == "failed":
         streams.warn(plain, streams.ERROR)
         return 1

@@ -57,7 +57,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     states = sorted([answer for answer in answers if isinstance(answer, State)], key=lambda state: state.folder)
     for endpoint, answer in zip(endpoints, answers, strict=True):
         if isinstance(answer, Answer):
-            streams.warn(f"{endpoint.title}: {answer.words}", streams.ERROR)
+            streams.warn(f"{endpoint.title}: {answer.text}", streams.ERROR)
     if arguments.json:
         print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:

@@ -60,9 +60,9 @@ def _stop(arguments: argparse.Namespace) -> int:
     for mount, answer in report.outcomes:
         name = mount or "a mount that is not known any more"
         if answer.done:
-            good.append(f"{name}: {answer.words}")
+            good.append(f"{name}: {answer.text}")
         else:
-            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.words}")
+            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.text}")
     if word != "stop":
         done, trouble = _on_disk(scope.folder, word)
         good += [done] * bool(done)

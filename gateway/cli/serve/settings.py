@@ -128,7 +128,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. A flag for true, false or a choice of words needs no value, or has ``=WORD``."""
-    help_text = f"{key.words} (default: yes)" if key.default is True else key.words
+    help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=help_text)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)

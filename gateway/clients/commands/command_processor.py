@@ -197,7 +197,7 @@ class CommandProcessor:
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         for frame in frames:
             if isinstance(frame, Unterminated):
-                self.log.note(frame.words)
+                self.log.note(frame.refusal_text)
             if self._rate is not None and self.surface.protocol.find(frame) is not None:
                 self._rate.understood()
             if frame in ended:
@@ -373,7 +373,7 @@ class CommandProcessor:
         self.unread.drop()
         self._pushes.close()
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
-            self.log.note(frame.words)
+            self.log.note(frame.refusal_text)
             deque(self.surface.handle(self.session, frame), 0)
         self._log_dropped()
         if self._rate is not None:

@@ -116,5 +116,5 @@ def as_row(row: Row, index: int, pair: int | None, surface: str = "") -> dict[st
     """Return a row for the page, with bytes as printable text; the page shows it as text, never as markup."""
     return {
         "mount": index, "time": round(row.time, 3), "side": show(row.side.encode()), "arrow": row.arrow,
-        "data": show(row.data), "words": row.words, "kind": row.kind, "pair": pair, "surface": surface,
+        "data": show(row.data), "words": row.text, "kind": row.kind, "pair": pair, "surface": surface,
     }  # fmt: skip

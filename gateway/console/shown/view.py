@@ -131,10 +131,10 @@ def _goal(controller: MountController, state: MountState) -> dict[str, Any]:
     """Return the target of the goto under way."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
-        goal = {**coordinates(controller, state.goal), "words": state.goal_words}
+        goal = {**coordinates(controller, state.goal), "words": state.goal_text}
     elif isinstance(state.wanted.motion, Slew) and isinstance(state.wanted.motion.operation, op.GotoHorizontal):
         assert state.goal is not None
-        goal = {"ra": None, "dec": None, "alt": state.goal.alt, "az": state.goal.az, "words": state.goal_words}
+        goal = {"ra": None, "dec": None, "alt": state.goal.alt, "az": state.goal.az, "words": state.goal_text}
     return {"target": goal}
 
 
@@ -148,8 +148,8 @@ def _site_and_clock(state: MountState) -> dict[str, Any]:
     return {
         "site": site,
         "clock": {"ahead": round(time.unix - state.clock, 1), "source": time.source},
-        "site_doubt": next((doubt.words for doubt in state.site_doubts), ""),
+        "site_doubt": next((doubt.text for doubt in state.site_doubts), ""),
         "clock_doubt": "no source reports the time, and this computer's clock is wrong"
         if time_unknown(time)
-        else next((doubt.words for doubt in state.clock_doubts), ""),
+        else next((doubt.text for doubt in state.clock_doubts), ""),
     }

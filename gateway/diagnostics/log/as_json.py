@@ -53,7 +53,7 @@ def filter_of(log: bool | str) -> str:
 def written(row: Row, mount: str) -> str:
     """Format a row as one line. ``mount`` is the mount's name, or its endpoint if it has no name."""
     return _line(
-        row.time, mount, row.side, KINDS.get(row.arrow, row.arrow), row.words,
+        row.time, mount, row.side, KINDS.get(row.arrow, row.arrow), row.text,
         direction=DIRECTIONS.get(row.arrow), refused=row.kind == "no", data=row.data,
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ class Heard(NamedTuple):
     """
 
     data: bytes
-    words: str
+    text: str
     command: str = ""
     asks: bool = False
     fails: bool = False

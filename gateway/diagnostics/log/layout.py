@@ -36,7 +36,7 @@ class Row(Struct, frozen=True):
     side: str
     arrow: str
     data: bytes = b""
-    words: str = ""
+    text: str = ""
     kind: str = "event"
     name: str = ""
 
@@ -49,7 +49,7 @@ def stamp(unix: float) -> str:
 def plain(row: Row, timed: bool = True) -> str:
     """Format a row as one line, however long."""
     data = [show(row.data).ljust(BYTES)] if row.data else []
-    return " ".join([_head(row, timed), *data, row.words]).rstrip()
+    return " ".join([_head(row, timed), *data, row.text]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
@@ -57,14 +57,14 @@ def wrapped(row: Row, columns: int) -> list[str]:
     head, columns = _head(row, timed=True) + " ", max(columns, LEAST)
     start: list[str] = []
     if len(head) > columns - ROOM:  # the rest moves to the lines below
-        start, head = _words(head.rstrip(), columns - len(UNDER)), UNDER
+        start, head = _split_text(head.rstrip(), columns - len(UNDER)), UNDER
     room, data = columns - len(head), show(row.data)
     if not data:
-        lines = _words(row.words, room)
-    elif len(data.ljust(BYTES)) + 1 + len(row.words) <= room:
-        lines = [f"{data:<{BYTES}} {row.words}"]
+        lines = _split_text(row.text, room)
+    elif len(data.ljust(BYTES)) + 1 + len(row.text) <= room:
+        lines = [f"{data:<{BYTES}} {row.text}"]
     else:
-        lines = _in_columns(data, row.words, room)
+        lines = _in_columns(data, row.text, room)
     indent = " " * len(head)
     if start:
         return [line.rstrip() for line in (start[0], *(UNDER + line for line in (*start[1:], *lines)))]
@@ -75,7 +75,7 @@ def _in_columns(data: str, note: str, room: int) -> list[str]:
     """Return lines with the bytes, and the text beside or below them."""
     beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
     pieces = _pieces(data, room)
-    text = _words(note, room - beside)
+    text = _split_text(note, room - beside)
     if len(pieces) == 1 and len(data) <= BYTES and beside > 2:
         return [f"{data:<{BYTES}} {text[0]}", *(" " * beside + line for line in text[1:])]
     if len(pieces) == 1 and len(data) + 1 + len(note) <= room:
@@ -94,7 +94,7 @@ def _pieces(text: str, room: int) -> list[str]:
     return [text[start : start + room] for start in range(0, len(text), room)] or [""]
 
 
-def _words(text: str, room: int) -> list[str]:
+def _split_text(text: str, room: int) -> list[str]:
     """Break text between words; only a word that is longer than a line is split."""
     lines = [""]
     for word in text.split(" "):

@@ -168,7 +168,7 @@ class Folding:
             return [*counted, *self._held(party), line.row]
         if not line.heard.pushed:
             party.held.remove(asked)
-        run.count, run.last = run.count + 1, line.row.words
+        run.count, run.last = run.count + 1, line.row.text
         return self._count(key, run, line.row) if line.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
@@ -242,7 +242,7 @@ class Rows:
         if entry.arrow not in "<>":
             kind = {"!": "note", "x": "no"}.get(entry.arrow, "event")
         row = Row(
-            entry.time, entry.side, entry.arrow, entry.data, heard.words, "no" if heard.fails else kind, self._name
+            entry.time, entry.side, entry.arrow, entry.data, heard.text, "no" if heard.fails else kind, self._name
         )
         asked = self._asked.get(entry.side, b"") if entry.arrow == "<" else b""
         if entry.arrow == ">":

@@ -74,7 +74,7 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file. ``told``
+    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file. ``first_replies``
     are the first replies of the mount about its settings, by command.
     """
 
@@ -82,7 +82,7 @@ class Findings(Struct):
     model: str = ""
     version: str = ""
     equatorial: bool = False
-    told: dict[str, str] = {}
+    first_replies: dict[str, str] = {}
     stages: dict[str, list[Finding]] = {}
 
     def whole(self, stage: str) -> bool:

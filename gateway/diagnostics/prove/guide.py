@@ -99,7 +99,7 @@ class GuidedCheck:
                 findings.mount, findings.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
-        telescope.settings = self._findings.told
+        telescope.settings = self._findings.first_replies
         try:
             await telescope.look()
             self._findings.equatorial = telescope.status.equatorial
@@ -244,7 +244,7 @@ class GuidedCheck:
                 why = telescope.switched_off if before else ""
                 self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'that was not done here'}.")
             elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=WHO))).done:
-                self._person.say(f"Its tracking was off: {answer.words}")
+                self._person.say(f"Its tracking was off: {answer.text}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
 

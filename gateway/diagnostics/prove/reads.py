@@ -79,7 +79,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             silent.append(name)
             continue
         telescope.check()
-        if not heard.words or GARBLED in heard.words:
+        if not heard.text or GARBLED in heard.text:
             strange.append(name)
             continue
         took[name] = telescope.now() - began

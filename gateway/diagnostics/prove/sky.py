@@ -31,7 +31,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     doubts = list(contradictions(sites, times))
     for doubt in doubts:
         report.add(
-            Finding(f"{doubt.sources[0]} and {doubt.sources[1]}", DIFFERS, doubt.words, "", "One of them is wrong.")
+            Finding(f"{doubt.sources[0]} and {doubt.sources[1]}", DIFFERS, doubt.text, "", "One of them is wrong.")
         )
     if not any(doubt.apart.endswith(" km") for doubt in doubts):
         report.add(_site(telescope, sites))

@@ -173,7 +173,7 @@ class CheckedMount:
         still move.
         """
         answer = await stopped(self.controller)
-        return "" if answer.done else answer.words
+        return "" if answer.done else answer.text
 
     async def rest(self) -> TimedPosition:
         """Wait until the mount rests, and return its position. Raises Ended."""
@@ -253,7 +253,7 @@ class CheckedMount:
         if answer.fault == NoAnswer.__name__:
             raise Ended("the mount has not acknowledged an order")
         self.mine = False
-        return answer.words
+        return answer.text
 
     def speed(self, key: int) -> float:
         """Return the speed of a rate on this model. The limits assume the fastest rate of all."""

@@ -61,7 +61,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         for order in commands["orders"]:
             if (heard := await program.ask(order, ra=to.ra, dec=to.dec)).fails:
                 telescope.mine = False
-                return heard.words, None
+                return heard.text, None
         end = telescope.now() + LONGEST
         while telescope.now() < end:
             if set((await program.ask(commands["tells"])).fields.values()) & set(commands["over"]):

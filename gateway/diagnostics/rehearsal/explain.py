@@ -230,10 +230,10 @@ def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
         if event.kind == "reply":
             answered = True
         elif event.kind == "means":
-            line = f"  the gateway understands: {event.words}"
+            line = f"  the gateway understands: {event.text}"
         elif event.kind == "act" or (event.kind == "look" and not answered):
             heard = driven.command(event.data)
-            line = f"    to the mount: {show(event.data)}  {heard.words}"
+            line = f"    to the mount: {show(event.data)}  {heard.text}"
             again = again + 1 if heard.command == last else 0
             last = heard.command
             if again == MANY:
@@ -241,13 +241,13 @@ def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
             elif again > MANY:
                 continue
         elif event.kind == "note":
-            line = f"    {event.words}"
+            line = f"    {event.text}"
         elif event.kind == "baud":
-            line = f"  a serial port goes on at {event.words} baud"
+            line = f"  a serial port goes on at {event.text} baud"
         if line and line not in lines[-1:]:
             lines.append(line)
     program.command(play.frame)
-    meaning = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
+    meaning = program.reply(play.reply).text.partition(": ")[2] if play.reply else ""
     same = meaning.strip('"') == show(play.reply).removesuffix("#")  # a name needs no explanation
     about = "" if same or meaning in ("", "accepted") else f"  ({meaning})"
     return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]

@@ -55,7 +55,7 @@ class PlayedStep(NamedTuple):
     """``kind`` is means, baud, act (changes the mount), look (queries it), answer (the mount's), note or reply."""
 
     kind: str
-    words: str
+    text: str
     data: bytes = b""
 
 

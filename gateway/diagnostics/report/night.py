@@ -29,7 +29,7 @@ class Incident(NamedTuple):
 
     time: float
     who: str
-    words: str
+    text: str
 
 
 @dataclass

@@ -103,7 +103,7 @@ def table_of_remarks(remarks: Sequence[Incident], none: str, of_programs: bool) 
     """Return a table with each remark once: how often it occurred, first and last time; sorted by frequency."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
-        same.setdefault((remark.words, remark.who), []).append(remark.time)
+        same.setdefault((remark.text, remark.who), []).append(remark.time)
     if not same:
         return f"<p>{html.escape(none)}</p>"
     rows = []
@@ -182,7 +182,7 @@ def _programs(night: Night) -> str:
 def _refusals(night: Night) -> str:
     if not night.refusals:
         return "Nothing was refused."
-    [(text, times)] = Counter(remark.words for remark in night.refusals).most_common(1)
+    [(text, times)] = Counter(remark.text for remark in night.refusals).most_common(1)
     often = f", {'all of them' if times == len(night.refusals) else f'{times:,} of them'} because" if times > 1 else ":"
     were = "was" if len(night.refusals) == 1 else "were"
     return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{text}”."

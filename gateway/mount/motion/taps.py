@@ -31,7 +31,7 @@ LENGTHENED = 1.5
 class TapDropped(Busy):
     """The mount was busy for so long that a tap would come too late."""
 
-    words = "The mount was busy: this tap came too late to be carried out."
+    default_text = "The mount was busy: this tap came too late to be carried out."
 
 
 def released(wanted: Wanted, release: Order) -> Wanted | None:

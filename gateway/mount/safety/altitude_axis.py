@@ -162,7 +162,7 @@ class AltitudeAxis:
             before is not None and all(abs(wrap180(a - b)) <= TOLERANCE for a, b in zip(before, rates, strict=True))
         )
 
-    def words(self, turned: float, tilted: float) -> Iterator[str]:
+    def messages(self, turned: float, tilted: float) -> Iterator[str]:
         """Yield the messages for the user about these changes."""
         reads, given = "axis reads {:+.1f} degrees from the", "that position, site and clock give"
         if tilted:

@@ -183,13 +183,13 @@ class TrackingAtLimit:
 class SunAhead:
     """Warns of a Sun that comes to the tube by itself: to a tube at rest, or when it rises beside a tube that tracks.
 
-    ``words`` say which Sun comes near and when; empty if none does. Call ``check`` with every position.
+    ``warning`` says which Sun comes near and when; empty if none does. Call ``check`` with every position.
     """
 
     def __init__(self, mount: Context, reader: Reader, watch: LimitWatch) -> None:
         self._mount, self._reader, self._watch = mount, reader, watch
         self._next = float("-inf")
-        self.words = ""
+        self.warning = ""
 
     def check(self, position: op.Equatorial) -> None:
         """Examine a position of the mount, twice a minute."""
@@ -197,7 +197,7 @@ class SunAhead:
         if now < self._next or not mount.suns.limit:
             return
         self._next = now + AGAIN
-        before, self.words = self.words, ""
+        before, self.warning = self.warning, ""
         if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
             return
         resting, tracking = self._find(position, tracks=False), self._find(position, tracks=True)
@@ -209,9 +209,9 @@ class SunAhead:
         if status is None or not status.aligned:
             self._next = now + SOON
             return
-        self.words = resting if status.tracking is op.Tracking.OFF else tracking
-        if self.words and not before:
-            mount.note(f"WARNING: {self.words}")
+        self.warning = resting if status.tracking is op.Tracking.OFF else tracking
+        if self.warning and not before:
+            mount.note(f"WARNING: {self.warning}")
 
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
         """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
@@ -221,7 +221,7 @@ class SunAhead:
             for sun in suns.suns(self._mount.frame(), minute * STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)
                 if distance < suns.limit:
-                    return self._words(sun, distance, minute, (sun.shift, sun.confirmed) not in up, tracks)
+                    return self._warning_for(sun, distance, minute, (sun.shift, sun.confirmed) not in up, tracks)
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
@@ -229,7 +229,7 @@ class SunAhead:
         tube = self._mount.suns.tube(position, sun.shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 
-    def _words(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:
+    def _warning_for(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:
         source = sun.time.source if sun.site is None or sun.time.source != MOUNT else sun.site.source
         by = "" if sun.confirmed else f" by {source}"
         tube = f"the {'tracking' if tracks else 'resting'} tube"

@@ -256,7 +256,7 @@ class LimitWatch:
             self._reader.shared(op.GetStatus())
         elif any(change):
             self._astray = self._astray or self._mount.movement.slewing  # its path was checked without this
-            for word in self.altitude_axis.words(*change):
+            for word in self.altitude_axis.messages(*change):
                 self._mount.note(word)
             self.observed = fold.first(self.observed, self._sample(last.at, last.place))
 
@@ -269,8 +269,8 @@ class LimitWatch:
         if altitude is not None:
             altitude += self.altitude_axis.tilt or 0.0
         unsynced = () if altitude is None else tuple(mount.suns.altitude(position, shift) for shift in shifts)
-        told = altitude is None or self.altitude_axis.available  # by the axis, whatever the clocks say
-        others = () if told else other_sites(mount.sources, self._limits.written())
+        known = altitude is None or self.altitude_axis.available  # by the axis, whatever the clocks say
+        others = () if known else other_sites(mount.sources, self._limits.written())
         by_others = tuple(altitude_by(*other, astrometry.sky, position) for other in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
         era = (mount.suns.era, shifts, len(others))

@@ -39,7 +39,7 @@ class SiteOfProgram(Struct, frozen=True):
         return Place(self.latitude, wrap180(self.longitude))
 
     @property
-    def words(self) -> str:
+    def source(self) -> str:
         """Return who has set it, and when: ``a program (10.0.0.5, 2026-01-15)``."""
         return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
 

@@ -268,7 +268,7 @@ class BestSources:
         ]  # fmt: skip
         if sites or (site := known.site_of_program()) is None:
             return sites
-        return [Site(site.place, site.words)]
+        return [Site(site.place, site.source)]
 
     def sites_for_sun(self) -> list[Site]:
         """Return every site over whose horizon the Sun is avoided, including the former site if a program changed it

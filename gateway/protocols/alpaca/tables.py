@@ -23,13 +23,13 @@ NUMBERS = range(0x400, 0x1000)
 class NotConnected(Fault):
     """The client has not set Connected to true."""
 
-    words = "Not connected: set Connected to true first."
+    default_text = "Not connected: set Connected to true first."
 
 
 class Parked(Fault):
     """The request needs a mount that is not parked."""
 
-    words = "The mount is parked: unpark it first."
+    default_text = "The mount is parked: unpark it first."
 
 
 class Untold(Unsupported):

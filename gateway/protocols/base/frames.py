@@ -35,7 +35,7 @@ class Unterminated(bytes):
         return frame
 
     @property
-    def words(self) -> str:
+    def refusal_text(self) -> str:
         """The log message with the reason of its refusal."""
         text = bytes(self)
         if self.late:

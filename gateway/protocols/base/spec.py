@@ -184,7 +184,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: Words that may replace a model and name a version: (word, version or None) -> version.
-    version_words: Mapping[str, Callable[[str | None], str]] = {}
+    version_names: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
 
@@ -233,6 +233,6 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     def shown(self, model: str | None, version: str | None) -> str:
         """Return ``PROTOCOL[:MODEL[/VERSION]]``, as an endpoint is written."""
-        if model is None and version is not None and version.partition("-")[0] in self.version_words:
+        if model is None and version is not None and version.partition("-")[0] in self.version_names:
             return f"{self.name}:{version.replace('-', '/')}"
         return f"{self.name}{f':{model}' if model else ''}{f'/{version}' if version else ''}"

@@ -200,7 +200,7 @@ class Surface:
         if row is None:
             return f"{match[0].help}: not answered here"
         if isinstance(frame, Suspect) and may_begin_motion(row.operations):
-            return f"{match[0].help}: not done. {Disturbed.words}"
+            return f"{match[0].help}: not done. {Disturbed.default_text}"
         return f"{match[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:

@@ -163,7 +163,7 @@ def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
 
 def _notes(play: Play) -> list[str]:
     """Return the notes of the log that are about the command."""
-    return [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
+    return [event.text for event in play.of("note") if not event.text.startswith(_ASIDE)]
 
 
 def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[str]:

@@ -240,7 +240,7 @@ def test_it_is_told_for_whom_a_site_of_a_page_holds(
             await other.ask(b":GR#", until=b"#")
             request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
             answer = await bridge.gateway.request_handler.take(request)
-            assert answer.done and answer.words.startswith(f"the site is set; it holds for {holds}")
+            assert answer.done and answer.text.startswith(f"the site is set; it holds for {holds}")
             await asyncio.sleep(5)
             assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")
 

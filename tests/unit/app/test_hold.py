@@ -131,10 +131,10 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
             answer = await _order(bridge, HoldRequest())
             assert not answer.done
-            assert answer.words.startswith("not stopped: ") and answer.words.endswith("; it is held from now on")
+            assert answer.text.startswith("not stopped: ") and answer.text.endswith("; it is held from now on")
             assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
             logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
-            assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.words}"]
+            assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
     run(program())
 
@@ -168,7 +168,7 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
             monkeypatch.setattr(on_disk, "hold_folder", full)
             answer = await _order(bridge, HoldRequest())
             assert not answer.done
-            assert "a restart of the gateway forgets" in answer.words and f"{tmp_path}/hold" in answer.words
+            assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)
             assert await _order(bridge, ReleaseHoldRequest()) == RELEASED

@@ -185,7 +185,7 @@ def test_a_gateway_checks_what_comes_from_other_languages(
     async def program() -> None:
         async with opened(WAYS[1], tmp_path) as (_, bridge):
             answer = await bridge.gateway.request_handler.take(requests.OperationRequest(operation=name, fields=fields))
-            assert not answer.done and answer.fault == "Invalid" and words in answer.words
+            assert not answer.done and answer.fault == "Invalid" and words in answer.text
 
     run(program())
 

@@ -112,7 +112,7 @@ def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
         text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.first)
         for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
             found = re.match(commands, text[:-1])
-            assert found and asks.fullmatch(found.group()), greeting.words
+            assert found and asks.fullmatch(found.group()), greeting.description
 
 
 # --- how long anything waits ------------------------------------------------------------------------------------------

@@ -59,13 +59,13 @@ CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
 class Contradiction(NamedTuple):
     """Another site and time that may be the true ones.
 
-    ``words`` say which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is the
+    ``text`` says which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is the
     same for a sentence that names the best source already.
     """
 
     place: Place | None
     unix: float
-    words: str
+    text: str
     sources: tuple[str, str]
     apart: str
     remedies: dict[str, str]
@@ -168,7 +168,7 @@ def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
 
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
-    text = "The way there passes too close to the Sun." if way else NearSun.words
+    text = "The way there passes too close to the Sun." if way else NearSun.default_text
     if sun.confirmed and sun.shift is not None:
         off = max(abs(sun.shift.first), abs(sun.shift.second))
         return NearSun(
@@ -193,7 +193,7 @@ def _briefly(contradiction: Contradiction) -> str:
 
 
 def _at_length(contradiction: Contradiction) -> str:
-    text = contradiction.words[0].upper() + contradiction.words[1:]
+    text = contradiction.text[0].upper() + contradiction.text[1:]
     return f"{text}. Correct the one that is wrong: {_remedies(contradiction)}."
 
 
@@ -233,9 +233,9 @@ def likely_mistake(site: Place, other: Place) -> str:
         "both signs look wrong, north and east are positive": Place(-site.latitude, -site.longitude),
         "latitude and longitude look swapped, latitude comes first": Place(site.longitude, site.latitude),
     }
-    for words, place in written.items():
+    for text, place in written.items():
         if abs(place.latitude) <= 90.0 and far_apart(place, other) <= SITE_MATTERS:
-            return words
+            return text
     return ""
 
 
@@ -254,7 +254,7 @@ def time_unknown(best: Time) -> bool:
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line, with how to set each; empty if there are none."""
     doubts = [
-        f"{contradiction.words}, so correct the one that is wrong: {_remedies(contradiction)}"
+        f"{contradiction.text}, so correct the one that is wrong: {_remedies(contradiction)}"
         for contradiction in contradictions(mount.sources.sites(), mount.sources.times())
         if contradiction.place is not None
     ]

@@ -108,7 +108,7 @@ def test_the_example_has_every_key(tmp_path: Path) -> None:
 def test_every_key_is_described() -> None:
     for name in ("", "mount", "surface", "console"):
         for key in keys(name):
-            assert key.words
+            assert key.description
             assert key.right
             assert key.example is not None, key.name
             assert isinstance(key.default, bool) or key.shown, key.name

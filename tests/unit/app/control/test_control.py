@@ -104,7 +104,7 @@ def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.
         return STOPPED
 
     answer = _asked(tmp_path, counted, secret)
-    assert answer is not None and "does not answer" in answer.words and answer.fault == "NoAnswer"
+    assert answer is not None and "does not answer" in answer.text and answer.fault == "NoAnswer"
     assert done == []
 
 
@@ -192,7 +192,7 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
         return await asking
 
     answer = asyncio.run(program())
-    assert answer is not None and answer.words.startswith("the gateway is shutting down")
+    assert answer is not None and answer.text.startswith("the gateway is shutting down")
 
 
 # --- the files --------------------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ class Owner:
         return str(await self.request_handler.take(wish))
 
     async def see(self) -> State:
-        return msgspec.json.decode((await self.request_handler.take(requests.StateRequest())).words, type=State)
+        return msgspec.json.decode((await self.request_handler.take(requests.StateRequest())).text, type=State)
 
     async def outcome(self, number: str) -> str:
         """What came of it in the end."""
@@ -118,11 +118,11 @@ def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
         async with Bridge() as bridge:
             take = Owner(bridge).request_handler.take
             answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
-            assert answer.done and answer.words.startswith("it goes to 04:37:")
+            assert answer.done and answer.text.startswith("it goes to 04:37:")
             low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
-            assert low.words.startswith("Canopus is below the horizon (-")
+            assert low.text.startswith("Canopus is below the horizon (-")
             unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
-            assert not unknown.done and "did you mean Aldebaran" in unknown.words
+            assert not unknown.done and "did you mean Aldebaran" in unknown.text
 
     run(program())
 

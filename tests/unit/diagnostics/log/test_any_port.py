@@ -23,7 +23,7 @@ def visits(count: int) -> Iterator[Entry]:
 
 def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
     rows = Rows("lx200", ["any"], kept)
-    return [f"{row.arrow} {row.words}".partition(",")[0] for entry in entries for row in rows.take(entry)]
+    return [f"{row.arrow} {row.text}".partition(",")[0] for entry in entries for row in rows.take(entry)]
 
 
 def test_the_first_is_shown_and_the_others_are_counted() -> None:
@@ -46,4 +46,4 @@ def test_what_is_refused_is_shown_with_who_it_was() -> None:
 def test_a_reason_is_told() -> None:
     silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has sent nothing for 3 s")
     rows = Rows("lx200", ["any"])
-    assert [row.words.partition(",")[0] for row in rows.take(silent)] == ["speaks stellarium"]
+    assert [row.text.partition(",")[0] for row in rows.take(silent)] == ["speaks stellarium"]

@@ -30,7 +30,7 @@ def test_lines_fit_and_nothing_is_left_out(row: Row, columns: int) -> None:
     assert max(len(line) for line in lines) <= max(columns, 40)
     assert all(line.startswith("    ") for line in lines[1:])
     told = "".join("".join(lines).split())
-    for part in (row.side, show(row.data), row.words, row.name):
+    for part in (row.side, show(row.data), row.text, row.name):
         assert "".join(part.split()) in told
 
 

@@ -25,7 +25,7 @@ class Log:
     def of(self, side: str) -> list[str]:
         """What is told of one side: arrow and bytes, or arrow and words."""
         return [
-            f"{row.arrow} {row.data.decode('latin-1') or row.words}" for row in self.rows if row.side.startswith(side)
+            f"{row.arrow} {row.data.decode('latin-1') or row.text}" for row in self.rows if row.side.startswith(side)
         ]
 
 
@@ -46,7 +46,7 @@ def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
             assert len(log.rows) < 40
             first = log.of("127.")[:4]
             assert first == ["> :GR#", "< 06:21:28#", "> :GD#", "< +00*00:00#"]
-            counts = [row.words for row in log.rows if row.arrow == "=" and row.data == b":GR#"]
+            counts = [row.text for row in log.rows if row.arrow == "=" and row.data == b":GR#"]
             assert len(counts) >= 2
             assert all(words.endswith("now GR: RA 06:21:28") for words in counts)
             assert sum(int(words.split()[0]) for words in counts) >= 40
@@ -99,7 +99,7 @@ def test_a_new_answer_is_shown_at_once() -> None:
             for _ in range(60):
                 await client.ask(b":D#", until=b"#")
                 await asyncio.sleep(0.5)
-            told = [row.words for row in log.rows if row.side.startswith("127.") and row.arrow == "<"]
+            told = [row.text for row in log.rows if row.side.startswith("127.") and row.arrow == "<"]
             assert told[-2:] == ["D: the slew is under way", "D: the slew is done"]
 
     run(play())
@@ -143,7 +143,7 @@ def test_a_garbled_answer_is_shown() -> None:
         shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
         shown += rows.take(Entry(second + 0.1, "mount", "<", reply, "dropped: garbled" if b"%" in reply else ""))
     assert [row.data for row in shown if row.data] == [b":GR#", b"05:34:32#", b":GR#", b"05:%4:34#"]
-    assert shown[-1].words == "dropped: garbled"
+    assert shown[-1].text == "dropped: garbled"
 
 
 def test_a_program_that_comes_anew_for_every_question_is_one() -> None:
@@ -217,4 +217,4 @@ def test_rubbish_says_nothing_of_what_a_connection_speaks() -> None:
     """The log began after the connection: its first bytes are no command, and those after them are one of LX200."""
     rows = Rows("nexstar", [])
     told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.take(Entry(1.0, "127.0.0.1:5", ">", data))]
-    assert [row.kind for row in told] == ["program", "program"] and "right ascension" in told[1].words
+    assert [row.kind for row in told] == ["program", "program"] and "right ascension" in told[1].text

@@ -81,9 +81,9 @@ SAID = [
 @each(("protocol", "command", "words", "reply", "answer"), SAID)
 def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str) -> None:
     side = Side(protocol)
-    assert side.command(command).words == words
+    assert side.command(command).text == words
     if reply:
-        assert side.reply(reply).words == answer
+        assert side.reply(reply).text == answer
 
 
 @each(("protocol", "command", "words", "reply", "answer"), SAID)
@@ -112,7 +112,7 @@ def test_decode_and_the_log_have_the_same_words(
         Entry(0.0, "1.2.3.4:5", ">", command),
         Entry(1.0, "1.2.3.4:5", "<", reply),
     ][: 3 if reply else 2]
-    shown = [row.words for entry in entries for row in live.take(entry)][1:]
+    shown = [row.text for entry in entries for row in live.take(entry)][1:]
     assert [line[line.index(word) :] for line, word in zip(told, shown, strict=True)] == shown
 
 
@@ -151,8 +151,8 @@ def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> Non
 
 def test_unknown_bytes_are_bytes() -> None:
     side = Side("lx200")
-    assert side.command(b":XX#").words == "no command of the lx200 protocol"
-    assert side.reply(b"\xffwhat").words == ""
+    assert side.command(b":XX#").text == "no command of the lx200 protocol"
+    assert side.reply(b"\xffwhat").text == ""
 
 
 def test_a_reply_tells_nothing_of_the_protocol_of_a_program_that_was_here_before() -> None:
@@ -165,4 +165,4 @@ def test_a_reply_tells_nothing_of_the_protocol_of_a_program_that_was_here_before
     ]
     shown = [row for entry in entries for row in rows.take(entry)]
     assert [row.kind for row in shown] == ["program"] * 3
-    assert [row.words.partition(" ")[0] for row in shown] == ["", "declination", "GD:"]
+    assert [row.text.partition(" ")[0] for row in shown] == ["", "declination", "GD:"]

@@ -89,8 +89,8 @@ def test_places_answers_programs_and_refusals(seen: Night) -> None:
     first, second = seen.programs.values()
     assert (first.host, first.commands["GR"], first.commands["MS"], first.refused) == ("10.0.0.2", 2520, 5, 3)
     assert (second.surface, second.commands["e"], second.refused) == ("nexstar@tcp://0.0.0.0:4031", 2520, 1)
-    assert [remark.words for remark in seen.refusals].count(REFUSED) == 3
-    assert len(seen.remarks) == 1 and "no answer to e within 3.5 s" in seen.remarks[0].words
+    assert [remark.text for remark in seen.refusals].count(REFUSED) == 3
+    assert len(seen.remarks) == 1 and "no answer to e within 3.5 s" in seen.remarks[0].text
 
 
 def test_it_pointed_where_it_was_sent(seen: Night) -> None:

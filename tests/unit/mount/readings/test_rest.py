@@ -79,7 +79,7 @@ def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
             began = bridge.controller.now()
             answer = await stopped(bridge.controller)
-            assert "still moves after 8 s" in answer.words
+            assert "still moves after 8 s" in answer.text
             assert bridge.controller.now() - began < 14.0
 
     run(program())
@@ -104,7 +104,7 @@ def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, 
             bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
             await asyncio.sleep(3)
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            assert "still moves" in (await stopped(bridge.controller)).words
+            assert "still moves" in (await stopped(bridge.controller)).text
 
     run(program())
 
@@ -139,7 +139,7 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
             hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
             bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
             answer = await stopped(bridge.controller)
-            assert answer.words.startswith("the stop was sent") and "cannot see" in answer.words
+            assert answer.text.startswith("the stop was sent") and "cannot see" in answer.text
 
     run(program())
 
@@ -154,7 +154,7 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
             for _ in range(2):  # at first it is only silent, then known to be down
                 answer = await stopped(bridge.controller)
                 assert not answer.done
-                assert "sends the stop first" in answer.words
+                assert "sends the stop first" in answer.text
                 await asyncio.sleep(20)
             sent = len(bridge.sent())
             bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
@@ -180,7 +180,7 @@ def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
             await asyncio.sleep(2)
             answer = await stopped(bridge.controller)
             pressing.cancel()
-            assert "moving again" in answer.words and "stop --hold" in answer.words
+            assert "moving again" in answer.text and "stop --hold" in answer.text
 
     run(program())
 

@@ -34,7 +34,7 @@ def says_what_to_do(fault: Fault, *sources: str) -> None:
 def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str) -> None:
     sites, time = [Site(HERE, best), Site(FAR, other)], Time(EVENING, MOUNT)
     [found] = contradictions(sites, [time])
-    assert "km away" in found.words
+    assert "km away" in found.text
     known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
     known.sites, known.times = lambda: sites, lambda: [time]  # type: ignore[method-assign]
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)

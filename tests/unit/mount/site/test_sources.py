@@ -250,7 +250,7 @@ def test_a_computer_that_has_lost_its_clock_counts_only_where_no_better_source_t
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     doubtful = [time.doubtful for time in best.times()]
     assert doubtful == [source == COMPUTER and sources != [MOUNT, COMPUTER] and host != 0.0 for source in sources]
-    assert not any("computer" in one.words for one in contradictions(best.sites(), best.times())) or host == 0.0
+    assert not any("computer" in one.text for one in contradictions(best.sites(), best.times())) or host == 0.0
 
 
 def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:

@@ -189,4 +189,4 @@ def test_its_first_bytes_are_a_strangers_everywhere_else() -> None:
             assert beginning.stranger is None and b"".join(piece.data for piece in pieces) == goto(*CRAB)
         else:
             assert beginning.stranger is not None and not pieces
-            assert "--surface stellarium@tcp://HOST:10001" in beginning.stranger.words
+            assert "--surface stellarium@tcp://HOST:10001" in beginning.stranger.description
