@@ -242,8 +242,8 @@ MUTATIONS = [
     ),
     Mutation(
         "a goto at the mount's own keys counts as an order",
-        r"self\._own = self\.ordered$",
-        "self._own = self.anything",
+        r"self\._ordered_by_client = self\.ordered$",
+        "self._ordered_by_client = self.anything",
         f"{SAFETY}/test_at_the_keys.py",
     ),
     Mutation(
@@ -355,8 +355,8 @@ MUTATIONS = [
     ),
     Mutation(
         "an almanac that cannot be stored is forgotten",
-        r"self\._own = self\._own\.joined\(newer\)\.newest\(\)",
-        "self._own = newer",
+        r"self\._calculated = self\._calculated\.joined\(newer\)\.newest\(\)",
+        "self._calculated = newer",
         "tests/unit/astro/test_almanac.py",
     ),
     Mutation(

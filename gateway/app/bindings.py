@@ -161,7 +161,7 @@ class AcceptorFactory:
         self._j2000 = EquinoxConverter(sky, controller.sources.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
-        self.own: list[SurfaceBinding] = []
+        self.native_bindings: list[SurfaceBinding] = []
 
     def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
@@ -191,7 +191,7 @@ class AcceptorFactory:
         binding.surface.verbatim = endpoint.protocol == self._mount.protocol
         if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)
-            self.own.append(binding)
+            self.native_bindings.append(binding)
         binding = msgspec.structs.replace(
             binding,
             titles=titles or binding.titles,

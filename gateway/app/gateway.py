@@ -150,7 +150,7 @@ class Gateway:
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )
         self.bindings = factory.bindings
-        self.controller.identification.identified.connect(lambda _: self._present_mount(factory.own))
+        self.controller.identification.identified.connect(lambda _: self._present_mount(factory.native_bindings))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             self.acceptors.append(factory.make(number, endpoint, surface))
 
@@ -215,8 +215,8 @@ class Gateway:
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.where, surface, reachable_networks):
                 yield warning
-        if self.store is not None and self.store.kept_by_another:
-            yield self.store.kept_by_another
+        if self.store is not None and self.store.other_gateway:
+            yield self.store.other_gateway
 
     def names(self) -> list[str]:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""

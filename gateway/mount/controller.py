@@ -179,8 +179,8 @@ class MountController:
     def peek(self, operation: op.Operation[_T], program: ProgramId = NOBODY) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         answer: object
-        if isinstance(operation, op.Own):
-            answer = self.reader.peek_own(operation, program)
+        if isinstance(operation, op.NativeRequest):
+            answer = self.reader.peek_native(operation, program)
         elif type(operation) in MAX_AGE:
             answer = self.reader.peek(type(operation))
         elif (answer := ReadBy(self.site_clock, program).answer(type(operation))) is None:
@@ -225,8 +225,8 @@ class MountController:
             if self.driver.asleep and (waking := self.reconciler.outcomes_of(op.Wake)):
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
             return cast(_T, await self.reader.answer(operation))
-        if isinstance(operation, op.Own):
-            return cast(_T, await self.reader.answer_own(operation, program))
+        if isinstance(operation, op.NativeRequest):
+            return cast(_T, await self.reader.answer_native(operation, program))
         if isinstance(operation, op.AbortMotion):
             return cast(_T, await self.stop(activity.who if activity is not None else ""))
         if isinstance(operation, op.AbortSlew):

@@ -194,18 +194,18 @@ class Identification:
         reconciler = self._reconciler
         self._context.note("the mount no longer moves as the gateway had left it: what moves now is left alone")
         reconciler.want(changes.at_rest(reconciler.wanted))
-        self._context.tasks.spawn(self._resume_later(reconciler.wanted.asked))
+        self._context.tasks.spawn(self._resume_later(reconciler.wanted.order_count))
 
-    async def _resume_later(self, asked: int) -> None:
+    async def _resume_later(self, order_count: int) -> None:
         """Resume tracking that was suspended for the motion that was left, once the mount rests, unless it is ordered
-        otherwise meanwhile: ``asked`` counts the orders.
+        otherwise meanwhile: ``order_count`` counts the orders.
         """
         resting = False
-        while self._driver.tracking_suspended and self._reconciler.wanted.asked == asked and not resting:
+        while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
             await asyncio.sleep(WATCH_CLOSELY)
             with contextlib.suppress(Fault):
                 resting = rests(await self._turning()) and not await self._slews()
-        if resting and self._driver.tracking_suspended and self._reconciler.wanted.asked == asked:
+        if resting and self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count:
             self._reconciler.begin_stop()
 
     async def _slews(self) -> bool:

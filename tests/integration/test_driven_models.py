@@ -223,7 +223,7 @@ def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
         return {kind}.union(*(below(one) for one in kind.__subclasses__()))
 
     operations = {kind for kind in below(op.Operation) if kind.__module__.startswith(op.__name__)}
-    for_its_kind = {op.PassThrough, op.Own, op.Choose}  # tests/integration/sharing/test_transparent.py
+    for_its_kind = {op.PassThrough, op.NativeRequest, op.Choose}  # tests/integration/sharing/test_transparent.py
     own = {*PLACES, op.GetActivity, op.GetAbilities, op.TubeSide, op.SetZone}  # what the gateway answers by itself
     assert operations - {op.Operation, op.Read} - for_its_kind - own == set(CHECKS)
     assert set(MEADE) == set(load("lx200").models)

@@ -113,7 +113,7 @@ _FIELDS: dict[str, list[Any]] = {
 _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(key=9), op.Rate(degrees=0.0001),
           op.Rate(degrees=2.0), op.Rate(degrees=99.0), op.Rate(name="max", degrees=4.0)]  # fmt: skip
 #: Operations for a mount of the surface's own protocol, which need a command of it.
-FOR_ITS_KIND = (op.PassThrough, op.Own, op.Choose)
+FOR_ITS_KIND = (op.PassThrough, op.NativeRequest, op.Choose)
 KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind not in FOR_ITS_KIND]
 
 

@@ -31,7 +31,8 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A program. ``first``: the first bytes of a connection that only this program sends; ``evidence``: how that is known.
+    """A program. ``first``: the first bytes of a connection that only this program sends; ``evidence``: how that is
+    known.
 
     ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
     """

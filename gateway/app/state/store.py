@@ -35,7 +35,7 @@ PAUSE = 1.0
 class PreviousRun(Struct, frozen=True):
     """The state that the previous run saved, and the motion marker if it ended while the mount moved."""
 
-    kept: SavedState
+    saved: SavedState
     left: MarkerContent | None = None
 
 
@@ -43,10 +43,10 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. A mount left moving is stopped first, or examined first if that was long
     ago.
     """
-    controller.driver.restore_state(previous_run.kept.mount, moving=False)
-    controller.synced.value = previous_run.kept.synced
-    controller.same_mount.left = previous_run.kept.left
-    controller.site_clock.stored = previous_run.kept.site_of_program
+    controller.driver.restore_state(previous_run.saved.mount, moving=False)
+    controller.synced.value = previous_run.saved.synced
+    controller.same_mount.left = previous_run.saved.left
+    controller.site_clock.stored = previous_run.saved.site_of_program
     if previous_run.left is not None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
         controller.context.run_on.may_move()
@@ -80,7 +80,7 @@ class StateStore:
         self._warn, self._warned = warn, False
         #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if there is
         #: none.
-        self.kept_by_another = ""
+        self.other_gateway = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""
         self._lock = PidLock(self.lock_path)
@@ -118,7 +118,7 @@ class StateStore:
         except LockHeld as by:
             self.holder = str(by)
             if not self._simulated:
-                self.kept_by_another = (
+                self.other_gateway = (
                     f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
                     f"that one, in {self.path}"
                 )

@@ -135,7 +135,7 @@ class AlmanacKeeper:
     ) -> None:
         self._sky, self._warn, self._quiet, self._clock = sky, warn, quiet, clock
         #: The almanac of the start, that of this run, and both.
-        self._opened = self._own = self._almanac = Almanac()
+        self._opened = self._calculated = self._almanac = Almanac()
         self._warned: set[str] = set()
         self._asked = asyncio.Event()
 
@@ -170,8 +170,8 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
-        self._own = self._own.joined(newer).newest()
-        self._almanac = self._opened.joined(self._own)
+        self._calculated = self._calculated.joined(newer).newest()
+        self._almanac = self._opened.joined(self._calculated)
         self._sky.use(self._almanac)
 
     def _lacking(self) -> list[int]:

@@ -20,7 +20,17 @@ from gateway.clients.access import Rights
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
-from gateway.core.operations import AbortSlew, ClockFromGps, Move, MoveAxis, Operation, Own, Read, StopAxis, Sync
+from gateway.core.operations import (
+    AbortSlew,
+    ClockFromGps,
+    Move,
+    MoveAxis,
+    NativeRequest,
+    Operation,
+    Read,
+    StopAxis,
+    Sync,
+)
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
@@ -256,7 +266,7 @@ class TurnRunner:
                     return wanted
                 if type(wanted) in MAX_AGE:
                     turn.readings.append(type(wanted))
-                elif not (isinstance(wanted, Own) and wanted.keep == "fixed"):
+                elif not (isinstance(wanted, NativeRequest) and wanted.keep == "fixed"):
                     turn.reusable = False
                 answer = self._to_client(wanted, value)
 

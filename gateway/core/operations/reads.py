@@ -126,7 +126,7 @@ class HomeState(Read[int], frozen=True):
     """-> int: 0 failed or never searched, 1 at home (or parked), 2 searching or on the way."""
 
 
-class Own(Read[bytes], frozen=True):
+class NativeRequest(Read[bytes], frozen=True):
     """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
     Only if client and mount speak the same protocol. ``fields`` are those of the request. ``keep`` says how long all

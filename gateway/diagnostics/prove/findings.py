@@ -74,8 +74,8 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file. ``first_replies``
-    are the first replies of the mount about its settings, by command.
+    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file.
+    ``first_replies`` are the first replies of the mount about its settings, by command.
     """
 
     mount: str = ""

@@ -44,7 +44,7 @@ async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
     side = Side(driver.protocol.name, driver.model)
     side.command(driver.protocol.commands[name].request.encode({}))
     keep = "dialect" if driver.protocol.dialect else "moment"
-    return side.reply(await telescope.controller.read(op.Own(name, (), keep)))
+    return side.reply(await telescope.controller.read(op.NativeRequest(name, (), keep)))
 
 
 def _readable(driver: Driver) -> Iterator[str]:

@@ -161,5 +161,5 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.PlanetPlace: lambda order: f"where is {order.name} now?",
     op.MoonPlace: _moon,
     op.PassThrough: lambda order: f"hand {order.command} to the mount as it is",
-    op.Own: lambda order: f"what does the mount itself answer to {order.command}?",
+    op.NativeRequest: lambda order: f"what does the mount itself answer to {order.command}?",
 }  # fmt: skip

@@ -94,7 +94,7 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
     for other in wanted.pending:
         if not isinstance(other, Halt) or other.operation != operation or other.unless:
             continue
-        if other.overtakes is overtakes and (overtakes or other.asked == wanted.asked):
+        if other.overtakes is overtakes and (overtakes or other.order_count == wanted.order_count):
             return other
     return None
 
@@ -165,7 +165,7 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
 def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the order, after removing what it supersedes."""
     wanted = without_superseded(wanted, order.operation)
-    return replace(wanted, pending=(*wanted.pending, order), asked=wanted.asked + 1)
+    return replace(wanted, pending=(*wanted.pending, order), order_count=wanted.order_count + 1)
 
 
 def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -236,11 +236,11 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if same is not None:
         return interrupted(wanted, same)
     before = next((halt for halt in wanted.halted if halt.operation == order.operation), None)
-    again = before is not None and before.asked == wanted.asked and now - before.at <= AGAIN
+    again = before is not None and before.order_count == wanted.order_count and now - before.at <= AGAIN
     order = replace(
         order,
         overtakes=not wanted.waiting_gotos,
-        asked=wanted.asked,
+        order_count=wanted.order_count,
         repeats=before.repeats + 1 if before is not None and again else 0,
     )
     order = replace(order, rank=FIRST if order.overtakes and not order.keeps_repeating else IN_ORDER)
@@ -296,7 +296,7 @@ def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None)
     if not isinstance(order, Halt):
         return wanted
     others = tuple(halt for halt in wanted.halted if halt.operation != order.operation)
-    return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
+    return replace(wanted, halted=(*others, Halted(order.operation, now, order.order_count, order.repeats)))
 
 
 def failed(wanted: Wanted, order: Order) -> Wanted:
@@ -335,10 +335,12 @@ def acknowledged(
             void = {other.number for other in wanted.pending if _waits_for(other, order) or other.pulse_axis}
             pending = tuple(other for other in wanted.pending if other.number not in void)
             slew, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
-            moved = replace(wanted, motion=slew, homed=homed, slews=wanted.slews + 1, pulses=(), taps=())
-            return replace(moved, pending=pending, begun=_begun(wanted, 1, 2))
+            moved = replace(wanted, motion=slew, homed=homed, gotos_begun=wanted.gotos_begun + 1, pulses=(), taps=())
+            return replace(moved, pending=pending, motions_begun=_begun(wanted, 1, 2))
         case op.Move() | op.MoveAxis():
-            wanted = replace(_without_pulses(wanted, operation.axis), homed=False, begun=_begun(wanted, operation.axis))
+            wanted = replace(
+                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_begun(wanted, operation.axis)
+            )
             motion = AxisMotion(operation, order.by, now, speed, order.since, max(sent, order.since))
             moved = _with(wanted, operation.axis, motion)
             return moved if order.held is None else begin(moved, motion, operation.axis, order.held)
@@ -426,7 +428,7 @@ def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Or
 
 def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
     """Count a motion of these axes."""
-    first, second = wanted.begun
+    first, second = wanted.motions_begun
     return first + (1 in axes), second + (2 in axes)
 
 

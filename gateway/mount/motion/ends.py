@@ -36,25 +36,25 @@ SLOW = 0.05
 
 
 class AxisSample(Struct, frozen=True):
-    """The axes at a time, in coordinates in which an axis at rest is constant; ``digit`` is the resolution, degrees."""
+    """The axes at a time, in coordinates in which an axis at rest is constant; ``resolution`` is in degrees."""
 
     at: float
     axes: tuple[float, float]
-    digit: float = 1.0 / 3600.0
+    resolution: float = 1.0 / 3600.0
 
 
 class Ending(Struct, frozen=True):
     """The end of a motion: axes (1, 2) that are to stand still, their speed in degrees a second, and when the command
     was sent.
 
-    ``begun`` is ``Wanted.begun`` at that time: if it has grown since, the axis was set moving again, and the end is
-    void.
+    ``motions_begun`` is ``Wanted.motions_begun`` at that time: if it has grown since, the axis was set moving again,
+    and the end is void.
     """
 
     axes: frozenset[int]
     speed: float
     sent: tuple[float, ...]
-    begun: tuple[int, int] = (0, 0)
+    motions_begun: tuple[int, int] = (0, 0)
 
     def again(self, now: float) -> Ending:
         return replace(self, sent=(*self.sent, now))
@@ -82,7 +82,7 @@ def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
     since = [sample for sample in samples if sample.at >= ending.sent[-1]]
     for before, after in reversed(list(pairwise(since))):
         elapsed = after.at - before.at
-        if elapsed * ending.speed / 2.0 >= DIGITS * max(before.digit, after.digit):
+        if elapsed * ending.speed / 2.0 >= DIGITS * max(before.resolution, after.resolution):
             turned = (abs(wrap180(after.axes[axis - 1] - before.axes[axis - 1])) for axis in ending.axes)
             return max(turned, default=0.0) / elapsed
     return None
@@ -117,10 +117,10 @@ class EndWatch:
     @property
     def ending(self) -> Ending | None:
         """The end that the position does not confirm yet, for the axes that have not been set moving again since."""
-        ending, begun = self._ending, self._wanted.value.begun
-        if ending is not None and ending.begun != begun:
-            axes = frozenset(axis for axis in ending.axes if ending.begun[axis - 1] == begun[axis - 1])
-            self._ending = replace(ending, axes=axes, begun=begun) if axes else None
+        ending, begun = self._ending, self._wanted.value.motions_begun
+        if ending is not None and ending.motions_begun != begun:
+            axes = frozenset(axis for axis in ending.axes if ending.motions_begun[axis - 1] == begun[axis - 1])
+            self._ending = replace(ending, axes=axes, motions_begun=begun) if axes else None
         return self._ending
 
     @property
@@ -130,7 +130,7 @@ class EndWatch:
 
     def sent(self, axes: Iterable[int], speed: float) -> None:
         """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
-        both, before, begun = frozenset(axes), self.ending, self._wanted.value.begun
+        both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
         if before is not None and before.axes == both:
             self._ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()), begun)
         elif speed > 0.0:

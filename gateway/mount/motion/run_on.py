@@ -63,8 +63,10 @@ def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float
     return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
 
 
-def seen(run_on: RunOn, position: TimedPosition, equatorial: bool, digit: float) -> RunOn | None:
-    """Return the run-on after a position; None if the mount is at rest. ``digit`` is the position's resolution."""
+def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
+    """Return the run-on after a position; None if the mount is at rest. ``resolution`` is that of the position,
+    degrees.
+    """
     if position.asked < run_on.since:
         return replace(run_on, heard=position.at)
     older = [place for place in run_on.places if position.at - place.at >= APART]
@@ -73,7 +75,7 @@ def seen(run_on: RunOn, position: TimedPosition, equatorial: bool, digit: float)
         moved = drift(before.sky, position.sky, elapsed)
         if equatorial:
             moved = max(moved, turned(before.sky, position.sky, elapsed))
-        if moved <= DIGITS * digit:
+        if moved <= DIGITS * resolution:
             return None
     places = (*older[-1:], *run_on.places[len(older) :], position)
     return replace(run_on, heard=position.at, places=places)
@@ -143,10 +145,10 @@ class RunOnWatch:
         """Note that a motion has begun, or that the mount hibernates: nothing runs on. Pulses wait as before."""
         self.value = None
 
-    def position(self, position: TimedPosition, equatorial: bool, digit: float) -> None:
+    def position(self, position: TimedPosition, equatorial: bool, resolution: float) -> None:
         """Take a position that the mount has reported."""
         if self.value is not None:
-            self.value = seen(self.value, position, equatorial, digit)
+            self.value = after_position(self.value, position, equatorial, resolution)
             if self.value is None:
                 self._rested_at, self.rested = self.sent.count, position.at
                 self.changed.emit(0.0)

@@ -1,6 +1,7 @@
 """The observed motion of the mount: its last two positions, and the speeds that follow from them.
 
-Frozen values, updated with every position by ``see``. Angles are degrees, times are seconds of the event loop's clock.
+Frozen values, updated with every position by ``add_position``. Angles are degrees, times are seconds of the event
+loop's clock.
 """
 
 from __future__ import annotations
@@ -81,18 +82,18 @@ class Observed(Struct, frozen=True):
         return self.last.at - self.before.at if self.last is not None and self.before is not None else 0.0
 
 
-def begin(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -> Observed:
+def begin_motion(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -> Observed:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
     last = replace(observed.last, at=now) if observed.last is not None and at_rest else observed.last
     return replace(observed, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
 
 
-def first(observed: Observed, sample: PositionSample) -> Observed:
+def add_first_position(observed: Observed, sample: PositionSample) -> Observed:
     """Add a position that cannot be compared with the last position."""
     return replace(observed, before=None, last=sample, farthest=sample.suns)
 
 
-def see(observed: Observed, sample: PositionSample) -> Observed:
+def add_position(observed: Observed, sample: PositionSample) -> Observed:
     """Add a position that can be compared with the last position, and calculate the speeds."""
     before = observed.last
     assert before is not None
@@ -151,8 +152,8 @@ def axis_sample(
     astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float, place: op.Equatorial
 ) -> AxisSample:
     """Return a position as readings of the two axes: right ascension and declination, or azimuth and altitude."""
-    digit = COARSE_DIGIT if coarse else DIGIT
+    resolution = COARSE_DIGIT if coarse else DIGIT
     if status is None or status.equatorial or astrometry.site_clock.site() is None:
-        return AxisSample(now, (place.ra, place.dec), digit)
+        return AxisSample(now, (place.ra, place.dec), resolution)
     horizon = astrometry.horizon(place)
-    return AxisSample(now, (horizon.az, horizon.alt), digit)
+    return AxisSample(now, (horizon.az, horizon.alt), resolution)

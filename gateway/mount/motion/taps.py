@@ -75,14 +75,14 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
 
 def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, save it for the next tap."""
-    before = sum(other.held or 0.0 for other in wanted.kept if other.operation == tap.operation)
-    others_kept = tuple(other for other in wanted.kept if axis_of(other) != axis_of(tap))
+    before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
+    others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
     tap = replace(_held(tap, before + (tap.held or 0.0)), at=0.0)
     others = tuple(other for other in wanted.pending if other.number != tap.number)
     if (tap.held or 0.0) < tap.arrow.shortest:
-        return replace(wanted, pending=others, kept=(*others_kept, tap))
+        return replace(wanted, pending=others, short_taps=(*others_kept, tap))
     pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
-    return replace(wanted, pending=(*others, pulse), kept=others_kept)
+    return replace(wanted, pending=(*others, pulse), short_taps=others_kept)
 
 
 def at_guide_rate(operation: op.Operation) -> bool:
@@ -122,7 +122,7 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
     begun = motion_of(wanted, axis or 0)
     joined = order.held is not None and begun is not None and _same(begun.by, order.by)
     return axis is not None and (
-        joined or any(_arrow_of(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.kept))
+        joined or any(_arrow_of(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
 
 
@@ -154,7 +154,7 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
 def ended(wanted: Wanted, end: Halt) -> Wanted:
     """Add the end of a tap. It cancels no order that came after the tap; a goto under way serves as the end."""
     gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
-    end = replace(end, rank=FIRST, overtakes=True, asked=wanted.asked, unless=gotos[0] if gotos else 0)
+    end = replace(end, rank=FIRST, overtakes=True, order_count=wanted.order_count, unless=gotos[0] if gotos else 0)
     return replace(wanted, pending=(*wanted.pending, end))
 
 

@@ -134,14 +134,14 @@ class Order(Struct, frozen=True):
 class Halt(Order, frozen=True):
     """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
 
-    ``overtakes``: it goes before pending orders. It ``repeats`` this number of equal halts; ``asked`` is
-    ``Wanted.asked`` at its arrival. ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a goto:
-    once that goto has begun, this halt is void.
+    ``overtakes``: it goes before pending orders. It ``repeats`` this number of equal halts; ``order_count`` is
+    ``Wanted.order_count`` at its arrival. ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a
+    goto: once that goto has begun, this halt is void.
     """
 
     overtakes: bool = False
     repeats: int = 0
-    asked: int = 0
+    order_count: int = 0
     ends_tap: bool = False
     unless: int = 0
 
@@ -222,23 +222,25 @@ class PressedArrow(Struct, frozen=True):
 
 
 class Halted(Struct, frozen=True):
-    """A halt that is done: its loop time, ``Wanted.asked`` at its arrival, and how many equal halts it repeated."""
+    """A halt that is done: its loop time, ``Wanted.order_count`` at its arrival, and how many equal halts
+    it repeated.
+    """
 
     operation: op.Operation
     at: float
-    asked: int
+    order_count: int
     repeats: int
 
 
 class Wanted(Struct, frozen=True):
     """``active`` is the number of the order that is being carried out, 0 for none.
 
-    ``kept`` are taps that are too short for this mount, and are added to the next ones. ``stops`` and ``gotos`` count
-    the orders of these kinds so far, ``slews`` the gotos that the mount has acknowledged, ``begun`` its acknowledged
-    motions of the first axis and of the second, ``asked`` all orders that end nothing. A stop is ``owed`` until the
-    mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it since. ``short`` is why the
-    last goto ended before its goal, until the next order. Guide pulses wait for rest, but not beyond the loop time
-    ``rests_by``.
+    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stops`` and ``gotos``
+    count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged, ``motions_begun``
+    its acknowledged motions of the first axis and of the second, ``order_count`` all orders that end nothing. A stop is
+    ``owed`` until the mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it since.
+    ``short`` is why the last goto ended before its goal, until the next order. Guide pulses wait for rest, but not
+    beyond the loop time ``rests_by``.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -247,7 +249,7 @@ class Wanted(Struct, frozen=True):
     pulses: tuple[GuidePulse, ...] = ()
     pressed: tuple[PressedArrow, ...] = ()
     taps: tuple[Tap, ...] = ()
-    kept: tuple[Order, ...] = ()
+    short_taps: tuple[Order, ...] = ()
     halted: tuple[Halted, ...] = ()
     owed: bool = False
     homed: bool = False
@@ -255,9 +257,9 @@ class Wanted(Struct, frozen=True):
     active: int = 0
     stops: int = 0
     gotos: int = 0
-    slews: int = 0
-    begun: tuple[int, int] = (0, 0)
-    asked: int = 0
+    gotos_begun: int = 0
+    motions_begun: tuple[int, int] = (0, 0)
+    order_count: int = 0
     short: str = ""
 
     @property
@@ -329,7 +331,7 @@ class WantedState:
     @property
     def gotos(self) -> int:
         """A count that grows whenever a goto is ordered, and when it is under way."""
-        return self.value.gotos + self.value.slews
+        return self.value.gotos + self.value.gotos_begun
 
     @property
     def owed(self) -> bool:
@@ -380,8 +382,8 @@ class Movement:
     """Reports the present motion, from the orders and the mount's last replies."""
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
-        self._wanted, self._cache, self._own = wanted, cache, False
-        cache.slews.connect(self._told)
+        self._wanted, self._cache, self._ordered_by_client = wanted, cache, False
+        cache.slews.connect(self._note_slewing)
         #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
         self.by_others_until = -1e9
 
@@ -395,8 +397,8 @@ class Movement:
         """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
-    def _told(self, _: object) -> None:
-        self._own = self.ordered
+    def _note_slewing(self, _: object) -> None:
+        self._ordered_by_client = self.ordered
 
     @property
     def ordered(self) -> bool:
@@ -404,7 +406,7 @@ class Movement:
 
         A goto counts until the reading that shows its end is stored, because its last position is read before that.
         """
-        return not isinstance(self._wanted.value.motion, NotOrdered) or (self._own and self.slewing)
+        return not isinstance(self._wanted.value.motion, NotOrdered) or (self._ordered_by_client and self.slewing)
 
     def now(self) -> Moving:
         return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered)

@@ -35,7 +35,7 @@ MAX_AGE: dict[Kind, float] = {
     op.Position: 0.5, op.HorizontalPosition: 0.5, op.AxisPosition: 0.5, op.Slewing: 1.0, op.GetStatus: 6.0,
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
-#: The same for replies in the mount's own words; others are not cached.
+#: The same for replies in the mount's own protocol; others are not cached.
 OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
 #: How many of these are cached: clients may ask for any number of devices.
 REMEMBERED = 200
@@ -101,7 +101,7 @@ class ReadingsCache:
     def __init__(self, link: MountLink) -> None:
         self._link = link
         self.entries: dict[Kind, CachedAnswer] = {}
-        self._own: dict[op.Own, CachedAnswer] = {}
+        self._native_replies: dict[op.NativeRequest, CachedAnswer] = {}
         self._asked: dict[Kind, float] = {}
         #: A number that grows whenever an answer may have changed, and that of the orders and settings sent so far.
         self.version = self.orders = 0
@@ -137,7 +137,7 @@ class ReadingsCache:
     def clear(self) -> None:
         """Forget everything: after a reconnect it may be another mount."""
         self.forget(*self.entries)
-        self._own.clear()
+        self._native_replies.clear()
 
     def look_again(self, kind: Kind) -> None:
         """Treat earlier replies as outdated, and read again soon: a reading has changed, or a motion has begun."""
@@ -193,24 +193,26 @@ class ReadingsCache:
     def polled(self, kind: Kind, now: float) -> bool:
         return now - self._asked.get(kind, -1e9) <= POLLING
 
-    # --- replies in the mount's own words -----------------------------------------------------------------------------
+    # --- replies in the mount's own protocol -------------------------------------------------------------------------
 
-    def own(self, operation: op.Own, now: float) -> Any:
+    def native_reply(self, operation: op.NativeRequest, now: float) -> Any:
         """Return the mount's reply to a request, or the Fault that came instead, if fresh, else NOT_CACHED."""
-        entry = self._own.get(operation)
+        entry = self._native_replies.get(operation)
         if entry is None or now - entry.at >= entry.lasts:
             return NOT_CACHED
         return entry.value if entry.orders == self.orders or isinf(entry.lasts) else NOT_CACHED
 
-    def keep_own(self, operation: op.Own, answer: bytes | Fault, lasts: float, orders: int, now: float) -> None:
+    def keep_native_reply(
+        self, operation: op.NativeRequest, answer: bytes | Fault, lasts: float, orders: int, now: float
+    ) -> None:
         """Store the reply to a request that was sent after so many ``orders``; if there are too many, drop
         the oldest.
         """
-        self._own.pop(operation, None)
+        self._native_replies.pop(operation, None)
         if lasts:
-            self._own[operation] = CachedAnswer(answer, now, lasts, orders=orders)
-        if len(self._own) > REMEMBERED:
-            del self._own[next(iter(self._own))]
+            self._native_replies[operation] = CachedAnswer(answer, now, lasts, orders=orders)
+        if len(self._native_replies) > REMEMBERED:
+            del self._native_replies[next(iter(self._native_replies))]
 
 
 class NotRead(Exception):

@@ -48,16 +48,16 @@ def course(
     last: Reading,
     *,
     fastest: float,
-    digit: float = 0.0,
+    resolution: float = 0.0,
     goal: Pair | None = None,
     polar: bool = True,
 ) -> Extrapolation:
     """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is any.
 
-    ``fastest``: degrees a second that no motor exceeds. ``digit``: the resolution of readings, degrees. ``polar``: the
+    ``fastest``: degrees a second that no motor exceeds. ``resolution``: that of readings, degrees. ``polar``: the
     angles are a position on a sphere, and not the readings of two axes.
     """
-    rates = None if before is None else _rates(before, last, fastest, digit, polar)
+    rates = None if before is None else _rates(before, last, fastest, resolution, polar)
     if before is None or rates is None:
         return Extrapolation(last)
     rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
@@ -88,7 +88,7 @@ def _until(rate: float, degrees: float) -> float:
     return degrees / abs(rate) if rate else inf
 
 
-def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: bool) -> Pair | None:
+def _rates(before: Reading, last: Reading, fastest: float, resolution: float, polar: bool) -> Pair | None:
     """Return the rates of both angles in degrees a second; None if the readings do not show them."""
     elapsed = last.at[0] - before.at[0], last.at[1] - before.at[1]
     if min(elapsed) < SOONEST or max(elapsed) > LATEST:
@@ -101,7 +101,7 @@ def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: 
             return None
     elif max(abs(turned[0]) / elapsed[0], abs(turned[1]) / elapsed[1]) > fastest:
         return None
-    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= DIGITS * digit else 0.0 for n in (0, 1))
+    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= DIGITS * resolution else 0.0 for n in (0, 1))
     return first, second
 
 
@@ -125,7 +125,7 @@ def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolatio
             None if before is None else before.reading,
             entry.reading,
             fastest=FASTEST * context.driver.speed_factor,
-            digit=context.driver.resolution,
+            resolution=context.driver.resolution,
             goal=_goal(context, kind),
             polar=kind is not op.AxisPosition,
         )

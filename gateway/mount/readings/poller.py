@@ -65,10 +65,10 @@ class Poller:
         self._failed = dict.fromkeys(POLL_PERIOD, -1e9)
         #: The loop time by which the status is read although it is not old.
         self._status_due = inf
-        self._reading_own: asyncio.Task[None] | None = None
+        self._read_task: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
-        self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
-        self._asked_own = self._asked_site = context.now()
+        self._next_kinds: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
+        self._asked_at = self._asked_site = context.now()
         reader.goto_over.connect(self._goto_ended)
 
     def start(self) -> None:
@@ -107,24 +107,24 @@ class Poller:
             await self.renew(op.Position)
         self._renew_site(now)
         clock = self._context.site_clock.mount_clock
-        asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
+        asked = self._asked_at if clock is None else max(self._asked_at, clock[1])
         if now - asked <= (OWN_AGE if self._needed(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
-        if self._reading_own is None or self._reading_own.done():  # in a task, so that the position does not wait
-            self._asked_own, self._own = now, self._own[::-1]
+        if self._read_task is None or self._read_task.done():  # in a task, so that the position does not wait
+            self._asked_at, self._next_kinds = now, self._next_kinds[::-1]
             site_clock = self._context.site_clock
-            known = site_clock.mount_clock if self._own[0] is op.GetClock else site_clock.mount_site
+            known = site_clock.mount_clock if self._next_kinds[0] is op.GetClock else site_clock.mount_site
             if known is not None:
-                self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
+                self._read_task = self._context.tasks.spawn(self.renew(self._next_kinds[0]))
 
     def _renew_site(self, now: float) -> None:
         """Read the site of a mount that keeps its own often: its owner may set it and continue at once."""
         keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
         if not keeps or self._watched or now - self._asked_site < SITE_AGE:
             return
-        if self._reading_own is None or self._reading_own.done():
+        if self._read_task is None or self._read_task.done():
             self._asked_site = now
-            self._reading_own = self._context.tasks.spawn(self.renew(op.GetSite))
+            self._read_task = self._context.tasks.spawn(self.renew(op.GetSite))
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""

@@ -123,9 +123,9 @@ class Reader:
             return False
         return now - max(at, complete) > SOONEST
 
-    def peek_own(self, operation: op.Own, program: ProgramId) -> bytes:
+    def peek_native(self, operation: op.NativeRequest, program: ProgramId) -> bytes:
         """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
-        reply: bytes = self._cache.own(operation, self._now())
+        reply: bytes = self._cache.native_reply(operation, self._now())
         return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
 
     def last(self, kind: Kind) -> object:
@@ -190,7 +190,7 @@ class Reader:
         except Unsupported:
             return NOT_CACHED
 
-    def _is_overridden(self, operation: op.Own, program: ProgramId) -> bool:
+    def _is_overridden(self, operation: op.NativeRequest, program: ProgramId) -> bool:
         """Whether the gateway gives a program another site or clock than the mount's own."""
         if operation.keep not in ("clock", "site"):
             return False
@@ -264,11 +264,11 @@ class Reader:
                     return value
         return answer
 
-    async def answer_own(self, operation: op.Own, program: ProgramId) -> bytes:
+    async def answer_native(self, operation: op.NativeRequest, program: ProgramId) -> bytes:
         """Return the mount's own reply, cached or by an exchange that all waiting clients share. Raises Fault."""
         if self._is_overridden(operation, program):
             raise Unsupported
-        reply = self._cache.own(operation, self._now())
+        reply = self._cache.native_reply(operation, self._now())
         if isinstance(reply, Fault):
             raise type(reply)(str(reply))
         return cast(bytes, await shared_result(self.shared(operation)) if reply is NOT_CACHED else reply)
@@ -300,11 +300,11 @@ class Reader:
 
     def shared(self, operation: op.Operation) -> asyncio.Task[object]:
         """Return the task that reads this now, or start it. It is shared: no caller may cancel it."""
-        is_own = isinstance(operation, op.Own)
-        key = (operation, self._cache.orders) if is_own else type(operation)
+        is_native = isinstance(operation, op.NativeRequest)
+        key = (operation, self._cache.orders) if is_native else type(operation)
         task = self._sharing.get(key)
         if task is None:
-            work = self._ask_own(operation) if isinstance(operation, op.Own) else self._ask(operation)
+            work = self._ask_native(operation) if isinstance(operation, op.NativeRequest) else self._ask(operation)
             task = self._sharing[key] = self._context.tasks.spawn(work)
             task.add_done_callback(lambda done: self._unshare(key, done))
         return task
@@ -319,7 +319,7 @@ class Reader:
         """
         return self._context.found if isinstance(operation, op.Position) else self._context.known
 
-    async def _ask_own(self, operation: op.Own) -> bytes:
+    async def _ask_native(self, operation: op.NativeRequest) -> bytes:
         await self._context.known.wait()
         orders, lasts = self._cache.orders, OWN_AGE.get(operation.keep, 0.0)
         try:
@@ -327,9 +327,9 @@ class Reader:
         except (NoDevice, Silence) as fault:
             # A mount that does not know a request will not know it later, and each timeout takes long: keep a Silence.
             lasts = inf if isinstance(fault, Silence) else lasts
-            self._cache.keep_own(operation, type(fault)(str(fault)), lasts, orders, self._now())
+            self._cache.keep_native_reply(operation, type(fault)(str(fault)), lasts, orders, self._now())
             raise
-        self._cache.keep_own(operation, answer, lasts, orders, self._now())
+        self._cache.keep_native_reply(operation, answer, lasts, orders, self._now())
         return answer
 
     async def _ask(self, operation: op.Operation) -> object:

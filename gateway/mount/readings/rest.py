@@ -78,7 +78,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
 
 def _begun(context: Context) -> tuple[int, tuple[int, int]]:
     """Return how many motions the mount has begun so far."""
-    return context.wanted.value.slews, context.wanted.value.begun
+    return context.wanted.value.gotos_begun, context.wanted.value.motions_begun
 
 
 async def _sample(context: Context, reader: Reader) -> RestSample:

@@ -116,7 +116,7 @@ class LimitWatch:
         if self.observed.across < GUIDES:
             return False
         then, at_then = (self._axes(sample.at, sample.place) for sample in (before, last))
-        least = max(FASTER_THAN_TRACKING * self.observed.elapsed, DIGITS * at_then.digit)
+        least = max(FASTER_THAN_TRACKING * self.observed.elapsed, DIGITS * at_then.resolution)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
         turned = [abs(wrap180(at_then.axes[sample - 1] - then.axes[sample - 1])) for sample in axes]
@@ -171,7 +171,7 @@ class LimitWatch:
             self.observed = replace(self.observed, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
             self.hour_angle.forget()
-        self.observed = fold.begin(
+        self.observed = fold.begin_motion(
             self.observed, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
         )
         if not isinstance(operation, op.Move | op.MoveAxis):
@@ -222,13 +222,13 @@ class LimitWatch:
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
-            self.observed = fold.first(self.observed, last)
+            self.observed = fold.add_first_position(self.observed, last)
         sample, status = self._sample(now, place, last), self._mount.cache.value(op.GetStatus)
         near = max(abs(place.dec), sample.altitude or 0.0) > fold.PASSES
         if near and not (self._mount.movement.slewing or self.moved_by_others):
             self.observed = fold.passed(self.observed, last, sample, self._mount.astrometry, status)
         if last is None or now < self._coasts_until or last.era != sample.era:
-            self.observed = fold.first(self.observed, sample)
+            self.observed = fold.add_first_position(self.observed, sample)
             return
         if status is not None and not status.aligned:
             self.observed = replace(self.observed, before=None, last=sample)
@@ -236,7 +236,7 @@ class LimitWatch:
             if self._status_age > STATUS_AGE:
                 self._reader.shared(op.GetStatus())
             return
-        self.observed, moving = fold.see(self.observed, sample), self._mount.movement.now()
+        self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
         self._astray = self._astray or (moving.slewing and bool(self._ways) and self._off_its_ways(place))
         view = self._view(now, moving)
@@ -258,7 +258,7 @@ class LimitWatch:
             self._astray = self._astray or self._mount.movement.slewing  # its path was checked without this
             for word in self.altitude_axis.messages(*change):
                 self._mount.note(word)
-            self.observed = fold.first(self.observed, self._sample(last.at, last.place))
+            self.observed = fold.add_first_position(self.observed, self._sample(last.at, last.place))
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""

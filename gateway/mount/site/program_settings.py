@@ -49,7 +49,7 @@ def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
     return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
 
 
-class OwnSettings(Struct, frozen=True):
+class SettingsOfProgram(Struct, frozen=True):
     """The settings of a program: a site, or half of it that waits for the other; a clock with the loop time of
     its reading; and a zone that was set without a clock, hours, local time minus UTC.
     """
@@ -60,7 +60,7 @@ class OwnSettings(Struct, frozen=True):
     zone: float | None = None
 
 
-NOTHING = OwnSettings()
+NOTHING = SettingsOfProgram()
 
 
 class ProgramSettings:
@@ -69,24 +69,24 @@ class ProgramSettings:
     """
 
     def __init__(self) -> None:
-        self._own: dict[ProgramId, OwnSettings] = {}
+        self._by_program: dict[ProgramId, SettingsOfProgram] = {}
         self.newest: SiteOfProgram | None = None
         #: Whether a half of a site waits for the other.
         self.half = False
 
-    def of(self, program: ProgramId) -> OwnSettings:
-        return self._own.get(program, NOTHING)
+    def of(self, program: ProgramId) -> SettingsOfProgram:
+        return self._by_program.get(program, NOTHING)
 
-    def put(self, program: ProgramId, settings: OwnSettings) -> None:
-        self._own.pop(program, None)
+    def put(self, program: ProgramId, settings: SettingsOfProgram) -> None:
+        self._by_program.pop(program, None)
         if settings != NOTHING:
-            self._own[program] = settings
-        if len(self._own) > REMEMBERED:
-            del self._own[next(iter(self._own))]
-        self.half = any(one.half is not None for one in self._own.values())
+            self._by_program[program] = settings
+        if len(self._by_program) > REMEMBERED:
+            del self._by_program[next(iter(self._by_program))]
+        self.half = any(settings.half is not None for settings in self._by_program.values())
 
-    def __iter__(self) -> Iterator[OwnSettings]:
-        return iter(self._own.values())
+    def __iter__(self) -> Iterator[SettingsOfProgram]:
+        return iter(self._by_program.values())
 
     @property
     def newest_clock(self) -> Clock | None:
@@ -104,7 +104,7 @@ class ProgramSettings:
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
-        for program_, settings in list(self._own.items()):
+        for program_, settings in list(self._by_program.items()):
             if program in (None, program_):
                 self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))
         if kind == "site" and (program is None or (self.newest is not None and self.newest.host == program.host)):

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.mount.presence import ProgramId
-from gateway.mount.site.program_settings import OwnSettings
+from gateway.mount.site.program_settings import SettingsOfProgram
 from gateway.mount.site.site_clock import BestSources, SiteClock
 
 
@@ -22,7 +22,7 @@ class ReadBy:
         self._known, self._program = site_clock, program
 
     @property
-    def own(self) -> OwnSettings:
+    def settings(self) -> SettingsOfProgram:
         """The settings of this program that the mount has not taken."""
         return self._known.programs.of(self._program)
 
@@ -30,7 +30,7 @@ class ReadBy:
 
     def site(self) -> Place | None:
         """Return the site that the program has set, else the site of the best source; None if both are unknown."""
-        settings = self.own
+        settings = self.settings
         place, half = settings.site or self._known.best_site(), settings.half
         if half is None:
             return place
@@ -42,7 +42,7 @@ class ReadBy:
         """Return the clock that the program has set, run on to the present, else the mount's; None if there is neither.
         If the program has set only a zone, that replaces the offset.
         """
-        settings = self.own
+        settings = self.settings
         moment = self._known.running(settings.clock or self._known.mount_clock)
         return moment if moment is None or settings.zone is None else Moment(moment.unix, settings.zone)
 
@@ -60,32 +60,32 @@ class ReadBy:
         return self.clock() if kind is GetClock else None
 
     def has_own_site(self) -> bool:
-        settings = self.own
+        settings = self.settings
         return settings.site is not None or settings.half is not None
 
     def has_own_clock(self) -> bool:
         """Whether the program has set a clock or a zone of its own."""
-        settings = self.own
+        settings = self.settings
         return settings.clock is not None or settings.zone is not None
 
     # --- setting ----------------------------------------------------------------------------------------------------
 
     def set_half(self, operation: SetSite) -> bool:
         """Take one or both halves of a site; return whether both are set."""
-        held = self.own.half or SetSite()
+        held = self.settings.half or SetSite()
         half = SetSite(
             latitude=operation.latitude if operation.latitude is not None else held.latitude,
             longitude=operation.longitude if operation.longitude is not None else held.longitude,
         )
-        self._put(replace(self.own, half=half))
+        self._put(replace(self.settings, half=half))
         return None not in (half.latitude, half.longitude)
 
     def take_site(self) -> SetSite | None:
         """Return the site to send now: the halves that were set, completed by known values; None if any is missing."""
         place = self.site()
-        if self.own.half is None or place is None:
+        if self.settings.half is None or place is None:
             return None
-        self._put(replace(self.own, half=None))
+        self._put(replace(self.settings, half=None))
         return SetSite(latitude=place.latitude, longitude=place.longitude)
 
     def keep_site(self, operation: SetSite) -> None:
@@ -97,17 +97,17 @@ class ReadBy:
 
     def keep_clock(self, operation: SetClock) -> None:
         moment = Moment(operation.unix, operation.offset, operation.dst)
-        self._put(replace(self.own, clock=(moment, self._known.now()), zone=None))
+        self._put(replace(self.settings, clock=(moment, self._known.now()), zone=None))
 
     def keep_zone(self, offset: float) -> None:
         """Store a zone that was set without a clock: hours, local time minus UTC."""
-        self._put(replace(self.own, zone=offset))
+        self._put(replace(self.settings, zone=offset))
 
     def forget_site(self) -> None:
         """Return to the site of the best source."""
         self._known.programs.forget("site", self._program)
-        self._put(replace(self.own, half=None))
+        self._put(replace(self.settings, half=None))
 
-    def _put(self, settings: OwnSettings) -> None:
+    def _put(self, settings: SettingsOfProgram) -> None:
         self._known.programs.put(self._program, settings)
         self._known.changed.emit(None)

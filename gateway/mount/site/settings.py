@@ -85,7 +85,7 @@ class SiteAndClock:
         moment = self._read_by(program).clock()
         if moment is None:
             self._context.note_once("the mount does not report the time: this computer's clock is used")
-            moment = op.Moment(self._read_by(program).unix(), self._read_by(program).own.zone or 0.0)
+            moment = op.Moment(self._read_by(program).unix(), self._read_by(program).settings.zone or 0.0)
         return moment
 
     async def _sidereal_time(self, _: op.SiderealTime, program: ProgramId) -> float:

@@ -34,20 +34,20 @@ _NAMES: dict[type[op.Operation], str] = {
 }
 
 
-def name(operation: op.Operation) -> str:
+def setting_name(operation: op.Operation) -> str:
     return _NAMES[type(operation)]
 
 
 def note(mount: Context, operation: op.Operation, text: str) -> None:
     """Log the outcome of a setting."""
-    mount.note(f"the {name(operation)} that was set: {text}")
+    mount.note(f"the {setting_name(operation)} that was set: {text}")
 
 
 def note_kept(mount: Context, setting: Setting, why: str) -> None:
     """Log, once for each host, that the mount does not get a site or clock."""
     mount.note_once(
-        f"{why}: the {name(setting.value)} that was set is kept in the gateway, for {setting.by or 'this computer'} "
-        "alone; everyone else reads the mount's"
+        f"{why}: the {setting_name(setting.value)} that was set is kept in the gateway, "
+        f"for {setting.by or 'this computer'} alone; everyone else reads the mount's"
     )
 
 
@@ -307,7 +307,7 @@ class SyncSettings:
         """The mount cannot store it, so the gateway does."""
         self.pending = pending_settings.without(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
-            self._context.note(f"{name(setting.value)} kept in the gateway: {fault}")
+            self._context.note(f"{setting_name(setting.value)} kept in the gateway: {fault}")
         else:
             note(self._context, setting.value, str(fault))
 

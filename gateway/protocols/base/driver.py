@@ -294,7 +294,7 @@ class Driver:
         """Return the model that the mount itself reports, whatever the user has configured; None if it reports none."""
         return None
 
-    def own(self, operation: op.Own) -> Steps:
+    def native_reply(self, operation: op.NativeRequest) -> Steps:
         """Return the bytes of the mount's own reply. Raises Unsupported for a command that this mount lacks."""
         if not self.supports(operation.command):
             raise Unsupported
@@ -307,8 +307,8 @@ class Driver:
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
             return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
-        if isinstance(operation, op.Own):
-            return cast(_T, (yield from self.own(operation)))
+        if isinstance(operation, op.NativeRequest):
+            return cast(_T, (yield from self.native_reply(operation)))
         row = self.implementation(type(operation))
         if row is None:
             raise Unsupported

@@ -16,7 +16,7 @@ import msgspec
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import GOTOS, begins_motion, may_begin_motion
-from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
+from gateway.core.operations import AbortMotion, NativeRequest, Operation, PassThrough, Values
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, SurfaceStep, relayed
@@ -122,7 +122,7 @@ class Surface:
             native = self.protocol.own.get(command.name) if session.model.get("own") else None
             if native is not None and native.keep is not None and "fault" not in values:
                 with suppress(Unsupported):
-                    return (yield from self._own(session, command, native.keep, values))
+                    return (yield from self._native_reply(session, command, native.keep, values))
             if passed and not self.passes(command.name, values):
                 return self.unanswered(frame, None)
             if row is None or passed:
@@ -161,7 +161,7 @@ class Surface:
         outcome = self.handlers[name](session, command, values)
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
 
-    def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
+    def _native_reply(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
         if self.contradicts_client(session, command.name, values):
             raise Unsupported
@@ -171,7 +171,7 @@ class Surface:
             answer = yield PassThrough(command.name, tuple(values.items()))
         else:
             try:
-                answer = yield Own(command.name, tuple(values.items()), keep)
+                answer = yield NativeRequest(command.name, tuple(values.items()), keep)
             except Silence:
                 answer = b""
         return self.reply(session, command, answer)

@@ -14,7 +14,7 @@ async def answers(gateway: Mount) -> None:
     assert_type(await gateway.perform(op.Slewing()), bool)
     assert_type(await gateway.perform(op.GetIdentity()), op.Identity)
     assert_type(await gateway.perform(op.SiderealTime()), float)
-    assert_type(await gateway.perform(op.Own("get_version")), bytes)
+    assert_type(await gateway.perform(op.NativeRequest("get_version")), bytes)
     assert_type(await gateway.perform(op.Goto(80.0, 20.0)), None)
     assert_type(await gateway.perform(op.Pulse(op.Direction.NORTH, 100)), Pulsed | None)
     assert_type(await gateway.perform(op.PassThrough("get_version")), Values | None)

@@ -38,13 +38,13 @@ class EndAgain(Operation, frozen=True):
 def count_motion(mount: Lx200Driver, *axes: int) -> None:
     """Count a motion that is about to begin on these axes."""
     for axis in axes:
-        mount.begun[axis] = mount.begun.get(axis, 0) + 1
+        mount.motions_begun[axis] = mount.motions_begun.get(axis, 0) + 1
 
 
 def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) -> Steps:
     """Send the command that ends the motion of these axes, and repeat it later if they were known to move."""
     if moved:
-        mount.ended[command] = {axis: mount.begun.get(axis, 0) for axis in axes}
+        mount.ended[command] = {axis: mount.motions_begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
     if moved:
         yield Schedule(REPEAT_AFTER, EndAgain(command), urgent=True, not_while_busy=command != "Q")
@@ -55,7 +55,7 @@ def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
     is dropped.
     """
     begun = mount.ended.pop(operation.command, None)
-    if begun is not None and all(mount.begun.get(axis, 0) == number for axis, number in begun.items()):
+    if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):
             yield from ask(mount, operation.command)
 

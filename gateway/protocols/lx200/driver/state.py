@@ -15,8 +15,8 @@ from gateway.core.operations import (
     Abilities,
     Equatorial,
     Identity,
+    NativeRequest,
     Operation,
-    Own,
     Pulse,
     PulseAxis,
     Rate,
@@ -126,7 +126,7 @@ class Lx200Driver(Driver):
         self.shares: dict[int, tuple[float, float]] = {}
         self.focusing = False
         #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
-        self.begun: dict[int, int] = {}
+        self.motions_begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
         #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
         self.guide_rate, self.guide_rate_chosen = settings.guide_rate or 1.0, settings.guide_rate is not None
@@ -251,7 +251,7 @@ class Lx200Driver(Driver):
     def contact(self) -> Steps:
         return (yield from self.handlers["identify.contact"](self, None))
 
-    def own(self, operation: Own) -> Steps:
+    def native_reply(self, operation: NativeRequest) -> Steps:
         """Send a client's command unchanged. Firmware may lack it, so the wait is short, and silence counts as a reply.
 
         Raises Busy while the telescope seeks its home, and Unsupported if the model lacks the command.

@@ -238,7 +238,11 @@ def own_library(session: LxSession, command: Command, values: op.Values) -> Hand
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command to the telescope itself."""
     client = session.client
     if command.name == "LI":
-        return (yield op.Own("LI", (), "moment")) if client.object is None else f"{client.object}#".encode("latin-1")
+        return (
+            (yield op.NativeRequest("LI", (), "moment"))
+            if client.object is None
+            else f"{client.object}#".encode("latin-1")
+        )
     if command.name in _CHOOSING:
         others = {name: fields for name, fields in client.own_catalogs.items() if name != command.name}
         try:

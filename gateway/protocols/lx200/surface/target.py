@@ -106,7 +106,7 @@ def sync_on_moon(session: LxSession) -> Handling:
 def _own_idle() -> Handling:
     """Return the telescope's own :D reply at rest; empty if it has none, or moves by its hand control."""
     try:
-        reply: bytes = yield op.Own("D", (), "fixed")
+        reply: bytes = yield op.NativeRequest("D", (), "fixed")
     except (Unsupported, Silence):
         return b""
     return b"" if reply.strip(b" #") else reply

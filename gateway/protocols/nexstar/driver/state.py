@@ -363,7 +363,7 @@ class NexStar(Driver):
         first, last = row.get("ids", (row["id"], row["id"]))
         return row.get("dialect") == self.dialect and first <= number <= last
 
-    def own(self, operation: op.Own) -> Steps:
+    def native_reply(self, operation: op.NativeRequest) -> Steps:
         """Pass a client's command on and return the raw reply. Which versions answer ``v`` is not documented.
 
         Raises Unsupported if the hand control lacks the command or has not answered it.

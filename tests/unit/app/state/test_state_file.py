@@ -295,7 +295,7 @@ def test_two_gateways_never_share_a_file(tmp_path: Path) -> None:
             await asyncio.sleep(1)
             async with Bridge(state=tmp_path) as second:
                 assert second.warned == []
-                assert second.store and "another mount-gateway (process" in second.store.kept_by_another
+                assert second.store and "another mount-gateway (process" in second.store.other_gateway
                 client = second.client()
                 assert await client.ask(b":GM#") == b"first#", "it begins with what there is"
                 assert await client.ask(b":SMsecond#:GM#", until=b"d#") == b"1second#"

@@ -68,9 +68,9 @@ def test_across_the_north_it_is_no_jump() -> None:
 def test_a_coarse_position_says_nothing_before_it_could_have_changed() -> None:
     """Low precision: a tenth of a minute of right ascension is 90 arcseconds."""
     slow = Ending(frozenset({1}), 0.1, (100.0,))
-    coarse = looks((100.4, 5.0), (100.8, 5.0), digit=90 / 3600)
+    coarse = looks((100.4, 5.0), (100.8, 5.0), resolution=90 / 3600)
     assert next_step(slow, coarse, 103.0) is Step.LOOK
-    assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), digit=90 / 3600)], 103.0) is Step.DONE
+    assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), resolution=90 / 3600)], 103.0) is Step.DONE
 
 
 @some

@@ -82,7 +82,7 @@ def test_who_leads_away_from_the_goal_goes_another_way_round() -> None:
 
 
 def test_what_may_be_the_last_digit_is_no_motion() -> None:
-    going = course(*two((4.0, 0.02)), fastest=FAST, digit=20.0 / 3600.0)
+    going = course(*two((4.0, 0.02)), fastest=FAST, resolution=20.0 / 3600.0)
     assert place(going, 101.0) == (pytest.approx(124.0), 30.0)
 
 

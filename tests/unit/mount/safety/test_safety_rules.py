@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.mount.motion.seen import Observed, PositionSample, begin, first, see
+from gateway.mount.motion.seen import Observed, PositionSample, add_first_position, add_position, begin_motion
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
@@ -33,9 +33,9 @@ EQUATORIAL = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
 
 def seen(*samples: PositionSample) -> Observed:
     """One position a second, long after the motion began."""
-    now = first(Observed(), samples[0])
+    now = add_first_position(Observed(), samples[0])
     for sample in samples[1:]:
-        now = see(now, sample)
+        now = add_position(now, sample)
     return now
 
 
@@ -73,7 +73,9 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
         seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))), farthest=(19.0,)
     )
     assert not near_sun(view(near, Limits())).reason
-    creeping = see(replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,)))
+    creeping = add_position(
+        replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,))
+    )
     assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
 
@@ -140,9 +142,9 @@ def test_a_motion_that_begins_is_to_be_seen_before_it_can_come_to_a_limit() -> N
 
 def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_that_was() -> None:
     before = sinking(40.0, 1.0)
-    assert begin(before, 130.0, 4.0, at_rest=True).last == replace(before.last, at=130.0)
-    assert begin(before, 130.0, 4.0, at_rest=False).last == before.last
-    assert begin(before, 130.0, 4.0, at_rest=False).changes is None
+    assert begin_motion(before, 130.0, 4.0, at_rest=True).last == replace(before.last, at=130.0)
+    assert begin_motion(before, 130.0, 4.0, at_rest=False).last == before.last
+    assert begin_motion(before, 130.0, 4.0, at_rest=False).changes is None
 
 
 @each(
