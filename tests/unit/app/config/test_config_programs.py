@@ -73,7 +73,7 @@ def test_what_the_user_set_is_left_as_it_is() -> None:
 def test_every_row_is_of_use(protocol: str) -> None:
     """Its key is one of the surface's, its value is allowed there, and it says why."""
     for name, row in programs(protocol).items():
-        assert bool(row.first) == bool(row.told), name
+        assert bool(row.first) == bool(row.evidence), name
         for need in row.needs:
             key = find_key("surface", need.key)
             assert key is not None, name

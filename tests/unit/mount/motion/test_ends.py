@@ -25,9 +25,9 @@ from tests.support.examples import some
 FAST = Ending(frozenset({1, 2}), 4.0, (100.0,))
 
 
-def looks(*places: tuple[float, float], axis: int = 1, digit: float = 1 / 3600) -> list[AxisSample]:
+def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3600) -> list[AxisSample]:
     """Positions of one axis at these times; the other stands still."""
-    return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), digit) for at, place in places]
+    return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), resolution) for at, place in places]
 
 
 def test_it_is_done_when_the_axes_stand_still_after_a_run_on() -> None:
