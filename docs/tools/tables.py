@@ -14,19 +14,21 @@ from collections import Counter
 from collections.abc import Container, Iterator
 from pathlib import Path
 
-from gateway.app.config.describing import keys, title
-from gateway.app.config.showing import toml
-from gateway.core.errors import MappingError
-from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, MountKind, outcome, remarks, taken, versions
-from gateway.mount.policy import Limits
-from gateway.protocols.base.spec import DriverSettings, SurfaceSettings
-from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
-from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import ELSE, KEEPS, LACKS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow
-
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from docs.tools.mistakes import calls, mistakes, traits  # noqa: E402
+from gateway.app.config.describing import keys, title  # noqa: E402
+from gateway.app.config.showing import toml  # noqa: E402
+from gateway.core.errors import MappingError  # noqa: E402
+from gateway.core.wire_log import show  # noqa: E402
+from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, MountKind, outcome, remarks, taken, versions  # noqa: E402
+from gateway.protocols.base.spec import ProtocolSpec  # noqa: E402
+from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces  # noqa: E402
+from gateway.protocols.wireformat.command import Command  # noqa: E402
+from gateway.protocols.wireformat.command_set import CommandSet, load  # noqa: E402
+from gateway.protocols.wireformat.rows import ELSE, KEEPS, LACKS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow  # noqa: E402
+
 TARGET = ROOT / "mappings/README.md"
 KEYS, BEGIN, END = (
     ROOT / "docs/configuration.md",
@@ -214,17 +216,25 @@ def _cell(words: str) -> str:
     return words.replace("|", "\\|")
 
 
+def _of_protocol(spec: ProtocolSpec) -> Iterator[str]:
+    return mistakes(spec.commands)
+
+
+def _of_dialects(spec: ProtocolSpec) -> Iterator[str]:
+    for tables in dict.fromkeys(map(spec.commands.of, spec.commands.dialects)):
+        yield from mistakes(tables)
+
+
 def problems() -> Iterator[str]:
-    """Yield what is wrong with the tables and old on the page. Raises MappingError for a mistake in a row."""
-    for spec in PROTOCOLS.values():  # the parts of a protocol look up the functions that its rows call
-        if spec.make_surface is not None:
-            spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
-        if spec.make_driver is not None:
-            spec.make_driver(DriverSettings(), float)
-    traits = {UNALIGNED, UNABLE, ELSE} | {word for name in mounts() for word in load(name).all_traits}
+    """Yield what is wrong with the tables, or if nothing is, what is old on the page. Raises MappingError."""
+    for look in (_of_protocol, _of_dialects, calls):
+        if wrong := [mistake for spec in PROTOCOLS.values() for mistake in look(spec)]:
+            yield from wrong
+            return
+    known = {UNALIGNED, UNABLE, ELSE} | {word for name in mounts() for word in traits(load(name))}
     for client in surfaces():
         for name, row in load(client).surface.items():
-            for word in {word for words in row.outcomes for word in words.split()} - traits:
+            for word in {word for words in row.outcomes for word in words.split()} - known:
                 if not word.startswith((PRESENTED, LACKS)):
                     yield f"mappings/{client}/surface.toml: [{name}]: outcome: no mount is {word!r}"
     for client, mount in pairs():

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, SurfaceSettings, part
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 
 if TYPE_CHECKING:
     from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
@@ -22,7 +22,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
 
     protocol, model = load(NAME), {"name": NAME, "equinox": settings.equinox}
-    surface = AlpacaSurface(protocol, protocol.functions("surface", abilities, device, motion, site))
+    surface = AlpacaSurface(protocol, surface_functions(abilities, device, motion, site))
     return MadeSurface(surface, model, ClientSettings(settings.limits))
 
 
@@ -37,7 +37,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
     from gateway.protocols.alpaca.driver.state import AlpacaDriver
 
-    handlers = load(NAME).functions("driver", identify, motion, place, pointing)
+    handlers = functions(identify, motion, place, pointing)
     driver = AlpacaDriver(now, settings, handlers)
     follow_ups: FollowUps = {
         pointing.KeepTracking: pointing.keep_tracking,

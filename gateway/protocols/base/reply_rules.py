@@ -45,7 +45,7 @@ class Expected(NamedTuple):
 
 
 def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
-    """Return how the answer to a command may change: a word of ``ANSWERS``, or None to accept it without verification.
+    """Return how the answer to a command may change: a word of ``Answer``, or None to accept it without verification.
 
     A raw reply, which a client receives as the mount has written it, is verified like a state.
     """

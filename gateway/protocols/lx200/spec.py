@@ -18,7 +18,7 @@ from gateway.protocols.base.spec import (
     SurfaceSettings,
     part,
 )
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 
 if TYPE_CHECKING:
     from gateway.protocols.base.driver import FollowUps
@@ -47,7 +47,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     name = settings.model or DEFAULT_MODEL
     if name not in protocol.presented:
         raise UserError(f"a surface cannot present {name}: write {' or '.join(protocol.presented)}, or no model")
-    handlers = protocol.functions("surface", accessories, clock, motion, objects, site, target)
+    handlers = surface_functions(accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
     if settings.degree != "*":
@@ -64,7 +64,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.lx200.driver.state import Lx200Driver
     from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 
-    handlers = load(NAME).functions("driver", drive, home, identify, motion, place, pointing)
+    handlers = functions(drive, home, identify, motion, place, pointing)
     driver = Lx200Driver(now, settings, handlers)
     follow_ups: FollowUps = {
         home.SeekOn: home.check_home_search,

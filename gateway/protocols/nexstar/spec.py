@@ -21,7 +21,7 @@ from gateway.protocols.base.spec import (
 )
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 from gateway.protocols.wireformat.rows import parse_version, show_version
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.nexstar.surface import devices, motion, place, pointing, presented
 
     protocol, version = load(NAME), settings.version
-    handlers = protocol.functions("surface", devices, motion, place, pointing, presented)
+    handlers = surface_functions(devices, motion, place, pointing, presented)
     surface = Surface(protocol, handlers, devices.no_response)
     surface.passes, surface.lacks = devices.passes, presented.lacks
     surface.contradicts_client = presented.contradicts_client
@@ -71,7 +71,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.nexstar.driver.state import NexStar
     from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 
-    handlers = load(NAME).functions("driver", home, identify, motion, place, pointing, tracking)
+    handlers = functions(home, identify, motion, place, pointing, tracking)
     return MadeDriver(
         NexStar(now, settings, handlers),
         {

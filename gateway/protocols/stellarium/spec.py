@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings, part
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.command_set import load, surface_functions
 
 NAME = "stellarium"
 #: Length and type of a goto, the only message that programs send.
@@ -15,7 +15,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.stellarium import surface as module
 
-    surface = Surface(load(NAME), load(NAME).functions("surface", module))
+    surface = Surface(load(NAME), surface_functions(module))
     surface.session, surface.subscriptions = module.StellariumSession, module.subscriptions
     surface.replies = False
     return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))

@@ -2,7 +2,7 @@
 
 A template is written like a frame in the manuals: a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and
 fields (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It converts between bytes and named values, and does not know what
-they mean. A mistake in a row raises MappingError with file, row and reason; so does a question without ``answer``.
+they mean. A form that cannot be read raises MappingError with file, row and reason.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gateway.core.errors import MappingError
 from gateway.core.operations import Values
 from gateway.core.wire_log import show
 from gateway.protocols.wireformat.fields import Codec, codec
-from gateway.protocols.wireformat.rows import ANSWERS, URGENT, CommandRow, ReplyForm, Source, Version, parse_version
+from gateway.protocols.wireformat.rows import CommandRow, ReplyForm, Source, Version, parse_version
 
 
 class FrameTemplate:
@@ -96,25 +96,6 @@ class Command:
         except ValueError as error:
             raise MappingError(where, name, str(error)) from None
         self.request = self.requests[0]
-        if wrong := self._wrong():
-            raise MappingError(where, name, wrong)
-
-    def _wrong(self) -> str:
-        """Return what is wrong with the facts of the row, or an empty string."""
-        if not self.asked and self.pushed is None:
-            return "it needs a request, or pushed"
-        if self.question and self.answer not in ANSWERS:
-            choices = ", ".join(f"{word} (it {does})" for word, does in ANSWERS.items())
-            return f"it asks for a value, so it needs answer = one of {choices}"
-        if self.answer is not None and not self.question:
-            return "answer is for a command that asks for a value and does nothing else"
-        if self.urgent not in (None, *URGENT):
-            return f"urgent = {self.urgent!r} is not one of {', '.join(URGENT)}"
-        if (self.urgent_at or self.takes_back) and self.urgent is None:
-            return "urgent_at and takes_back are for a command that is urgent"
-        if unknown := self.urgent_at.keys() - self.request.fields.keys():
-            return f"urgent_at: the request has no field {', '.join(sorted(unknown))}"
-        return ""
 
     @property
     def question(self) -> bool:

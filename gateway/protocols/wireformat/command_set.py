@@ -3,39 +3,25 @@
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (commands that a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands)
 and ``models.toml`` (differences between models). The file of a dialect, for another maker's mounts, changes commands
-and driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has call. Names in rows are
-checked when the file is loaded, names of functions when the protocol's parts are made: a mistake raises MappingError
-with file, row and reason.
+and driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has call. Types and keys are
+checked when a file is loaded: a mistake raises MappingError with file, row and reason. The names in rows are checked by
+docs/tools/mistakes.py, for all files at once, before they are released.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import msgspec
 
-from gateway.core import errors, operations
 from gateway.core.errors import MappingError
 from gateway.core.tables import mappings_folder, read_table
 from gateway.protocols.wireformat.command import Command, FrameTemplate
-from gateway.protocols.wireformat.rows import (
-    ELSE,
-    KEEPS,
-    LACKS,
-    OUTCOMES,
-    PRESENTED,
-    CommandRow,
-    Dialect,
-    Implementation,
-    Model,
-    ModelRow,
-    OwnRow,
-    SurfaceRow,
-)
+from gateway.protocols.wireformat.rows import CommandRow, Dialect, Implementation, Model, OwnRow, SurfaceRow
 
 _T = TypeVar("_T")
 #: What the function of a surface row may take, by name: each takes what it uses.
@@ -58,25 +44,13 @@ class CommandSet:
         self.commands = {key: Command(self._where("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
-            for name in command.takes_back:
-                if name not in self.commands:
-                    raise MappingError(self._where("commands.toml"), command.name, f"takes_back: there is no [{name}]")
-            for reply, _ in command.replies:
-                if reply.fault is not None and not hasattr(errors, reply.fault):
-                    raise MappingError(self._where("commands.toml"), command.name, f"no fault is called {reply.fault}")
             for template in command.requests if command.asked else ():
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
         self._longest = max(map(len, self._by_prefix), default=0)
         self._extra: dict[str, dict[str, Model]] = {}
         self._spoken: dict[str, CommandSet] = {}
-        for command in () if dialect else self.commands.values():
-            if unknown := (command.models or frozenset()) - self.models.keys():
-                raise MappingError(self._where("commands.toml"), command.name, f"models: there is no {min(unknown)}")
         for model, facts in () if dialect else self.models.items():
-            listed = frozenset(facts.get("commands", self.commands))
-            if unknown := listed - self.commands.keys():
-                raise MappingError(self._where("models.toml"), model, f"commands: there is no {', '.join(unknown)}")
-            for name in self.commands.keys() - listed:
+            for name in self.commands.keys() - frozenset(facts.get("commands", self.commands)):
                 self.commands[name].lacking |= {model}
 
     def _where(self, file: str) -> str:
@@ -133,133 +107,23 @@ class CommandSet:
     @cached_property
     def surface(self) -> dict[str, SurfaceRow]:
         """Command name -> the row that says what the surface does with it."""
-        where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
-        for key, row in rows.items():
-            self._check_surface(where, key, row)
-        return rows
-
-    def _check_surface(self, where: str, key: str, row: SurfaceRow) -> None:
-        if key not in self.commands:
-            raise MappingError(where, key, "commands.toml has no such command")
-        if len(row.verbs) != 1:
-            raise MappingError(where, key, "one verb of ask, tell, say, call is needed")
-        for name in row.operations:
-            if operations.named(name) is None:
-                raise MappingError(where, key, f"no operation is called {name!r}")
-        for name in (*row.given, *self.commands[key].request.fields) if row.ask else ():
-            if name not in (operations.named(row.ask or "") or operations.Operation).__struct_fields__:
-                raise MappingError(where, key, f"ask: {row.ask} has no field {name!r}")
-        if row.tell is not None or row.say is not None:
-            self._check_reply(where, key, set(row.tell or row.say or ()))
-        for form in [form for reply, form in self.commands[key].replies if row.say and reply.fault is None]:
-            try:
-                form.encode(row.say or {})
-            except (ValueError, TypeError, KeyError) as error:
-                raise MappingError(where, key, f"say: {error!r}: its reply is {form.source!r}") from None
-        for kind, outcome in row.outcomes.items():
-            if outcome not in OUTCOMES:
-                raise MappingError(where, key, f"outcome {outcome!r} is not one of {', '.join(OUTCOMES)}")
-            for word in kind.split():
-                if word.startswith(PRESENTED) and word.removeprefix(PRESENTED) not in self.all_traits:
-                    raise MappingError(where, key, f"outcome: no model of models.toml is {word!r}")
-                if word.startswith(LACKS) and operations.named(word.removeprefix(LACKS)) is None:
-                    raise MappingError(where, key, f"outcome: no operation is called {word.removeprefix(LACKS)!r}")
-        if list(row.outcomes)[-1:] != [ELSE]:
-            raise MappingError(where, key, f"the last kind of mount of an outcome is {ELSE!r}")
-        if "translated" in row.outcomes.values() and not row.operations:
-            raise MappingError(where, key, "what is translated needs ask, or call and asks")
-        if self.commands[key].urgent in ("stop", "axis") and row.ask is None:
-            raise MappingError(where, key, "a command that ends a motion needs ask, which names the operation")
-        if row.given and row.ask is None:
-            raise MappingError(where, key, "given is only for a row with ask")
-        if "refused" in row.outcomes.values() and not row.why:
-            raise MappingError(where, key, "a refused row needs why")
-
-    def _check_reply(self, where: str, key: str, names: set[str]) -> None:
-        """Check that a row which replies with these values has those that its reply needs, and no others."""
-        forms = [set(template.fields) for reply, template in self.commands[key].replies if reply.fault is None]
-        if forms and names not in forms:
-            needed = ", ".join(sorted(forms[0])) or "no values"
-            raise MappingError(where, key, f"its reply has {needed}, not {', '.join(sorted(names)) or 'none'}")
-        if names and not forms:
-            raise MappingError(where, key, "the command has no reply")
+        return self._read("surface.toml", SurfaceRow)
 
     @cached_property
     def own(self) -> dict[str, OwnRow]:
         """Command name -> the row that says who answers it when a surface presents the mount itself."""
-        where, rows = self._where("own.toml"), self._read("own.toml", OwnRow)
-        for key, row in rows.items():
-            if key not in self.commands:
-                raise MappingError(where, key, "commands.toml has no such command")
-            if row.keep is not None and row.keep not in KEEPS:
-                raise MappingError(where, key, f"keep = {row.keep!r} is not one of {', '.join(KEEPS)}")
-        return rows
+        return self._read("own.toml", OwnRow)
 
     @cached_property
     def driver(self) -> dict[str, list[Implementation]]:
         """Operation name -> its implementations, the preferred first."""
-        where, rows = self._where("driver.toml"), self._read("driver.toml", list[Implementation])
-        if self.other is not None:
-            where, rows = self._where(f"{self.dialect}.toml"), self.other.driven(rows, frozenset(self.commands))
-        for key, implementations in rows.items():
-            if operations.named(key) is None:
-                raise MappingError(where, key, "there is no operation of this name")
-            for row in implementations:
-                self._check_driver(where, key, row)
-        return rows
-
-    def _check_driver(self, where: str, key: str, row: Implementation) -> None:
-        if key == "AbortMotion" and not row.ends:
-            raise MappingError(where, key, "it needs ends: its commands that end a motion and do nothing else")
-        for name in (*row.commands, *row.ends):
-            if name not in self.commands:
-                raise MappingError(where, key, f"commands.toml has no [{name}]")
-        if row.outcome not in OUTCOMES:
-            raise MappingError(where, key, f"outcome {row.outcome!r} is not one of {', '.join(OUTCOMES)}")
-        if row.part is not None and row.part not in self.all_traits:
-            raise MappingError(where, key, f"part: no model of models.toml has {row.part!r}")
-
-    def functions(self, file: str, *modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-        """Return the public functions of these modules, ``module.function`` -> function, for the rows of ``file``
-        (``surface`` or ``driver``). Those of a surface accept all arguments of ``GIVEN``, and use the ones that they
-        name.
-
-        Raises MappingError if a row calls an unknown function, or a function whose parameters a surface cannot provide.
-        """
-        functions = _public(modules)
-        if file == "surface":
-            called = [(key, row.call) for key, row in self.surface.items()]
-        else:
-            sets = (self, *dict.fromkeys(map(self.of, self.dialects)))
-            called = [(key, row.call) for tables in sets for key, rows in tables.driver.items() for row in rows]
-        for key, name in called:
-            if name is not None and name not in functions:
-                raise MappingError(self._where(f"{file}.toml"), key, f"call: there is no function {name!r}")
-            if file == "surface" and name is not None and (other := set(_takes(functions[name])).difference(GIVEN)):
-                wrong = f"call: {name} takes {', '.join(sorted(other))}; it is given only {', '.join(GIVEN)}"
-                raise MappingError(self._where("surface.toml"), key, wrong)
-        return {name: _given(function) for name, function in functions.items()} if file == "surface" else functions
-
-    @cached_property
-    def all_traits(self) -> frozenset[str]:
-        """The traits of all models, the words that rows may require."""
-        return frozenset().union(*(self.traits(model, wedge) for model in self.models for wedge in (False, True)))
+        rows = self._read("driver.toml", list[Implementation])
+        return rows if self.other is None else self.other.driven(rows, frozenset(self.commands))
 
     @cached_property
     def models(self) -> dict[str, Model]:
         """Model -> its row, completed by the row of the model that it is ``like``."""
         rows = self._read("models.toml", Model)
-        forms = {reply.when for command in self.commands.values() for reply, _ in command.replies}
-        for name, row in rows.items():
-            self._converted("models.toml", name, row, ModelRow)
-            if row.get("like", name) not in rows:
-                raise MappingError(self._where("models.toml"), name, f"like: there is no model {row['like']!r}")
-            spoken = row.get("dialect", "")
-            if spoken and spoken not in forms and not (self.folder / f"{spoken}.toml").exists():
-                reason = f"dialect: there is no {spoken}.toml, and no reply for it in commands.toml"
-                raise MappingError(self._where("models.toml"), name, reason)
-            if (rates := row.get("rates")) and rates not in self.extra("rates.toml"):
-                raise MappingError(self._where("models.toml"), name, f"rates: rates.toml has no [{rates}]")
         return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
 
     def lacking(self, model: str | None) -> frozenset[str]:
@@ -339,8 +203,8 @@ class CommandSet:
         return None
 
 
-@cache
-def _public(modules: tuple[ModuleType, ...]) -> Mapping[str, Callable[..., Any]]:
+def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
+    """Return the public functions of these modules, ``module.function`` -> function, for the rows of a driver."""
     return {
         f"{module.__name__.rpartition('.')[2]}.{name}": value
         for module in modules
@@ -349,7 +213,12 @@ def _public(modules: tuple[ModuleType, ...]) -> Mapping[str, Callable[..., Any]]
     }
 
 
-def _takes(function: Callable[..., Any]) -> tuple[str, ...]:
+def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
+    """Return the same for the rows of a surface: each is called with all of ``GIVEN``, and takes what it names."""
+    return {name: _given(function) for name, function in functions(*modules).items()}
+
+
+def parameters(function: Callable[..., Any]) -> tuple[str, ...]:
     """Return the names of a function's parameters."""
     code = function.__code__
     return code.co_varnames[: code.co_argcount]
@@ -357,7 +226,7 @@ def _takes(function: Callable[..., Any]) -> tuple[str, ...]:
 
 def _given(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that accepts all of ``GIVEN``, and passes on the parameters that ``function`` has."""
-    names = _takes(function)
+    names = parameters(function)
     if names == GIVEN or not set(names).issubset(GIVEN):
         return function
     places = [GIVEN.index(name) for name in names]

@@ -14,7 +14,8 @@ Version = tuple[int, ...]
 Model = dict[str, Any]
 
 #: How long the gateway reuses a reply of the mount itself for all clients, and when it answers instead of the mount.
-KEEPS = {
+Keep = Literal["fixed", "state", "moment", "clock", "site", "order", "library"]
+KEEPS: dict[Keep, str] = {
     "fixed": "asked once, until the mount is identified again",
     "state": "one reply serves all programs for a second",
     "moment": "asked each time; programs that ask meanwhile share the reply",
@@ -23,79 +24,17 @@ KEEPS = {
     "order": "sent each time",
     "library": "its own object library, and this program's target",
 }
-#: How the answer to a question may change between two requests; replies are verified by this.
-ANSWERS = {
-    "position": "moves",
-    "clock": "runs as a clock does",
-    "state": "stays as it is until something is done",
-    "stream": "is different every time",
-}
-#: What an urgent command ends. It must not wait behind other commands.
-URGENT = {
-    "stop": "every motion, and does nothing else",
-    "restart": "every motion, and does more",
-    "axis": "the motion of one axis",
-    "part": "something else, or a motion in its turn",
-}
-OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
+#: How the answer to a question may change from one time to the next, by which replies are verified: it moves; runs as a
+#: clock does; stays as it is until something is done; is different every time.
+Answer = Literal["position", "clock", "state", "stream"]
+#: What an urgent command ends, which must not wait behind other commands: every motion, and it does nothing else; every
+#: motion, and it does more; the motion of one axis; something else, or a motion in its turn.
+Urgent = Literal["stop", "restart", "axis", "part"]
+Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
 #: Words for kinds of mounts, besides the traits of their models (``CommandSet.traits``): one that is not aligned, one
 #: that can carry out none of the operations of the row, every one. Before an operation: a mount that cannot carry it
 #: out. Before a trait: the presented model.
 UNALIGNED, UNABLE, ELSE, LACKS, PRESENTED = "unaligned", "unable", "else", "no-", "as-"
-
-
-class ModelRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A row of ``models.toml`` of any protocol, to be checked; the top of each file explains its keys."""
-
-    like: str = ""
-    dialect: str = ""
-    title: str = ""
-    mount: Literal["fork", "german", "alt-az", "equatorial"] = "fork"
-    commands: list[str] = []
-    beyond: bool = False
-    # nexstar
-    id: int = 0
-    ids: tuple[int, int] = (0, 0)
-    either: list[int] = []
-    rates: str = ""
-    versions: list[str] = []
-    shifted: list[str] = []
-    restarts: str = ""
-    motors: str = ""
-    has: list[Literal["gps", "rtc", "pec", "home", "pier"]] = []
-    starsense: bool = False
-    maker: str = ""
-    hand_control: str = ""
-    index: float = 0.0
-    equinox: Literal["jnow", "j2000"] = "jnow"
-    alt_az: str = msgspec.field(default="", name="alt-az")
-    # lx200
-    product: str = ""
-    names_begin: list[str] = []
-    firmware: str = ""
-    firmware_date: str = ""
-    firmware_time: str = ""
-    full_name: str = ""
-    sync_text: str = ""
-    date_text: str = ""
-    date_blanks: int = 0
-    bars_moving: str = ""
-    bars_idle: str = ""
-    find_text: str = ""
-    object_text: str = ""
-    names: int = 0
-    first_site: Literal[0, 1] = 0
-    max_rate: float = 0.0
-    max_rates: tuple[float, float] = (0.0, 0.0)
-    hertz: tuple[float, float] = (0.0, 0.0)
-    reticle: int = 0
-    help: bool = False
-    utc_date: bool = False
-    libraries: bool = False
-    status: bool = False
-    polar: bool = False
-    fork: bool = False
-    by_effect: bool = False
 
 
 def parse_version(text: str) -> Version:
@@ -127,8 +66,8 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     models, since   the models that have the command, and the first version
     acts          it returns a value and also changes something
-    answer        how the answer to a question may change: a word of ``ANSWERS``
-    urgent        what it ends: a word of ``URGENT``; ``urgent_at``: only with these values
+    answer        how the answer to a question may change
+    urgent        what it ends; ``urgent_at``: only with these values
     takes_back    the queued commands that are discarded when this command arrives
     long          the mount may be busy with it for this many seconds
     while_seeking, while_asleep   whether the mount accepts it while it seeks its home, or hibernates
@@ -145,8 +84,8 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     since: str | None = None
     beyond: str | None = None
     acts: bool = False
-    answer: str | None = None
-    urgent: str | None = None
+    answer: Answer | None = None
+    urgent: Urgent | None = None
     urgent_at: dict[str, object] = {}
     takes_back: list[str] = []
     long: float | None = None
@@ -166,13 +105,13 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     say             reply with these values
     call            run this function (``module.function``)
     asks            the operations that the function asks for: those that change the mount, or else the reads
-    outcome         a word of ``OUTCOMES``, or one for each kind of mount, the first that fits (``fits``)
+    outcome         a word of ``Outcome``, or one for each kind of mount, the first that fits (``fits``)
     why             the remark in the generated tables
     passes          pass it on to a mount of the same protocol that has it; by default true if refused here
     after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
     """
 
-    outcome: str | dict[str, str]
+    outcome: Outcome | dict[str, Outcome]
     ask: str | None = None
     tell: list[str] | None = None
     say: dict[str, object] | None = None
@@ -194,7 +133,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         return self.outcome == "refused" if self.passes is None else self.passes
 
     @property
-    def outcomes(self) -> dict[str, str]:
+    def outcomes(self) -> dict[str, Outcome]:
         """Kind of mount -> outcome."""
         return {ELSE: self.outcome} if isinstance(self.outcome, str) else self.outcome
 
@@ -208,10 +147,10 @@ class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``own.toml``: the mount itself answers programs of its protocol, if the user configured no model to
     present.
 
-    ``keep`` is a word of ``KEEPS``; without it the gateway answers, and ``why`` gives the reason.
+    ``keep`` says how (``KEEPS``); without it the gateway answers, and ``why`` gives the reason.
     """
 
-    keep: str | None = None
+    keep: Keep | None = None
     why: str | None = None
 
 
@@ -231,7 +170,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ends: list[str] = []
     part: str | None = None
     aligned: bool | None = None
-    outcome: str = "translated"
+    outcome: Outcome = "translated"
     why: str | None = None
 
     @property

@@ -9,7 +9,7 @@ listed in its row, and everything logged about it must be in its remark. What it
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
@@ -20,7 +20,7 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import OUTCOMES, SurfaceRow
+from gateway.protocols.wireformat.rows import Outcome, SurfaceRow
 from tests.conformance.wire.watcher import Seen
 from tests.support.scripts import script
 
@@ -86,13 +86,13 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
     if play.wire:
         return {"translated"}
     if not command.question and any(map(changes, asked)):
-        return set(OUTCOMES) - {"refused"} if not seen.kept or not case.mount.aligned else {"kept"}
+        return set(get_args(Outcome)) - {"refused"} if not seen.kept or not case.mount.aligned else {"kept"}
     if play.of("baud") or (seen.kept and not command.question):
         return {"kept"}
     if not case.mount.aligned and not command.question and asked:
         return {"translated", "derived", "kept"}
     if reads := [name for name in seen.deciding or asked if name in case.driven.driver]:
-        return set(OUTCOMES) - {"refused", "silent"} if command.question and reads else {"derived", "kept"}
+        return set(get_args(Outcome)) - {"refused", "silent"} if command.question and reads else {"derived", "kept"}
     if asked:
         return {"derived", "kept"} if seen.tells or not command.question else {"derived"}
     if not play.reply:

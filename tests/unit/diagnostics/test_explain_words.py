@@ -11,7 +11,7 @@ from gateway.cli import main
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.meaning import meaning
-from gateway.protocols.wireformat.rows import OUTCOMES
+from gateway.protocols.wireformat.rows import Outcome
 from tests.support.each import each
 
 SAMPLES: dict[type, Any] = {
@@ -104,7 +104,7 @@ def test_a_goto_of_an_alpaca_telescope_is_explained_by_its_requests() -> None:
 def test_every_outcome_is_explained() -> None:
     from gateway.diagnostics.command_outcomes import STANDS_FOR
 
-    assert tuple(STANDS_FOR) == OUTCOMES
+    assert tuple(STANDS_FOR) == get_args(Outcome)
     assert "mount: refused" in explain("lx200gps", "cge/3.02", ":gT#").text
 
 

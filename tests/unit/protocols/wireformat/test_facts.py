@@ -5,6 +5,7 @@ Commands that are added may share these facts, so the typed ones are a part of a
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -76,11 +77,19 @@ def test_what_a_stop_must_not_do_without() -> None:
     assert [way.ends for way in NEXSTAR.driver["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
 
 
+def mistakes(folder: Path) -> list[str]:
+    """What is wrong with the tables of a folder."""
+    try:
+        found: list[str] = list(script("docs/tools/mistakes.py").mistakes(CommandSet("lx200", folder)))
+    except MappingError as error:
+        return [str(error)]
+    return found
+
+
 def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
     (tmp_path / "driver.toml").write_text('[[AbortMotion]]\ncall = "pointing.abort"\nuses = ["Q"]\n', "utf-8")
-    with pytest.raises(MappingError, match="it needs ends"):
-        _ = CommandSet("lx200", tmp_path).driver
+    assert any("it needs ends" in mistake for mistake in mistakes(tmp_path))
 
 
 def test_what_takes_long_and_what_is_heard_when() -> None:
@@ -97,10 +106,10 @@ def test_what_takes_long_and_what_is_heard_when() -> None:
 @pytest.mark.parametrize(
     ("row", "says"),
     [
-        ('reply = "{ra:HH:MM:SS}#"', "needs answer = one of position"),
-        ('reply = "{ra:HH:MM:SS}#"\nanswer = "place"', "needs answer = one of position"),
+        ('reply = "{ra:HH:MM:SS}#"', "it needs answer"),
+        ('reply = "{ra:HH:MM:SS}#"\nanswer = "place"', "'place' .*answer"),
         ('reply = "1"\nanswer = "state"', "answer is for a command that asks"),
-        ('urgent = "now"', "urgent = 'now' is not one of stop, restart, axis, part"),
+        ('urgent = "now"', "'now' .*urgent"),
         ('takes_back = ["Me"]', "for a command that is urgent"),
         ('urgent = "axis"\ntakes_back = ["Mx"]', r"there is no \[Mx\]"),
         ('urgent = "part"\nurgent_at = { rate = 0 }', "the request has no field rate"),
@@ -108,9 +117,7 @@ def test_what_takes_long_and_what_is_heard_when() -> None:
 )
 def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says: str) -> None:
     (tmp_path / "commands.toml").write_text(f'[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n{row}\n', "utf-8")
-    with pytest.raises(MappingError, match=says) as raised:
-        CommandSet("lx200", tmp_path)
-    assert "[ZZ]" in str(raised.value)
+    assert any("[ZZ]" in mistake and re.search(says, mistake) for mistake in mistakes(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -125,8 +132,7 @@ def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: s
         '[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n[Q]\nrequest = ":Q#"\nhelp = "stop"\nurgent = "stop"\n', "utf-8"
     )
     (tmp_path / "surface.toml").write_text(row, "utf-8")
-    with pytest.raises(MappingError, match=says):
-        _ = CommandSet("lx200", tmp_path).surface
+    assert any(re.search(says, mistake) for mistake in mistakes(tmp_path))
 
 
 def test_one_more_command_changes_one_line_of_the_table_of_each_mount(

@@ -103,7 +103,7 @@ MISTAKES = [
     ("surface.toml", 'GR = { aks = "Position" }', r"\[GR\]: .*aks"),
     ("surface.toml", 'GR = { call = "motion.menu", outcome = "translated" }', r"\[GR\]: what is translated needs ask"),
     ("surface.toml", '"$QA+" = { call = "accessories.silence", outcome = "refused" }', r"\[\$QA\+\]: .*needs why"),
-    ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', r"\[Aa\]: outcome 'keept' is not one of"),
+    ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', r"\[Aa\]: .*'keept'"),
     ("surface.toml", "Aa = { say = {}, outcome = { fork = 'kept' } }", r"\[Aa\]: the last kind of mount"),
     (
         "surface.toml",
@@ -139,14 +139,17 @@ def test_a_mistake_in_a_table_is_told_with_its_file_and_row(
     before = (folder / file).read_text("utf-8") if row.startswith("+") else ""
     (folder / file).write_text(before + row.removeprefix("+"), "utf-8")
 
-    def check() -> list[str]:
-        changed = CommandSet("lx200", folder)
-        monkeypatch.setattr("gateway.protocols.lx200.spec.load", lambda name: changed)
-        return list(TABLES.problems())
+    def check() -> str:
+        try:
+            changed = CommandSet("lx200", folder)
+            monkeypatch.setattr(
+                "gateway.protocols.base.spec.load", lambda name: changed if name == "lx200" else load(name)
+            )
+            return "\n".join(TABLES.problems())
+        except MappingError as error:
+            return str(error)
 
-    with pytest.raises(MappingError, match=says) as raised:
-        check()
-    assert f"lx200/{file}" in str(raised.value)
+    assert [line for line in check().splitlines() if re.search(says, line) and f"lx200/{file}" in line]
 
 
 def test_a_kind_of_mount_that_does_not_exist_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
