@@ -257,24 +257,9 @@ LX200_REFUSED: dict[bytes, bytes | None] = {
     b":hI260115220000#": None,
 }
 LX200_ALLOWED = [
-    b":GR#",
-    b":GD#",
-    b":GA#",
-    b":D#",
-    b":GVP#",
-    b":GL#",
-    b":GC#",
-    b":GG#",
-    b":GS#",
-    b":Gt#",
-    b":GM#",
-    b":GW#",
-    b":h?#",
-    b":Gr#",
-    b":P#",
-    b":GT#",
-    b"\x06",
-]
+    b":GR#", b":GD#", b":GA#", b":D#", b":GVP#", b":GL#", b":GC#", b":GG#", b":GS#", b":Gt#", b":GM#", b":GW#",
+    b":h?#", b":Gr#", b":P#", b":GT#", b"\x06",
+]  # fmt: skip
 
 
 def test_lx200_clients_that_only_look() -> None:
@@ -318,19 +303,9 @@ def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
             looker.tell(b":W3#")
             assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
             for setting in (
-                b":SG+01#",
-                b":SL12:00:00#",
-                b":SC01/15/26#",
-                b":St+50*00#",
-                b":Sg010*00#",
-                b":SS12:00:00#",
-                b":SMhere#",
-                b":SNhere#",
-                b":SOhere#",
-                b":SPhere#",
-                b":ST60.0#",
-                b":gT#",
-            ):
+                b":SG+01#", b":SL12:00:00#", b":SC01/15/26#", b":St+50*00#", b":Sg010*00#", b":SS12:00:00#",
+                b":SMhere#", b":SNhere#", b":SOhere#", b":SPhere#", b":ST60.0#", b":gT#",
+            ):  # fmt: skip
                 assert await looker.ask(setting) == b"0", setting
             await asyncio.sleep(70)
             assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"

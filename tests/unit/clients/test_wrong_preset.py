@@ -87,18 +87,10 @@ def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
 @pytest.mark.parametrize(
     "said",
     [
-        b"Ka:GR#",
-        b"#:GR#",
-        b"",
-        b"hello\n",
-        b"\xff\xfe\xfd",
-        b"GR#",
-        b"9600,8n1\r\n",
-        b"GET / HTTP/1.0\r\n\r\n",
-        b":XX#",
-        b"\r\n",
+        b"Ka:GR#", b"#:GR#", b"", b"hello\n", b"\xff\xfe\xfd", b"GR#", b"9600,8n1\r\n", b"GET / HTTP/1.0\r\n\r\n",
+        b":XX#", b"\r\n",
     ],
-)
+)  # fmt: skip
 def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
     async def play() -> None:
         async with Bridge() as bridge:

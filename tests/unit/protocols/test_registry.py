@@ -25,21 +25,11 @@ NAMES = re.compile("lx200|nexstar|meade|celestron|stellarium|alpaca|ascom", re.I
 #: Where a protocol may be named, because a person reads it: help texts, examples of command lines, and documentation
 #: that is generated. Only whole sentences and endpoints may name one, never a name or a key.
 SAID_TO_PEOPLE = {
-    "app/config/checks.py",
-    "app/config/keys.py",
-    "app/config/reading.py",
-    "app/config/tables.py",
-    "cli/command_line.py",
-    "cli/inspect/detect.py",
-    "cli/inspect/prove.py",
-    "cli/inspect/explain.py",
-    "cli/serve/demo.py",
-    "cli/serve/run.py",
-    "cli/serve/settings.py",
-    "cli/serve/sim.py",
-    "diagnostics/doctor/checks.py",
-    "transport/__init__.py",
-}
+    "app/config/checks.py", "app/config/keys.py", "app/config/reading.py", "app/config/tables.py",
+    "cli/command_line.py", "cli/inspect/detect.py", "cli/inspect/prove.py", "cli/inspect/explain.py",
+    "cli/serve/demo.py", "cli/serve/run.py", "cli/serve/settings.py", "cli/serve/sim.py",
+    "diagnostics/doctor/checks.py", "transport/__init__.py",
+}  # fmt: skip
 SENTENCE = re.compile(r"[ @]")
 
 

@@ -250,20 +250,10 @@ def test_a_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
 _WORD = st.text("abcdef-", min_size=1, max_size=4)
 _VALUE = st.sampled_from(
     [
-        "1",
-        "-2.5",
-        '"x"',
-        "'#'",
-        "true",
-        '"""\n[a]\nb = 1\n"""',
-        "'''x\n\n'''",
-        "[\n  1, # ]\n  2,\n]",
-        "[]",
-        "{a = 1}",
-        "1979-05-27T07:32:00Z",
-        '"\\u0041 = 3"',
+        "1", "-2.5", '"x"', "'#'", "true", '"""\n[a]\nb = 1\n"""', "'''x\n\n'''", "[\n  1, # ]\n  2,\n]", "[]",
+        "{a = 1}", "1979-05-27T07:32:00Z", '"\\u0041 = 3"',
     ]
-)
+)  # fmt: skip
 _FILLER = st.lists(st.sampled_from(["", "# [x]", "   ", "# a = 1"]), max_size=2)
 _KEYS = st.dictionaries(_WORD, st.tuples(_FILLER, _VALUE), max_size=4)
 _TABLES = st.lists(st.tuples(st.booleans(), _WORD, _FILLER, _KEYS), max_size=5)

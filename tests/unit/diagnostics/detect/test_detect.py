@@ -229,18 +229,8 @@ def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx", b"#\x06"] * 11
     assert [baud for baud, _ in wire.log[::2]] == [
-        9600,
-        19200,
-        38400,
-        57600,
-        115200,
-        1200,
-        14400,
-        28800,
-        9600,
-        4800,
-        2400,
-    ]
+        9600, 19200, 38400, 57600, 115200, 1200, 14400, 28800, 9600, 4800, 2400,
+    ]  # fmt: skip
     assert finding.seconds < AT_9600 + ELSEWHERE
     assert "nothing here" in block(finding)
 

@@ -200,15 +200,8 @@ def test_a_goto_is_a_change_on_both_sides() -> None:
             for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):
                 await client.ask(said)
             assert [row.data for row in log.rows if row.data] == [
-                b":Sr05:34:32#",
-                b"1",
-                b":Sd+22*00:52#",
-                b"1",
-                b":MS#",
-                b"r3B78FC00,0FA79B00",
-                b"#",
-                b"0",
-            ]
+                b":Sr05:34:32#", b"1", b":Sd+22*00:52#", b"1", b":MS#", b"r3B78FC00,0FA79B00", b"#", b"0",
+            ]  # fmt: skip
 
     run(play())
 

@@ -63,6 +63,7 @@ def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
             client = await connected(own)
             assert await ask(client, "put tracking Tracking=false") is None
             assert await ask(client, f"put slewtocoordinatesasync {CRAB}") == NOT_POSSIBLE
+            assert await ask(client, f"put synctocoordinates {CRAB}") == NOT_POSSIBLE
             answering(own, lambda frame: b"" if frame in (b":AP#", b":AA#") else None)
             assert await ask(client, "put tracking Tracking=true") == NOT_POSSIBLE
             assert await ask(client, "get tracking") is False
@@ -83,22 +84,6 @@ def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
             own.wire.clear()
             assert await ask(other, "put abortslew") == PARKED
             assert b"M" in own.wire and await ask(client, "get atpark") is True
-
-    run(program())
-
-
-def test_who_has_said_nothing_may_read_and_who_has_disconnected_may_not() -> None:
-    async def program() -> None:
-        async with stage() as own:
-            client = own.client()
-            assert await ask(client, "get connected") is False
-            assert isinstance(await ask(client, "get rightascension"), float)
-            assert await ask(client, "put tracking Tracking=false") == NOT_CONNECTED
-            for words in ("put connected Connected=false", "put disconnect"):
-                await ask(client, "put connect")
-                assert await ask(client, words) is None
-                assert await ask(client, "get rightascension") == NOT_CONNECTED
-            assert await ask(client, "put abortslew") is None
 
     run(program())
 

@@ -172,22 +172,6 @@ def test_a_goto_replaces_one_under_way() -> None:
     assert apart(made, START + 300, 50.0, 30.0) < 0.01
 
 
-def test_pulses_move_by_rate_times_time_whatever_the_mode() -> None:
-    for build in BUILDS:
-        made = mount(build, 45.0)
-        before = made.truth(START)
-        made.pulse(START, 1, 15 * ARCSECOND, 2.0)
-        assert made.pulsing(START + 1.9, 1) and not made.pulsing(START + 2.1, 1)
-        moved = separation(*before, *made.truth(START + 60)) * 3600
-        assert moved == pytest.approx(30 * cosine(build), rel=0.01)
-        assert made.tracking(START + 60)
-
-
-def cosine(build: Build) -> float:
-    """How much of a turn of axis 1 is seen on the sky where `mount` points."""
-    return math.cos(math.radians(mount(build, 45.0).axes(START)[1]))
-
-
 def test_a_sync_moves_the_belief_and_not_the_tube() -> None:
     for build in BUILDS:
         made = mount(build, -34.0)

@@ -204,27 +204,10 @@ NEXSTAR = [
     b"T\x00",
 ]
 LX200 = [
-    b":St-33*52#",
-    b":Sg209*00#",
-    b":SG+05#",
-    b":SL03:04:05#",
-    b":SC04/05/30#",
-    b":W2#",
-    b":St+10*00#",
-    b":W1#",
-    b":SS12:00:00#",
-    b":Sr05:00:00#:Sd+20*00#:CM#",
-    b":Sr06:00:00#:Sd-20*00#:CL#",
-    b":hI300405010203#",
-    b":gT#",
-    b":AP#:AL#",
-    b":AA#:AL#",
-    b":AP#:AL#",
-    b":So10#",
-    b":Sh80#",
-    b":U#",
-    b":I#:AL#",
-]
+    b":St-33*52#", b":Sg209*00#", b":SG+05#", b":SL03:04:05#", b":SC04/05/30#", b":W2#", b":St+10*00#", b":W1#",
+    b":SS12:00:00#", b":Sr05:00:00#:Sd+20*00#:CM#", b":Sr06:00:00#:Sd-20*00#:CL#", b":hI300405010203#", b":gT#",
+    b":AP#:AL#", b":AA#:AL#", b":AP#:AL#", b":So10#", b":Sh80#", b":U#", b":I#:AL#",
+]  # fmt: skip
 
 
 def unmoved(simulator: Any, clock: Clock, words: list[bytes]) -> None:
@@ -320,19 +303,9 @@ def test_a_line_is_one_object_with_these_names() -> None:
     assert line.endswith("}\n") and line.count("\n") == 1
     told = json.loads(line)
     assert list(told) == [
-        "t",
-        "axis1",
-        "axis2",
-        "altitude",
-        "azimuth",
-        "hour_angle",
-        "past_meridian",
-        "sun_distance",
-        "rate1",
-        "rate2",
-        "moving",
-        "tracking",
-    ]
+        "t", "axis1", "axis2", "altitude", "azimuth", "hour_angle", "past_meridian", "sun_distance", "rate1",
+        "rate2", "moving", "tracking",
+    ]  # fmt: skip
     assert told["past_meridian"] is None and told["tracking"] is True and told["altitude"] == 45.0
 
 

@@ -141,37 +141,6 @@ def test_connecting_both_ways() -> None:
         assert older.http(method, DEVICE + member)[0] == 400
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_refusals_by_number(kind: str) -> None:
-    program = Program(kind, lowest=10.0)
-    place = {"RightAscension": 5.5, "Declination": 22.0}
-    assert program.put("slewtocoordinatesasync", **place | {"Declination": 91}) == INVALID
-    assert program.put("slewtocoordinatesasync", **place | {"Declination": -80}) == NOT_NOW  # below its limit
-    assert program.put("moveaxis", Axis=0, Rate=5) == INVALID
-    program.put("tracking", Tracking=False)
-    assert program.put("slewtocoordinatesasync", **place) == NOT_NOW
-    program.put("park")
-    program.now += 100.0
-    for member, given in (
-        ("abortslew", {}), ("moveaxis", {"Axis": 0, "Rate": 0}), ("slewtocoordinatesasync", place),
-        ("tracking", {"Tracking": True}), ("synctocoordinates", place),
-    ):  # fmt: skip
-        assert program.put(member, **given) == PARKED, member
-    assert program.put("unpark") == 0 == program.put("tracking", Tracking=True)
-
-
-@pytest.mark.parametrize("latitude", [45.0, -33.5])
-def test_the_side_of_the_pier(latitude: float) -> None:
-    """East looks west, in both hemispheres."""
-    program = Program(site=(latitude, 10.0))
-    for hours, side in ((2.0, 0), (-2.0, 1)):
-        there = {"RightAscension": (program.get("siderealtime") - hours) % 24.0, "Declination": 0.0}
-        assert program.get("destinationsideofpier", **there) == side
-        program.put("slewtocoordinatesasync", **there)
-        program.now += 200.0
-        assert program.get("sideofpier") == side and program.get("slewing") is False
-
-
 def test_what_it_lacks_and_what_it_tells() -> None:
     program = Program(lacks=frozenset({"synctocoordinates", "siderealtime", "tracking_put"}), tells={"slewing": False})
     assert [program.get(f"can{word}") for word in ("sync", "settracking", "park")] == [False, False, True]

@@ -151,17 +151,6 @@ def test_the_fastest_rate(model: str, fastest: int) -> None:
     assert sim.feed(f":Sw1#:Sw9#:Sw2#:Sw{fastest}#:Sw{fastest + 1}#".encode()) == b"00110"
 
 
-@each("model", MODELS)
-def test_stop_ends_a_slew_and_tracks(model: str) -> None:
-    sim, clock = meade(model)
-    sim.feed(overhead(sim) + b":MS#")
-    clock.now += 2
-    assert sim.slewing
-    sim.feed(b":Q#")
-    assert not sim.slewing
-    assert sim.tracking
-
-
 def test_bars_of_a_classic_are_counted_for_each_axis() -> None:
     sim, _ = meade("lx200")
     before = sim.position()

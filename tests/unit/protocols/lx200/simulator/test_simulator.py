@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway import FrameError, decode_reply
-from gateway.astro.ephemeris.closed_forms import sidereal_time
-from gateway.astro.spherical import separation, wrap360
+from gateway.astro.spherical import separation
 from gateway.protocols.lx200.simulator.server import HANDLERS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
@@ -118,36 +117,6 @@ def test_an_autostar_says_no_to_a_good_latitude_and_takes_it() -> None:
     assert sim.feed(b":Gt#") == b"-33\xdf30#"
 
 
-def test_a_slew_below_the_horizon_is_refused_in_the_model_s_words() -> None:
-    for model, words in (("lx200", b"1Object below    horizon.        #"), ("autostar", b"1Object Below Horizon.#")):
-        sim, clock = meade(model)
-        down = wrap360(sidereal_time(clock(), 10.0) + 180.0) / 15
-        command = f":Sr{int(down):02d}:00:00#:Sd-40*00:00#:MS#".encode()
-        assert sim.feed(command) == b"11" + words
-
-
-@each("site", SITES)
-@each("model", MODELS)
-def test_a_slew_arrives_and_tracks(model: str, site: tuple[float, float]) -> None:
-    sim, clock = meade(model, site)
-    ra = wrap360(sidereal_time(clock(), site[1]) - 20.0)
-    dec = 20.0 if site[0] > 0 else -20.0
-    hours = ra / 15
-    command = f":Sr{int(hours):02d}:{int(hours * 60) % 60:02d}:00#:Sd{dec:+03.0f}*00:00#:MS#".encode()
-    assert sim.feed(command) == b"110"
-    target = ((int(hours) + int(hours * 60) % 60 / 60) * 15, dec)
-    seen = set()
-    while sim.slewing:
-        assert sim.feed(b":D#").strip(b" #") != b""
-        seen.add(sim.truth())
-        clock.now += 1.0
-    assert len(seen) >= 3
-    assert sim.feed(b":D#").strip(b" #") == b""
-    assert separation(*sim.truth(), *target) < 1 / 3600
-    clock.now += 3600
-    assert separation(*sim.truth(), *target) < 2 / 3600
-
-
 @each("site", SITES)
 @each("model", ["lx200", "lx200-16"])
 def test_arrows_of_a_polar_mount(model: str, site: tuple[float, float]) -> None:
@@ -163,17 +132,3 @@ def test_arrows_of_a_polar_mount(model: str, site: tuple[float, float]) -> None:
         still = sim.truth()
         clock.now += 60
         assert separation(*sim.truth(), *still) < 1 / 3600  # tracking goes on by itself
-
-
-def test_land_mode_lets_the_sky_drift_and_costs_a_classic_its_alignment() -> None:
-    sim, clock = meade("lx200gps")
-    sim.feed(b":AL#")
-    assert sim.feed(b":GW#")[1:2] == b"N"
-    before = sim.truth()
-    clock.now += 240
-    assert (sim.truth()[0] - before[0]) % 360 == pytest.approx(1.0, abs=0.01)
-    sim.feed(b":AA#")
-    assert sim.feed(b":GW#") == b"AT1"
-    classic, _ = meade("lx200")
-    classic.feed(b":AL#:AP#")
-    assert not classic.aligned

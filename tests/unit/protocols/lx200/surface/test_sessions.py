@@ -109,16 +109,6 @@ async def test_connections_that_overlap_go_on_too(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_a_goto_over_four_connections(gateway: FakeGateway) -> None:
-    heard = b""
-    for frame in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":D#"):
-        connection = gateway.connect()
-        heard += await connection.ask(frame)
-        connection.close()
-    assert heard == b"110\x7f#"
-
-
-@gateway
 async def test_a_refused_half_is_left_to_the_next_as_well(gateway: FakeGateway) -> None:
     heard = b""
     for frame in (b":Sr05:34:32#", b":Sd+22*00:52#", b":Sd+99*00:00#", b":MS#"):

@@ -97,12 +97,6 @@ def test_the_format_is_a_clients_own(start: str) -> None:
     assert one.send(b":GR#:GD#") == short
 
 
-def test_pointing_precision_is_no_format() -> None:
-    talk = Talk()
-    assert talk.send(b":P#:GR#:P#:GR#") == b"LOW  PRECISION12:34:56#LOW  PRECISION12:34:56#"
-    assert talk.send(b":U#:P#:GR#") == b"LOW  PRECISION12:34.9#"
-
-
 # --- one instant --------------------------------------------------------------------------------------------------
 
 

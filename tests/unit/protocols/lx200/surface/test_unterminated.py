@@ -60,16 +60,10 @@ def aimed(**settings: Any) -> Talk:
 @each(
     "lost",
     [
-        b":Sr07:00:00:MS#",
-        b":Sd+12*30:00:MS#",
-        b":Sr07:00:00:Sd+12*00:MS#",
-        b":Sr:MS#",
-        b":SMfoo:Sr07:00:00#",
-        b":Sr07:\x0600:00#",
-        b":SMa:Sd+1\x06:MS#",
-        b":Sr07:00:00:GR#",
+        b":Sr07:00:00:MS#", b":Sd+12*30:00:MS#", b":Sr07:00:00:Sd+12*00:MS#", b":Sr:MS#", b":SMfoo:Sr07:00:00#",
+        b":Sr07:\x0600:00#", b":SMa:Sd+1\x06:MS#", b":Sr07:00:00:GR#",
     ],
-)
+)  # fmt: skip
 def test_a_setter_without_its_end_is_refused_once_and_clears_the_target(lost: bytes, way: str) -> None:
     talk = aimed()
     assert say(talk, lost, way) == b"0"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.astro.ephemeris.closed_forms import sidereal_time
-from gateway.astro.spherical import separation, wrap180
+from gateway.astro.spherical import wrap180
 from gateway.core.errors import UserError
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
 from gateway.protocols.wireformat.command_set import load
@@ -60,21 +60,6 @@ def daylight(bench: Bench) -> Bench:
 # --- transcripts of real clients, the hand control's side --------------------------------------------------
 
 
-def test_hand_control_answers_what_indi_asks_a_fork_first() -> None:
-    bench = daylight(Bench())
-    assert bench(b"Kx") == b"x#"
-    assert bench(b"V") == b"\x04\x15#"
-    assert bench(b"m") == b"\x0c#"
-    assert bench("50 01 10 FE 00 00 00 02") == b"\x06\x0b#"
-    assert bench("50 01 11 FE 00 00 00 02") == b"\x06\x0b#"
-    assert bench("50 01 12 FE 00 00 00 04") == b"\0\0\0\0\0#"
-    assert bench(b"t") == b"\x01#"
-    assert bench(b"h") == b"\x0f\x1a\x00\x04\x06\x05\xfb\x01#"
-    assert bench(b"w") == b"\x21\x32\x29\x00\x76\x14\x11\x01#"
-    assert bench(b"J") == b"\x01#"
-    assert re.fullmatch(rb"[0-9A-F]{6}00,[0-9A-F]{6}00#", bench(b"e"))
-
-
 def test_german_hand_control_carries_out_a_goto_a_stop_and_a_park_of_indi() -> None:
     bench = Bench("cge")
     assert bench(b"t") == b"\x02#"
@@ -102,25 +87,6 @@ def test_german_hand_control_carries_out_a_goto_a_stop_and_a_park_of_indi() -> N
     assert re.fullmatch(rb"0000..00,1C71C700#", bench.after(9)(b"z"))  # it tracked until T 0
 
 
-def test_german_hand_control_guides_by_motor_rates() -> None:
-    bench = Bench("cge", site=(45.0, 10.0))
-    lst = sidereal_time(bench.now, 10.0)
-    bench(b"r%08X,00000000" % round((lst - 30) / 360 * 2**32))
-    bench.settle()
-    ra, dec = bench.sim.truth()
-    assert bench("50 02 10 24 01 00 00 00") == b"#"  # west, half sidereal
-    bench.after(3)
-    assert bench("50 02 10 24 00 00 00 00") == b"#"
-    assert bench("50 02 11 24 01 00 00 00") == b"#"  # north on side E
-    bench.after(2)
-    assert bench("50 02 11 24 00 00 00 00") == b"#"
-    west, north = bench.sim.truth()
-    assert wrap180(west - ra) * 3600 == pytest.approx(-22.56, abs=0.01)
-    assert (north - dec) * 3600 == pytest.approx(15.04, abs=0.01)
-    assert bench(b"p") == b"E#"
-    assert bench.sim.tracking
-
-
 def test_guide_pulses_need_newer_motors() -> None:
     old, new = Bench("cge"), Bench("cgem", site=(45.0, 10.0))
     assert old("50 03 10 26 32 1E 00 00") == b"\0#"
@@ -134,42 +100,6 @@ def test_guide_pulses_need_newer_motors() -> None:
     assert wrap180(new.sim.truth()[0] - ra) * 3600 == pytest.approx(-7.52, abs=0.01)
     new("50 03 10 26 CE 64 00 00")
     assert wrap180(new.after(2).sim.truth()[0] - ra) * 3600 == pytest.approx(0, abs=0.01)
-
-
-def test_hand_control_serves_stellarium() -> None:
-    bench = Bench(site=(45.0, 10.0))
-    lst = sidereal_time(bench.now, 10.0)
-    wanted = (round(lst / 360 * 2**24) % 2**24 << 8, 0x15555500)
-    assert bench(b"r%08X,%08X" % wanted) == b"#"
-    bench.settle()
-    assert bench(b"e") == b"%08X,%08X#" % wanted
-    assert bench(b"s%08X,20000000" % wanted[0]) == b"#"
-    assert bench(b"e") == b"%08X,20000000#" % wanted[0]
-    assert bench(b"KaV") == b"a#\x04\x15#"
-    assert bench("50 01 B0 FE 00 00 00 02") == ABSENT
-    assert bench(b"mLJt") == b"\x0c#0#\x01#\x01#"
-
-
-def test_hand_control_serves_an_ascom_hub() -> None:
-    bench = Bench(site=(45.0, 10.0))
-    assert re.fullmatch(rb"[0-9A-F]{4},[0-9A-F]{4}#", bench(b"?E"))
-    assert bench(b"KA") == b"A#"
-    high = b"%06X" % round(sidereal_time(bench.now, 10.0) / 360 * 2**24)
-    assert bench(b"r" + high + b"\0\0,200000\0\0") == b"#"
-    bench.settle()
-    assert bench(b"e") == high + b"00,20000000#"
-    assert re.fullmatch(rb"[0-9A-F]{8}#", bench(b"l"))
-
-
-def test_hand_control_drops_idle_bytes_and_half_commands() -> None:
-    bench = Bench()
-    assert bench(b"\0\r\n#? \x06:A") == b""
-    assert bench(b"r3555") == b""
-    assert bench.after(2)(b"Kz") == b"z#"
-    assert bench(b"eL").count(b"#") == 2
-    pieces = [bench.after(0.001)(bytes((byte,))) for byte in b"r35555555,20000000"]
-    assert b"".join(pieces) == b"#"
-    assert bench("50 01 99 FE 00 00 00 02") == ABSENT
 
 
 # --- the manual's own rows ---------------------------------------------------------------------------------
@@ -236,11 +166,6 @@ def test_commands_beyond_the_manual_begin_with_their_version() -> None:
     assert Bench("cgem", "5.31", utc_offset=5.75)(b"i")[6:] == b"\x17\0#"
     quarters = b"\x0f\x1a\x00\x04\x06\x05\xec\x01"
     assert Bench("cgem", "5.31")(b"I" + quarters + b"i") == b"#" + quarters + b"#"
-
-
-def test_an_old_hand_control_takes_no_hex_digits_for_commands() -> None:
-    assert Bench("nexstar-gps", "1.2")(b"r34AB0500,12CE0500Kz") == b"z#"
-    assert Bench("nexstar-gps", "1.2")(b"e") == b""
 
 
 # --- models ------------------------------------------------------------------------------------------------
@@ -330,24 +255,6 @@ def test_unaligned_hand_control_ignores_sky_gotos_and_takes_axis_gotos() -> None
     assert bench(b"b20000000,10000000") == b"#" and bench(b"L") == b"1#"
     assert bench.settle()(b"z") == b"20000000,10000000#"
     assert re.fullmatch(rb"[0-9A-F]{8},[0-9A-F]{8}#", bench(b"e"))
-
-
-@each("latitude", [45.0, -34.0])
-@each("model", ["6-8se", "cge"])
-def test_a_goto_ends_on_the_sky(model: str, latitude: float) -> None:
-    bench = Bench(model, site=(latitude, 10.0), speed=4.0)
-    ra = sidereal_time(bench.now, 10.0) + 20.0
-    bench(b"r%08X,%08X" % (round(ra / 360 * 2**32) % 2**32, round(latitude / 2 / 360 * 2**32) % 2**32))
-    seen = []
-    while bench(b"L") == b"1#":
-        seen.append(bench(b"e"))
-        bench.after(0.5)
-    assert len(set(seen)) == len(seen) > 3
-    assert separation(*bench.sim.truth(), ra, latitude / 2) * 3600 < 0.1
-    assert separation(*bench.place(), ra, latitude / 2) * 3600 < 0.2
-    assert bench.sim.tracking and not bench.sim.slewing
-    bench.after(3600)
-    assert separation(*bench.sim.truth(), ra, latitude / 2) * 3600 < 1
 
 
 def test_fork_ignores_gotos_beyond_its_limits_silently() -> None:
@@ -448,34 +355,6 @@ def test_suspended_tracking_comes_back() -> None:
     assert [fork.after(10)(b"L") and fork.sim.tracking for _ in range(3)] == [False, False, True]
 
 
-def test_malformed_requests_are_acknowledged_and_nothing_happens() -> None:
-    bench = Bench("cge")
-    before = bench(b"zwht")
-    for request in (
-        b"R34XX,12CE",
-        b"r34ABXX00,12CE0500",
-        b"B12AB;4000",
-        b"b12AB0500;40000500",
-        b"S34AB,12GG",
-        b"s34AB0500,GGCE0500",
-        b"T\x04",
-        b"T1",
-        b"T\x01",
-        b"H\x18\x1a\x00\x04\x06\x05\xfb\x01",
-        b"H\x0f\x3c\x00\x04\x06\x05\xfb\x01",
-        b"H\x0f\x1a\x00\x0d\x06\x05\xfb\x01",
-        b"H\x0f\x1a\x00\x04\x1f\x05\xfb\x01",
-        b"H\x0f\x1a\x00\x04\x06\x05\x80\x01",
-        b"W\x5b\x00\x00\x00\x0a\x00\x00\x00",
-        b"W\x2d\x3c\x00\x00\x0a\x00\x00\x00",
-        b"W\x2d\x00\x00\x00\xb5\x00\x00\x00",
-    ):
-        assert bench(request) == b"#"
-        assert bench(b"L") == b"0#"
-    bench(b"T\x02")
-    assert bench(b"wht") == before[18:]
-
-
 def test_the_clock_runs_on_from_what_it_was_set_to() -> None:
     bench = Bench("cpc", aligned=False)
     bench(b"H\x17\x3b\x3b\x0c\x1f\x18\x05\x00")
@@ -495,22 +374,6 @@ def test_the_rtc_is_set_by_parts() -> None:
     assert bench.after(61)("50 01 B2 33 00 00 00 03") == b"\x16\x01\x01#"
     assert bench("50 03 B2 83 0D 0F 00 00") == b"#"
     assert bench("50 01 B2 03 00 00 00 02") == b"\x01\x0f#"
-
-
-def test_sync_moves_reading_and_goto() -> None:
-    bench = Bench("cge", site=(45.0, 10.0))
-    lst = sidereal_time(bench.now, 10.0)
-    place = b"%08X,20000000" % (round((lst - 20) / 360 * 2**24) % 2**24 << 8)
-    bench(b"r" + place)
-    bench.settle()
-    motors, truth = bench(b"z"), bench.sim.truth()
-    bench(b"s" + place[:9] + b"21000000")
-    assert bench(b"e") == place[:9] + b"21000000#"
-    assert bench(b"z") == motors
-    bench(b"r" + place)
-    bench.settle()
-    assert bench(b"e") == place + b"#"
-    assert bench.sim.truth()[1] == pytest.approx(truth[1] - 1.40625, abs=1e-4)
 
 
 def test_a_tracking_code_does_not_run_away_with_a_fork() -> None:

@@ -5,7 +5,6 @@ version, and what real programs send besides; whole, byte by byte, and with byte
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 
 from gateway.core import operations as op
 from gateway.protocols.nexstar.framing import NexStarFramer
@@ -24,14 +23,6 @@ SINCE = {
     **dict.fromkeys("EZRBVKJLM", (1, 2)), **dict.fromkeys("erTP", (1, 6)), **dict.fromkeys("zbm", (2, 2)),
     **dict.fromkeys("twWhH", (2, 3)), **dict.fromkeys("Ss", (4, 10)), "l": (4, 12), "p": (4, 15),
     **dict.fromkeys("xy", (4, 21)), **dict.fromkeys("iI", (5, 28)), "u": (5, 29),
-}  # fmt: skip
-#: One whole request of each, as programs write it.
-REQUESTS = {
-    **{letter: letter.encode() for letter in LENGTHS if LENGTHS[letter] == 1}, "K": b"Kq", "T": b"T\x01",
-    "P": b"P\x02\x10\x24\x09\x00\x00\x00", "W": b"W\x21\x32\x29\x00\x76\x14\x11\x01",
-    "H": b"H\x0f\x1a\x00\x04\x06\x05\xfb\x01", "I": b"I\x0f\x1a\x00\x04\x06\x05\xec\x01",
-    **{letter: letter.encode() + b"34AB,12CE" for letter in "RBS"},
-    **{letter: letter.encode() + b"34AB0500,12CE0500" for letter in "rbsg"},
 }  # fmt: skip
 STRAY = b"#? \r\n\0"
 VERSIONS = {
@@ -142,18 +133,8 @@ def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
         frames += framer.feed(piece, at)
         at += BYTE
     assert frames == [
-        b"E",
-        b"e",
-        b"Ky",
-        b"y",
-        b"x",
-        b"t",
-        b"L",
-        b"B7FFF,FFFF",
-        b"Z",
-        b"P\x02\x10\x24\x00\x00\x00\x00",
-        b"e",
-    ]
+        b"E", b"e", b"Ky", b"y", b"x", b"t", b"L", b"B7FFF,FFFF", b"Z", b"P\x02\x10\x24\x00\x00\x00\x00", b"e",
+    ]  # fmt: skip
     assert NexStarFramer().feed(b"y1", 0.0) == [b"y"] and NexStarFramer().feed(b"1E", 0.0) == []
 
 
@@ -172,26 +153,6 @@ def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
     assert say(talk, b"g34AB0500,12CE0500#", way) == b""
     assert talk.mount.asked == []
     assert say(talk, b"Kz", way) == b"z#"
-
-
-@each("way", [*WAYS, "with bytes behind"])
-@each("model, version", CASES)
-def test_every_command_on_every_version(model: str, version: str, way: str) -> None:
-    for letter, request in REQUESTS.items():
-        talk = Talk(protocol="nexstar", model=model, version=version)
-        kept, shared = copy(talk.session.client), talk.session.shared
-        answer = (
-            say(talk, request, "byte by byte" if way == "byte by byte" else "whole")
-            if way in WAYS
-            else (say(talk, request + b"Kz", "whole").removesuffix(b"z#"))
-        )
-        if knows(version, letter):
-            assert answer.endswith(b"#"), letter
-        else:
-            assert answer == b"", letter
-            assert talk.mount.asked == [], letter
-            assert (talk.session.client, talk.session.shared) == (kept, shared), letter
-        assert say(talk, b"Kz", "whole") == b"z#", letter
 
 
 @each("model, version", CASES)
@@ -221,21 +182,6 @@ def test_the_log_says_why_there_is_no_answer() -> None:
 
 
 # --- the simulated hand control -------------------------------------------------------------------------------------
-
-
-@each("way", WAYS)
-@each(("model", "version"), CASES)
-def test_a_simulated_hand_control_passes_over_what_it_lacks(model: str, version: str, way: str) -> None:
-    for letter, request in REQUESTS.items():
-        now = [1768514400.0]
-        sim = SimulatedHandControl(model, version, clock=lambda now=now: now[0])  # type: ignore[misc]
-        if knows(version, letter) and (letter != "v" or knows(version, "m")):
-            continue
-        before = sim.mechanics.axes(now[0]), sim.tracking, sim.asleep, sim.mechanics.sky
-        assert b"".join(sim.feed(piece) for piece in WAYS[way](request)) == b"", letter
-        assert not sim.slewing
-        assert (sim.mechanics.axes(now[0]), sim.tracking, sim.asleep, sim.mechanics.sky) == before, letter
-        assert sim.feed(b"Kz") == b"z#", letter
 
 
 def test_a_simulated_hand_control_waits_for_quiet_too() -> None:
