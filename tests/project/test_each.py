@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-
 import pytest
 
 from tests.support.each import each
@@ -27,15 +25,3 @@ def test_every_row_that_fails_is_named() -> None:
         ["with {'second': 3, 'third': 3}"],
     ]
     assert len(two.exceptions) == 3
-
-
-def test_what_each_leaves_is_asked_of_pytest() -> None:
-    seen: list[tuple[int, str]] = []
-
-    @each("number", range(3))
-    def test(number: int, other: str) -> None:
-        seen.append((number, other))
-
-    assert list(inspect.signature(test).parameters) == ["other"]
-    test(other="x")
-    assert seen == [(0, "x"), (1, "x"), (2, "x")]

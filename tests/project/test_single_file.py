@@ -63,13 +63,6 @@ def test_it_plays_the_demo_and_shows_the_console(one: str, tmp_path: Path, start
     assert demo.end() == 0, demo.said
 
 
-def test_it_calculates_the_almanac(one: str, tmp_path: Path) -> None:
-    """Which loads astropy, and the files that this reads."""
-    words = [one, "almanac", str(tmp_path / "almanac"), "--days", "2"]
-    done = subprocess.run(words, timeout=120, capture_output=True, text=True)
-    assert done.returncode == 0 and "2 days" in done.stdout, done.stderr
-
-
 def test_its_gateway_lets_the_file_calculate_the_almanac(
     one: str, tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,11 +77,6 @@ def test_its_gateway_lets_the_file_calculate_the_almanac(
         sky = mount["sky"]
     assert run.end() == 0 and sky.startswith("almanac of "), run.said
     assert stored().days_from(int(time.time() // DAY)) >= keeper.AHEAD - 1
-
-
-def test_explain_runs_as_a_process_of_its_own(one: str) -> None:
-    done = subprocess.run([one, "explain", "lx200", "nexstar", ":MS#"], timeout=60, capture_output=True, text=True)
-    assert done.returncode == 0 and "translated" in done.stdout, done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the child of the file that unpacks itself is looked for in /proc")

@@ -60,14 +60,3 @@ def test_a_client_is_complete_when_it_is_constructed(name: str) -> None:
     stored = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)]
     foreign = {ast.unparse(node) for node in stored if ast.unparse(node.value) != "self"}
     assert stored and not foreign
-
-
-def test_a_circle_is_seen_wherever_the_import_stands(tmp_path: Path) -> None:
-    package = tmp_path / "house"
-    package.mkdir()
-    (package / "__init__.py").write_text('"""A house."""\n')
-    (package / "one.py").write_text("from house import two\n")
-    (package / "two.py").write_text("def late():\n    from house.three import it\n")
-    (package / "three.py").write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import house.one\n")
-    found = structure.circles(structure.import_graph(package))
-    assert found == [["house.one", "house.three", "house.two"]]

@@ -15,7 +15,6 @@ from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core import operations as op
-from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
 from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import Connected
@@ -174,17 +173,6 @@ def test_a_position_that_no_mount_should_tell_is_survived() -> None:
             onlooker = StatusLines([gateway(bridge)])
             assert "beyond 90 degrees" in onlooker.line()
             assert onlooker.line(12) == "an altitude,"
-
-    run(program())
-
-
-def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.controller.line._down("the mount does not answer")
-            with pytest.raises(NoAnswer):
-                await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
-            assert "down: the mount does not answer" in status([status_line(gateway(bridge), AverageRate())])
 
     run(program())
 

@@ -19,7 +19,6 @@ from gateway.cli import main
 from gateway.cli.serve import finding
 from gateway.diagnostics.detect import scan_port
 from gateway.diagnostics.detect.scan_port import Patience
-from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
 
 
@@ -59,52 +58,13 @@ def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list
     assert not pty.is_symlink()
 
 
-def test_a_stale_link_is_replaced_and_a_held_one_is_not(tmp_path: Path, started: list[Running]) -> None:
-    pty = tmp_path / "lx200"
-    pty.symlink_to("/dev/pts/999")
-    first = Running("demo", "--port", "0", "--pty", str(pty))
-    started.append(first)
-    first.ready()
-    first.ready()
-    assert os.readlink(pty) != "/dev/pts/999"
-    assert "another gateway holds it" in refused("demo", "--port", "0", "--pty", str(pty))
-
-
-def test_a_file_is_not_taken_for_a_link(tmp_path: Path) -> None:
-    path = tmp_path / "lx200"
-    path.write_text("precious")
-    assert str(path) in refused("demo", "--port", "0", "--pty", str(path))
-    assert path.read_text() == "precious"
-
-
-@each(
-    ("text", "says"),
-    [
-        ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),
-        ('[mount]\nat = "nexstar@sim"\nsite-tme = "never"\n[[surface]]\nat = "lx200@tcp://:0"', "'site-time'"),
-        ('[mount]\nat = "nexstar@sim"\nsite-time = "often"\n[[surface]]\nat = "lx200@tcp://:0"', "unaligned"),
-        ('[mount]\nat = "nexstar@sim"\nsun = "of"\n[[surface]]\nat = "lx200@tcp://:0"', "sun"),
-        ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man"),
-        ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
-        ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
-        ("[mount\n", "gateway.toml"),
-    ],
-)
-def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, says: str) -> None:
-    path = tmp_path / "gateway.toml"
-    path.write_text(text)
-    line = refused("run", "--config", str(path))
-    assert says in line
-    assert str(path) in line
-
-
 def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(
         '[mount]\nat = "nexstar:cge@sim"\nsite = [-34.0, 18.5]\n'
         '[[surface]]\nat = "lx200:lx200gps@tcp://127.0.0.1:0"\nprecision = "low"\n'
     )
-    gateway = Running("run", "--config", str(path))
+    gateway = Running("run", str(path))
     started.append(gateway)
     where = gateway.ready()
     assert ask(where, b":GVP#") == b"LX2001#"
@@ -148,28 +108,11 @@ def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_hasty")
-def test_a_silent_line_is_said_to_be_one() -> None:
-    silent = Stranger({})
-    line = silent.taken_for_a_hand_control()
-    assert "no mount answers" in line
-    assert f"mount-gateway detect {silent.mount.partition('@')[2]} looks closer" in line
-    assert "--wait" in line
-
-
-@pytest.mark.usefixtures("_hasty")
 def test_a_meade_behind_a_nexstar_endpoint_is_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=PATIENCE))
     meade = Stranger({b"\x06": b"P"})
     assert "speaks lx200" in meade.taken_for_a_hand_control()
     assert b":" not in meade.heard
-
-
-def test_a_silent_line_is_waited_for(started: list[Running]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        mount = f"nexstar@socket://127.0.0.1:{silent.getsockname()[1]}"
-        waiting = Running("run", "--wait", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
-        started.append(waiting)
-        assert ask(waiting.ready(), b":GVP#") == b"Autostar#"
 
 
 def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:

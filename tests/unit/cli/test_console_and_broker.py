@@ -11,7 +11,6 @@ from gateway.app.discovery.announcing import service
 from gateway.app.discovery.served import PhoneLines
 from gateway.cli.serve.console_and_broker import console_offers
 from gateway.transport.listening import in_brackets
-from gateway.transport.web_server import WebServer
 
 
 @pytest.mark.parametrize(
@@ -20,10 +19,6 @@ from gateway.transport.web_server import WebServer
 def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
     page: Any = SimpleNamespace(where=f"tcp://{in_brackets(host)}:4080")
     assert bool(console_offers(page)) is wide and bool(PhoneLines().news(console_offers(page))) is wide
-
-
-def test_without_a_console_there_is_nothing_to_tell() -> None:
-    assert console_offers(WebServer()) == []
 
 
 def test_it_is_announced_as_a_web_page() -> None:

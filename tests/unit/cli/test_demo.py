@@ -64,13 +64,6 @@ def test_a_folder_that_may_not_be_written_to_is_told_so(tmp_path: Path, monkeypa
     link.close()
 
 
-def test_a_second_pair_of_the_same_port_has_the_same_name(tmp_path: Path, terminal: str) -> None:
-    link = DeviceLink(str(tmp_path / "lx200"))
-    link.point(terminal)
-    link.point("/dev/pts/99999")
-    link.close()
-
-
 def test_a_name_in_use_is_followed_by_the_next(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
     assert demo.free_name(str(path)) == str(path)

@@ -118,11 +118,6 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
     assert capsys.readouterr().err.count("the mount I/O task has ended") == 1
 
 
-def test_nothing_is_done_where_nobody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert start_status_updates([], Screen(None)) == []
-
-
 def test_systemd_that_does_not_listen_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
     notify("READY=1")

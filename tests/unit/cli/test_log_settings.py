@@ -42,11 +42,6 @@ def test_flags(flags: list[str], log: Any) -> None:
     assert settings(parser(words[:1]).parse_args(words))[0].log == log
 
 
-def test_a_word_behind_the_flag_is_no_part_of_it() -> None:
-    words = _protected(["demo", "--log", "--port", "0"])
-    assert parser(words[:1]).parse_args(words).log is True
-
-
 @pytest.mark.parametrize(
     ("written", "log"), [("true", True), ("false", False), ('"changes"', "changes"), ('"json"', "json")]
 )

@@ -14,9 +14,7 @@ import pytest
 from gateway.app.control.reach import explain_no_answer
 from gateway.cli import main
 from gateway.cli.serve.finding import port_advice
-from gateway.core.errors import UserError
 from gateway.system import processes
-from gateway.transport.device_link import DeviceLink
 from gateway.transport.wires import open_port
 from tests.support.each import each
 from tests.support.process import GATEWAY, PATIENCE, Running, run_to_end
@@ -140,6 +138,21 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         ("explain lx200 nexstar :GR", "did you mean ':GR#'? Its # is missing"),
         ("explain lx200 nexstar e", "write explain nexstar lx200"),
         ("sim nexstar --at 5000", "write --at tcp://127.0.0.1:5000"),
+        ("demo --speed 0", "--speed 0.0: write a number more than 0"),
+        ("demo --port 70000", "--port: tcp://127.0.0.1:70000: a port is a number"),
+        ("demo --port 0 --pty /does/not/exist/x", "/does/not/exist/x"),
+        ("run --site 151.2,-33.9", "the latitude comes first: -33.9,151.2?"),
+        ("sim nexstar:cpc --site -33.9,500", "longitude -180 to 180"),
+        ("config", "which mount?"),
+        ("run PLAIN --baud fast", "--baud 'fast': write a whole number"),
+        ("run PLAIN --lowest 20 --highest 10", "--lowest 20: write less than highest"),
+        ("run PLAIN --mode altaz", "--mode 'altaz': write one of alt-az"),
+        ("run PLAIN --park=1,x", "--park '1,x'"),
+        ("run --mount nexstar@sim --surface lx200@tcp://:99999", "--surface: tcp://:99999: a port is"),
+        (
+            "run --mount nexstar@sim --surface lx200@tcp://:4055 --surface nexstar@tcp://:4055",
+            "tcp://:4055 is taken by another one",
+        ),
     ],
 )
 def test_a_mistake_gets_one_line_that_says_what_to_write(
@@ -149,13 +162,6 @@ def test_a_mistake_gets_one_line_that_says_what_to_write(
     monkeypatch.chdir(tmp_path)
     words = shlex.split(typed.replace("PLAIN", " ".join(PLAIN)).replace("{}", str(tmp_path / "state")))
     assert says in refused(*words)
-
-
-def test_taken_port_is_named_with_what_to_do(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        where = f"127.0.0.1:{taken.getsockname()[1]}"
-        said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
-    assert where in said and "another mount-gateway?" in said
 
 
 def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> None:
@@ -171,20 +177,6 @@ def test_a_run_that_fails_does_not_warn_of_what_it_does_not_serve(tmp_path: Path
     failed = run_to_end("run", *at, "--no-discovery", "--state", str(tmp_path))
     assert failed.returncode == 2
     assert failed.stderr.startswith(f"mount-gateway: nexstar@{tmp_path / 'none'}: cannot open ")
-
-
-def test_link_refuses_a_name_that_is_taken(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(UserError, match="write another name"):
-        DeviceLink(str(tmp_path / "file")).check()
-    ours, theirs = os.openpty()
-    os.symlink(os.ttyname(theirs), tmp_path / "link")
-    try:
-        with pytest.raises(UserError, match="write another name"):
-            DeviceLink(str(tmp_path / "link")).check()
-    finally:
-        os.close(ours)
-        os.close(theirs)
 
 
 def test_unknown_host_name_is_named_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,17 +220,6 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
         assert f"kill -CONT {number}" in (words := explain_no_answer(number)) and f"kill -9 {number}" in words
     finally:
         os.kill(number, signal.SIGCONT)
-    assert gateway.end() == 0
-
-
-def test_unknown_mount_is_refused_with_those_that_run(
-    started: list[Running], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    gateway = Running("run", *PLAIN, "--state", str(tmp_path))
-    started.append(gateway)
-    gateway.ready()
-    assert main(["park", "--mount", "pier", "--state", str(tmp_path)]) == 1
-    assert "no gateway runs here for pier" in capsys.readouterr().err
     assert gateway.end() == 0
 
 

@@ -15,13 +15,12 @@ from gateway.app.config import endpoints, parse_device, parse_endpoint, parse_si
 from gateway.app.config.endpoints import suggest_address
 from gateway.app.control.stop_command import StopReport
 from gateway.cli import main
-from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect.ports import parse_port
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
-from tests.support.process import Running, ask
+from tests.support.process import Running
 from tests.unit.cli.test_command_line import refused
 
 FILE = '[mount]\nat = "nexstar:cpc@sim"\n[[surface]]\nat = "lx200@tcp://127.0.0.1:0"\n'
@@ -63,10 +62,6 @@ def test_detect_says_that_a_folder_is_no_serial_port(
     assert f"  cannot be opened: {says}" in capsys.readouterr().out
 
 
-def test_words_of_later_versions_of_python_are_handed_on() -> None:
-    assert "something new (mount-gateway run --help" in plainly("something new", "mount-gateway run", "")
-
-
 def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text(FILE)
     assert main(["config"]) == 0
@@ -84,15 +79,6 @@ def test_flags_that_name_a_mount_leave_the_file_here_unread(here: Path, capsys: 
     assert main(["config", *PLAIN]) == 0
     assert capsys.readouterr().err == ""
     assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
-
-
-def test_run_takes_a_file_without_a_flag(here: Path, started: list[Running]) -> None:
-    path = here / "other.toml"
-    path.write_text(FILE)
-    gateway = Running("run", str(path))
-    started.append(gateway)
-    assert ask(gateway.ready(), b":GR#")
-    assert gateway.end() == 0
 
 
 def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
@@ -213,13 +199,6 @@ def test_owners_names_are_known_in_every_subcommand(
     assert capsys.readouterr().out
 
 
-def test_a_simulated_mount_has_its_owners_name(started: list[Running]) -> None:
-    mount = Running("sim", "etx90")
-    started.append(mount)
-    assert ask(mount.ready(), b":GVP#") == b"Autostar#"
-    mount.end()
-
-
 @pytest.mark.parametrize(
     ("half", "says"),
     [
@@ -287,13 +266,6 @@ def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
     (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
     assert "gateway.toml:2: column 6: " in (line := refused("run"))
     assert "write plain ones" in line
-
-
-def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
-    line = refused(
-        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055"
-    )
-    assert "tcp://:4055 is taken by another one" in line and "file" not in line
 
 
 # --- sites ------------------------------------------------------------------------------------------------------------

@@ -6,16 +6,13 @@ import asyncio
 import shutil
 import socket
 import subprocess
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.transport import open_port
-from gateway.transport.handler import Connected
 from gateway.transport.listening import split_address
-from gateway.transport.tcp import PAUSE, SHARE, TcpPort
+from gateway.transport.tcp import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
 from tests.unit.clients.test_backlog import shares
@@ -93,67 +90,6 @@ def test_who_sends_no_more_holds_no_arrow() -> None:
             assert not bridge.controller.moving
 
     run(program())
-
-
-# --- sockets ----------------------------------------------------------------------------------------------------------
-
-
-class Slow:
-    """A guest that answers everything after a moment, and knows when it is left."""
-
-    def __init__(self, write: Callable[[bytes], Any]) -> None:
-        self.write, self.owed = write, 0
-        self.heard, self.late = 0, 0
-        self.left, self.closed = asyncio.Event(), asyncio.Event()
-
-    @property
-    def answered(self) -> bool:
-        return not self.owed
-
-    def feed(self, data: bytes) -> None:
-        self.heard += len(data)
-        self.late += len(data) if self.left.is_set() else 0
-        if self.heard <= SHARE:
-            self.owed += 1
-            asyncio.get_running_loop().call_later(0.1, self._give, data)
-
-    def _give(self, data: bytes) -> None:
-        self.owed -= 1
-        self.write(data)
-
-    def peer_closed(self) -> None:
-        self.left.set()
-
-    def close(self) -> None:
-        self.closed.set()
-
-
-async def slow_at(scheme: str) -> tuple[TcpPort, list[Slow]]:
-    guests: list[Slow] = []
-
-    def arrive(connected: Connected) -> Any:
-        guests.append(Slow(connected.write))
-        return guests[-1]
-
-    port = await open_port(f"{scheme}://127.0.0.1:0", arrive)
-    assert isinstance(port, TcpPort)
-    return port, guests
-
-
-@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-def test_who_sends_no_more_is_answered_before_the_connection_closes(scheme: str) -> None:
-    async def main() -> None:
-        port, guests = await slow_at(scheme)
-        reader, writer = await asyncio.open_connection(*split_address(port.where))
-        writer.write(b":GR#")
-        writer.write_eof()
-        async with asyncio.timeout(PATIENCE):
-            assert await reader.read() == b":GR#"
-            await guests[0].closed.wait()
-        writer.close()
-        await port.close()
-
-    asyncio.run(main())
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------

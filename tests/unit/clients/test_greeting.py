@@ -15,8 +15,6 @@ from itertools import product
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gateway.clients.strangers import IDLE, Greeting, Piece, Recogniser, StrangerFilter, greetings
 from gateway.diagnostics.virtual_time import run
@@ -26,7 +24,6 @@ from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import Bridge
 from tests.support.manual_files import raw, rows
-from tests.support.sampling import as_a_rule
 from tests.support.transcript_files import files, read
 
 ROOT = Path(__file__).parents[3]
@@ -116,52 +113,6 @@ def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
 
 
 # --- how long anything waits ------------------------------------------------------------------------------------------
-
-NEXSTAR_COMMANDS = st.one_of(
-    st.sampled_from([bytes((byte,)) for byte in (ASKING + "xyu").encode()] + [bytes((byte,)) for byte in IDLE]),
-    st.integers(0, 255).map(lambda byte: bytes((75, byte))),
-    st.integers(0, 3).map(lambda mode: bytes((84, mode))),
-    st.tuples(st.sampled_from("RBS"), st.integers(0, 65535), st.integers(0, 65535)).map(
-        lambda args: b"%c%04X,%04X" % (ord(args[0]), *args[1:])
-    ),
-    st.tuples(st.sampled_from("rbs"), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1)).map(
-        lambda args: b"%c%08x,%08X" % (ord(args[0]), *args[1:])
-    ),
-    st.tuples(st.integers(1, 4), st.binary(min_size=6, max_size=6)).map(lambda args: bytes((80, args[0])) + args[1]),
-    *(st.tuples(*(st.sampled_from(sorted(values)) for values in command)).map(bytes) for command in NEXSTAR[-3:]),
-)
-LX200_COMMANDS = st.one_of(
-    st.sampled_from([bytes((byte,)) for byte in (*IDLE, 6)] + [b"$Q#"]),
-    st.from_regex(rb":[A-Za-z$?][A-Za-z0-9+*:. \xdf-]{0,16}#", fullmatch=True),
-)
-CUTS = st.lists(st.integers(1, 7), max_size=12)
-
-
-def goes_on(beginning: StrangerFilter, opening: list[bytes], cuts: list[int]) -> None:
-    """Feed an opening, cut somewhere: no byte of a whole command may wait for what comes after it."""
-    whole, ends, sent, heard = b"".join(opening), [], 0, b""
-    for command in opening:
-        ends.append((ends[-1] if ends else 0) + len(command))
-    cuts = [*cuts, len(whole)]
-    for cut in cuts:
-        piece = whole[sent : sent + cut]
-        sent += len(piece)
-        heard += b"".join(piece.data for piece in beginning.feed(Piece(piece, 0.0, 0))) if not beginning.done else piece
-        assert beginning.stranger is None
-        assert len(heard) >= max((end for end in ends if end <= sent), default=0), (opening, cuts)
-    assert heard == whole
-
-
-@settings(max_examples=as_a_rule(60, whole=200))
-@given(st.lists(NEXSTAR_COMMANDS, min_size=1, max_size=5), CUTS)
-def test_no_whole_command_to_a_hand_control_waits(opening: list[bytes], cuts: list[int]) -> None:
-    goes_on(StrangerFilter(NEXSTAR_BEGINNING), opening, cuts)
-
-
-@settings(max_examples=as_a_rule(30, whole=80))
-@given(st.lists(LX200_COMMANDS, min_size=1, max_size=5), CUTS)
-def test_no_whole_command_to_a_meade_waits(opening: list[bytes], cuts: list[int]) -> None:
-    goes_on(StrangerFilter(LX200_BEGINNING), opening, cuts)
 
 
 def manuals() -> Iterator[tuple[str, bytes]]:

@@ -55,11 +55,5 @@ def test_others_do_not_slow_an_address_that_has_given_the_right_one(tried: Tried
     assert tried.outcome("4711", HERE) is True
 
 
-def test_the_log_names_the_host_of_each_wrong_try(tried: Tried) -> None:
-    tried.outcome("0000")
-    tried.outcome("4711", HERE)
-    assert tried.log == [f"wrong pin from {THERE} (1 since the last right one)"]
-
-
 def test_without_a_pin_nothing_is_admitted() -> None:
     assert not Pin("", lambda: 0.0, [].append).admits("", HERE)

@@ -77,10 +77,3 @@ def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[st
             assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
 
     asyncio.run(work())
-
-
-def test_without_a_console_nobody_answers_there() -> None:
-    assert (
-        http_surfaces(Config(mount=[], surface=[], console=ConsoleConfig(at="off")), MountConfig(at="nexstar@sim"))
-        == []
-    )

@@ -276,17 +276,6 @@ def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
     play(work())
 
 
-def test_an_arrow_moves_until_it_is_let_go(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            assert (await page.ask("jog", direction="north", rate=7))["ok"]
-            await page.until(lambda: page.mount["by_hand"])
-            assert (await page.ask("let_go", direction="north"))["ok"]
-            await page.until(lambda: not page.mount["by_hand"])
-
-    play(work())
-
-
 @pytest.mark.parametrize("how", ["closed", "silent", "cut off"])
 def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
     async def work() -> None:

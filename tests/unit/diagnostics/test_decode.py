@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 from pathlib import Path
 from random import Random
@@ -109,15 +108,6 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     assert "2000 more unknown commands" in lines[-3]
     assert ":GR#" in lines[-4]
     assert "the gateway was killed or still runs" in lines[-1]
-
-
-def test_a_terminal_without_a_degree_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, shown = tmp_path / "capture", io.BytesIO()
-    path.write_bytes(b":Sd+22*00:52#")
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, "ascii"))
-    assert main(["decode", str(path)]) == 0
-    sys.stdout.flush()
-    assert b"Dec +22d00'52\"" in shown.getvalue()
 
 
 def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol: str) -> str:

@@ -15,7 +15,6 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet import station as stations
-from gateway.fleet.client import LARGEST
 from gateway.fleet.station import Station
 from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
 
@@ -158,18 +157,6 @@ def test_what_is_not_obeyed_is_refused_in_words(
             assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
             assert there.gateway.controller.stops == before and not there.happened("done")
             assert why in there.gateway.wire_log.recent[-1].text
-
-    play(work())
-
-
-def test_a_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_it(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            for _ in range(3):
-                there.broker.say(COMMAND, b"x" * (LARGEST + 1))
-                there.broker.say("mount-gateway/all/command", b"stop")
-            await until(lambda: there.happened("done"))
-            assert len(told := there.happened("refused")) == 1 and "100 characters" in told[0]
 
     play(work())
 

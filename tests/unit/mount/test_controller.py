@@ -6,33 +6,10 @@ import asyncio
 
 import pytest
 
-from gateway.core.errors import NoAnswer
-from gateway.core.operations import AbortMotion, GetStatus, Goto, Position, Slewing
+from gateway.core.operations import Position
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
-
-
-async def _load(bridge: Bridge, clients: int, seconds: float) -> int:
-    """Bytes on the mount's line while so many clients poll at 4 Hz."""
-    visitors = [bridge.client(f"10.0.0.{n}") for n in range(clients)]
-    await asyncio.sleep(1)
-    before = sum(len(entry.data) for entry in bridge.entries if entry.side == "mount")
-    for _ in range(round(seconds * 4)):
-        for visitor in visitors:
-            visitor.tell(b":GR#:GD#:D#")
-        await asyncio.sleep(0.25)
-    return sum(len(entry.data) for entry in bridge.entries if entry.side == "mount") - before
-
-
-def test_twenty_pollers_cost_the_line_what_one_costs() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.1) as bridge:
-            one = await _load(bridge, 1, 20)
-            many = await _load(bridge, 20, 20)
-            assert one == pytest.approx(many, rel=0.1)
-
-    run(program())
 
 
 def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_the_status_in_twelve() -> None:
@@ -72,110 +49,6 @@ def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
                 client.heard = b""
                 client.tell(b":GR#")
                 assert client.heard.endswith(b"#"), "answered within the call that brought the bytes"
-
-    run(program())
-
-
-def test_stop_waits_for_the_exchange_on_the_wire_and_no_more() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.3) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
-            for _ in range(20):
-                other.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
-            await asyncio.sleep(0.31)
-            asked = asyncio.get_running_loop().time()
-            other.tell(b":Q#")
-            before = len(bridge.sent())
-            await asyncio.sleep(0.31)
-            first = bridge.sent()[before : before + 2]
-            assert b"M" in first[:2], first
-            assert asyncio.get_running_loop().time() - asked < 0.62
-
-    run(program())
-
-
-def test_a_goto_that_waits_dies_by_a_stop() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.3) as bridge:
-            client = bridge.client()
-            client.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#:Q#")
-            await asyncio.sleep(5)
-            assert client.heard.startswith(b"111")  # one for Sr, one for Sd, then the refusal
-            assert not bridge.sim.slewing
-            assert not [sent for sent in bridge.sent() if sent[:1] == b"r"]
-
-    run(program())
-
-
-def test_the_newer_goto_wins_and_both_see_it() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.1) as bridge:
-            one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            assert await one.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
-            await asyncio.sleep(2)
-            assert await other.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110") == b"110"
-            assert await one.ask(b":Gr#:Gd#", until=b"00#") == b"07:00:00#+30*00:00#"
-            while await one.ask(b":D#") == b"\x7f#":
-                await asyncio.sleep(1)
-            assert await one.ask(b":GR#") == b"05:34:32#"
-            assert await other.ask(b":GR#") == b"05:34:32#"
-            sent = bridge.sent()
-            assert sent.index(b"M") < max(n for n, request in enumerate(sent) if request[:1] == b"r")
-
-    run(program())
-
-
-def test_two_moves_in_a_row_do_not_remember_off() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.1) as bridge:
-            client = bridge.client()
-            for _ in range(3):
-                client.tell(b":RM#:Mn#:Mw#")
-                await asyncio.sleep(0.15)
-                client.tell(b":Qn#:Me#")
-                await asyncio.sleep(0.15)
-                client.tell(b":Qe#:Mn#:Qn#")
-            await asyncio.sleep(5)
-            assert bridge.sim.tracking
-            assert bridge.sim.feed(b"t") == b"\x01#"
-
-    run(program())
-
-
-def test_a_drive_rate_comes_back_after_motion_and_goto() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":TL#")
-            await asyncio.sleep(1)
-            lunar = b"P\x03\x10\x06\xff\xfd\x00\x00"
-            assert bridge.sent().count(lunar) == 1
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(1)
-            client.tell(b":Qn#")
-            await asyncio.sleep(3)
-            assert bridge.sent().count(lunar) == 2
-            await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
-            while await client.ask(b":D#") == b"\x7f#":
-                await asyncio.sleep(1)
-            await asyncio.sleep(1)
-            assert bridge.sent().count(lunar) >= 3
-            assert await client.ask(b":GT#") == b"58.7#"
-
-    run(program())
-
-
-def test_motion_stops_at_the_altitude_limit() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"lowest": 20.0}) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Ms#")
-            for _ in range(60):
-                await asyncio.sleep(1)
-            altitude = float((await client.ask(b":GA#"))[1:3])
-            assert 18 <= altitude <= 24
-            assert not bridge.controller.moving
 
     run(program())
 
@@ -249,45 +122,6 @@ def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> N
 
     for aligned in (True, False):
         run(program(aligned))
-
-
-def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            told = await client.ask(b":GR#")
-            bridge.sim.feed = lambda data: b""
-            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            await asyncio.sleep(2)
-            assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
-            started = asyncio.get_running_loop().time()
-            while bridge.controller.line.state == "up" and asyncio.get_running_loop().time() - started < 30:
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert told
-            assert (await client.ask(b":MS#", 5, until=b"mount.#")).endswith(b"1No answer from mount.#")
-            await asyncio.sleep(12)
-            assert await client.ask(b":GR#", 3) == b""
-            with pytest.raises(NoAnswer):
-                await bridge.controller.answer(Position())
-
-    run(program())
-
-
-def test_slewing_holds_from_the_moment_it_was_asked_for() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.2) as bridge:
-            task = asyncio.ensure_future(bridge.controller.perform(Goto(105.0, 30.0)))
-            await asyncio.sleep(0.01)
-            assert bridge.controller.peek(Slewing()) is True
-            await task
-            assert bridge.controller.peek(Slewing()) is True
-            await bridge.controller.perform(AbortMotion())
-            await asyncio.sleep(2.5)
-            assert bridge.controller.peek(Slewing()) is False
-            assert (await bridge.controller.answer(GetStatus())).aligned
-
-    run(program())
 
 
 def test_the_first_look_at_the_bars_while_another_program_starts_a_goto() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from gateway.system.locks import Claim, LockHeld, PidLock, read_pid
 from gateway.system.runtime_folders import folders, user
 from gateway.transport.device_link import DeviceLink
 from tests.support.each import each
-from tests.support.process import PATIENCE, Running
+from tests.support.process import PATIENCE
 
 ROOT = pytest.mark.skipif(user() != 0, reason="only root can make another user's file")
 POSIX = pytest.mark.skipif(os.name != "posix", reason="owners and modes")
@@ -159,37 +158,6 @@ def test_a_claim_is_one_whatever_folders_are_found(base: Path, monkeypatch: pyte
 ])  # fmt: skip
 def test_an_address_is_one_however_it_is_written(where: str, name: str | None) -> None:
     assert address(where) == name
-
-
-def test_a_mount_on_the_network_has_one_gateway(tmp_path: Path, started: list[Running]) -> None:
-    def run(number: int, at: str) -> Running:
-        one = Running(
-            "run",
-            "--mount",
-            f"nexstar@{at}",
-            "--surface",
-            "lx200@tcp://127.0.0.1:0",
-            "--state",
-            str(tmp_path / str(number)),
-        )
-        started.append(one)
-        return one
-
-    sim = Running("sim", "nexstar:cge", "--at", "tcp://127.0.0.1:0")
-    started.append(sim)
-    address = sim.ready().removeprefix("tcp://")
-    first = run(1, f"socket://{address}")
-    first.ready()
-    at = f"rfc2217://{address.replace('127.0.0.1', 'localhost')}"
-    second = run(2, at)
-    assert second.end(0) == 2
-    assert re.fullmatch(
-        rf"mount-gateway: nexstar@{re.escape(at)}: another gateway \(process {first.process.pid}\) "
-        r"has this mount already; .*",
-        second.said,
-    )
-    first.end()
-    run(2, f"socket://{address}").ready()
 
 
 # --- links of virtual serial ports ------------------------------------------------------------------------------

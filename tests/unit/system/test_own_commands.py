@@ -9,11 +9,6 @@ import pytest
 from gateway.system import own_commands
 
 
-def test_an_installed_package_is_started_by_its_interpreter() -> None:
-    assert own_commands.gateway_argv() == [sys.executable, "-m", "gateway"]
-    assert own_commands.script_argv("/a/script.py") == [sys.executable, "-I", "-S", "/a/script.py"]
-
-
 def test_one_file_is_its_own_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes no ``-m``: whatever it is started with are arguments of mount-gateway."""
     monkeypatch.setattr(sys, "frozen", True, raising=False)

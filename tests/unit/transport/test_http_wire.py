@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 
 from gateway.app.watchdog.process import ServedMount
-from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
 from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.http import chain
 from gateway.transport.http_wire import HttpWire, written
@@ -99,53 +98,6 @@ def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line
             assert asked[0].startswith(b"GET /api/v1/telescope/3/canmoveaxis?Axis=1&ClientID=")
             assert asked[1].startswith(b"PUT /api/v1/telescope/3/tracking Tracking=True&ClientID=")
             assert asked[0].endswith(b"&ClientTransactionID=2 ") and asked[1].endswith(b"&ClientTransactionID=3")
-
-    run(program())
-
-
-def test_a_server_that_closes_every_connection_is_asked_again_and_told_an_order_once() -> None:
-    closed = False
-
-    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
-        nonlocal closed
-        closed = not closed
-        if closed:
-            writer.close()
-        else:
-            await value(writer, "1", close=True)
-
-    async def program() -> None:
-        async with server(answer) as (wire, lines, lost, asked):
-            wire.write(b"get altitude\n")
-            assert await lines.get() == b"1\n" and len(asked) == 2
-            wire.write(b"put pulseguide Direction=0 Duration=100\n")
-            while not lost:
-                await asyncio.sleep(0.01)
-            assert len(asked) == 3 and "PUT" not in lost[0]
-
-    run(program())
-
-
-def test_only_the_newest_request_is_answered_and_an_order_is_never_cancelled() -> None:
-    release = asyncio.Event()
-
-    async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
-        if b"/park" in request:
-            await release.wait()
-            await value(writer, '"late"')
-        else:
-            await value(writer, "true")
-
-    async def program() -> None:
-        async with server(answer) as (wire, lines, lost, asked):
-            wire.write(b"put park\n")
-            while not asked:
-                await asyncio.sleep(0.01)
-            wire.write(b"put abortslew\n")
-            assert await lines.get() == b"true\n"
-            release.set()
-            await asyncio.sleep(0.05)
-            assert lines.empty() and not lost
 
     run(program())
 
@@ -298,12 +250,6 @@ def test_a_server_without_this_telescope_is_not_opened() -> None:
         with pytest.raises(OSError, match=r"no telescope 7 \(HTTP status"):
             telescope.opened(telescope.first[1], status, body)
     telescope.opened(telescope.first[1], 200, b'{"Value": true}')
-
-
-def test_a_stop_after_a_lost_connection_waits_for_nothing() -> None:
-    """The line writes ``closing`` before the first stop of a reopened line, else it waits 3.5 s."""
-    stop = AlpacaReplyRules.closing + b"put abortslew\n"
-    assert AlpacaReplyRules.closing and TelescopeHttp("http://a:1").request(stop).path.endswith("/0/abortslew")
 
 
 def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_is_told_once() -> None:

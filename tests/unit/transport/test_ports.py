@@ -70,38 +70,6 @@ def test_clients_come_and_go_and_misbehave_without_reaching_another() -> None:
     serve(program, "lx200@tcp://127.0.0.1:0")
 
 
-def test_a_client_that_never_reads_is_let_go_and_others_go_on() -> None:
-    async def program(gateway: Gateway) -> None:
-        deaf = socket.create_connection(address(gateway))
-        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        deaf.setblocking(False)
-        steady = await asyncio.open_connection(*address(gateway))
-        for _ in range(3000):
-            try:
-                deaf.send(b":GR#" * 500)
-            except BlockingIOError:
-                pass
-            except OSError:
-                break
-            await asyncio.sleep(0)
-        assert len(await ask(steady, b":GR#")) == 9
-        deaf.close()
-        steady[1].close()
-
-    serve(program, "lx200@tcp://127.0.0.1:0")
-
-
-def test_a_hundred_connections_are_answered() -> None:
-    async def program(gateway: Gateway) -> None:
-        links = [await asyncio.open_connection(*address(gateway)) for _ in range(100)]
-        answers = await asyncio.gather(*(ask(link, b":GR#:GD#", b"#") for link in links))
-        assert all(len(answer) == 9 for answer in answers)
-        for link in links:
-            link[1].close()
-
-    serve(program, "lx200@tcp://127.0.0.1:0")
-
-
 def test_a_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
@@ -117,22 +85,6 @@ def test_a_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Path) 
 
     serve(program, f"lx200@pty:{path}")
     assert not path.is_symlink()
-
-
-def test_both_protocols_share_one_mount(tmp_path: Path) -> None:
-    async def program(gateway: Gateway) -> None:
-        meade = await asyncio.open_connection(*address(gateway, 0))
-        celestron = await asyncio.open_connection(*address(gateway, 1))
-        assert gateway.names()[1].startswith("nexstar:cge@")  # what fits an equatorial mount
-        assert await ask(celestron, b"Kx") == b"x#"
-        ra = await ask(celestron, b"e")
-        degrees = int(ra[:6], 16) / 2**24 * 360
-        h, m, s = (int(part) for part in (await ask(meade, b":GR#")).rstrip(b"#").split(b":"))
-        assert degrees == pytest.approx((h + m / 60 + s / 3600) * 15, abs=0.05)
-        for link in (meade, celestron):
-            link[1].close()
-
-    serve(program, "lx200@tcp://127.0.0.1:0", "nexstar@tcp://127.0.0.1:0", mount="nexstar:cge@sim")
 
 
 def test_a_gps_unit_is_presented_where_the_telescope_has_one() -> None:

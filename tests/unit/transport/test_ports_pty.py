@@ -317,29 +317,3 @@ def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) ->
         await port.close()
 
     asyncio.run(program())
-
-
-@pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
-def test_the_last_words_of_who_has_closed_it_are_heard_and_not_answered(tmp_path: Path) -> None:
-    async def program() -> None:
-        book: list[str] = []
-        answers: list[bytes] = []
-        port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))
-        pair = port._pair
-        brief = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
-        os.write(brief, b"a?b")
-        os.close(brief)
-        assert pair.hung_up()
-        while book[-1:] != ["leaves"]:
-            await asyncio.sleep(0.005)
-        assert book == ["arrives", "a?b", "leaves"]
-        late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        assert not port._pair.hung_up()
-        await asyncio.sleep(0.02)
-        with contextlib.suppress(BlockingIOError):
-            answers.append(os.read(late, 100))
-        assert answers == []
-        os.close(late)
-        await port.close()
-
-    asyncio.run(program())

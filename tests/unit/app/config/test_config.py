@@ -162,25 +162,6 @@ def test_a_file_of_windows_is_read(tmp_path: Path) -> None:
         make_config(*read_tables(tmp_path / "w.toml"))
 
 
-@each(
-    ("words", "says"),
-    [
-        (("--lowest", "95"), "--lowest '95': write a number from -90 to 90"),
-        (("--baud", "fast"), "--baud 'fast': write a whole number"),
-        (("--lowest", "20", "--highest", "10"), "--lowest 20: write less than highest"),
-        (("--mode", "altaz"), "--mode 'altaz': write one of alt-az"),
-        (("--park", "1"), "write a number from -360 to 360"),
-        (("--park=1,x",), "--park '1,x'"),
-        (("--site=151,-33",), "the latitude comes first: -33,151?"),
-        (("--surface", "lx200@tcp://:99999"), "--surface: tcp://:99999: a port is"),
-    ],
-)
-def test_a_wrong_flag_is_named(words: tuple[str, ...], says: str) -> None:
-    with pytest.raises(UserError) as caught:
-        flags(*words)
-    assert says in str(caught.value)
-
-
 def test_every_key_of_the_mount_is_a_flag() -> None:
     given = {
         "baud": "19200",

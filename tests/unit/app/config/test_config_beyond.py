@@ -72,9 +72,3 @@ def test_flags_too(words: list[str], capsys: pytest.CaptureFixture[str]) -> None
     assert said.count("\n") == 1
     assert said[:-1].isprintable()
     assert len(said) < 600
-
-
-def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
-    path = tmp_path / "gateway.toml"
-    path.write_bytes(b"\xef\xbb\xbf" + f"{MOUNT}{SURFACE}".encode())
-    assert make_config(*read_tables(path)).mount[0].at == "nexstar@sim"

@@ -18,7 +18,6 @@ from gateway.app.config.tables import Config, ConsoleConfig
 from gateway.cli import main
 from tests.support.each import each
 
-ROOT = Path(__file__).parents[4]
 ALL = """log = true
 [[mount]]
 name = "pier"
@@ -81,11 +80,6 @@ def test_every_default_is_shown_without_a_mark() -> None:
         'at = "nexstar@sim"  # --mount',
         'at = "lx200@tcp://:0"  # --surface',
     ]
-
-
-def test_the_example_is_valid_as_it_is(tmp_path: Path) -> None:
-    config, _ = back(tmp_path, example())
-    assert (len(config.mount), len(config.surface)) == (1, 1)
 
 
 def test_what_no_default_stands_for_is_a_comment_in_the_example(tmp_path: Path) -> None:

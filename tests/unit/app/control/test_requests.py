@@ -76,38 +76,6 @@ def test_a_goto_arrives_and_says_so() -> None:
     run(program())
 
 
-def test_a_stop_counts_for_a_goto_whose_name_is_still_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            loop, began = asyncio.get_running_loop(), asyncio.Event()
-
-            async def slowly(find: Any, name: str) -> requests.Spot:
-                began.set()
-                await asyncio.sleep(1.0)
-                return CRAB
-
-            monkeypatch.setattr("gateway.app.control.requests.asyncio.to_thread", slowly)
-            asked = loop.create_task(Owner(bridge).wish(requests.GotoRequest(requests.Named("M 1"), number="g")))
-            await began.wait()
-            await bridge.controller.stop("the page")
-            assert (await asked).startswith("failed")
-            await asyncio.sleep(3.0)
-            assert not moves(bridge)
-
-    run(program())
-
-
-def test_a_catalogue_s_place_is_brought_to_date() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            answer = await Owner(bridge).wish(
-                requests.GotoRequest(requests.Spot(83.633, 22.014, j2000=True), number="g")
-            )
-            assert answer == "done it goes to 05:36:06 +22°01'55\""
-
-    run(program())
-
-
 def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
     async def at_once(function: Any, *arguments: Any) -> Any:
         return function(*arguments)  # virtual time waits for no thread
@@ -323,19 +291,6 @@ def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
     run(program())
 
 
-def test_parked_and_taken_up_again() -> None:
-    async def program() -> None:
-        async with Bridge(config={"lowest": -5.0}) as bridge:
-            owner = Owner(bridge)
-            assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
-            assert await owner.outcome("p") == "done it is parked"
-            assert not truth_of(bridge.sim).tracking
-            assert (await owner.wish(requests.UnparkRequest(number="u"))).startswith("done unparked")
-            assert truth_of(bridge.sim).tracking
-
-    run(program())
-
-
 def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
     async def program() -> None:
         async with Bridge(aligned=False) as bridge:
@@ -344,15 +299,6 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
             bridge.controller.hold.on = True
             assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
             assert any("stop --release" in limit for limit in (await owner.see()).allowed)
-
-    run(program())
-
-
-def test_a_place_that_is_not_on_the_sky_is_refused() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            place = requests.Spot(400.0, 0.0)
-            assert (await Owner(bridge).wish(requests.GotoRequest(place))).startswith("failed There is no such place")
 
     run(program())
 

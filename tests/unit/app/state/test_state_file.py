@@ -153,14 +153,6 @@ def test_a_file_that_cannot_be_read_is_moved_aside(tmp_path: Path, content: byte
     assert _begin(tmp_path)[0] == [], "said once"
 
 
-def test_a_file_cut_anywhere_is_read_or_refused_never_worse(tmp_path: Path) -> None:
-    path = tmp_path / "cut.json"
-    for length in range(0, len(WHOLE.rstrip()), 7):
-        path.write_bytes(WHOLE[:length])
-        with pytest.raises(ValueError, match=r".+"):
-            read_state(path)
-
-
 def test_what_a_later_program_adds_is_no_reason_to_refuse(tmp_path: Path) -> None:
     (tmp_path / "nexstar@bridge.json").write_bytes(WHOLE.replace(b"{", b'{"new": [1],', 1))
     warned, shared = _begin(tmp_path)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
-from gateway.transport.handler import Connected
 from tests.support import exact_sky
 from tests.support.any_port import AnyBridge
 from tests.support.sampling import as_a_rule
@@ -72,15 +71,6 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
         await asyncio.sleep(1.0)
         assert len(more.heard) == 2 * length
         assert bridge.recognised() == [protocol] * 3
-
-    play(program)
-
-
-def test_when_it_is_decided_nothing_is_left_in_between() -> None:
-    async def program(bridge: AnyBridge) -> None:
-        connection = bridge.any.accept(Connected("10.0.0.1:5", "10.0.0.1", lambda data: None))
-        connection.feed(b":GR#")
-        assert connection.feed == bridge.any.connections()[0].feed
 
     play(program)
 
@@ -227,22 +217,6 @@ def test_a_scanner_is_turned_away() -> None:
     play(program)
 
 
-def test_allow_and_max_clients_hold_for_all_together() -> None:
-    async def program(bridge: AnyBridge) -> None:
-        from gateway.transport.handler import ConnectionRefused
-
-        with pytest.raises(ConnectionRefused):
-            bridge.call("192.0.2.1")
-        lx200, nexstar = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
-        await lx200.ask(b":GR#")
-        bridge.call("10.0.0.3")
-        with pytest.raises(ConnectionRefused):
-            bridge.call("10.0.0.4")
-        assert len(await nexstar.ask(b"e")) == 18
-
-    play(program, keys={"allow": ["10.0.0.0/24"], "max_clients": 3})
-
-
 def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
     async def program(bridge: AnyBridge) -> None:
         for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
@@ -251,19 +225,6 @@ def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
         assert not bridge.sim.slewing and not [one for one in bridge.sent() if one[:1] in (b"r", b"R")]
 
     play(program, keys={"read_only": True})
-
-
-def test_the_dead_man_stops_an_arrow_whose_program_is_gone() -> None:
-    async def program(bridge: AnyBridge) -> None:
-        caller = bridge.call()
-        caller.tell(b":RS#:Mn#")
-        await asyncio.sleep(2.0)
-        assert bridge.controller.wanted.axes
-        caller.close()
-        await asyncio.sleep(8.0)
-        assert not bridge.controller.wanted.axes
-
-    play(program)
 
 
 def test_positions_that_are_told_hold_no_arrow() -> None:

@@ -242,12 +242,6 @@ def test_a_network_address_has_no_other_rates() -> None:
     assert finding.seconds < AT_9600
 
 
-@pytest.mark.parametrize("where", ["socket://192.168.1.9:2000", "socket://1.2.3.4:4030"])
-def test_a_wifi_adapter_of_celestrons_is_sent_the_same_and_nothing_of_its_own_protocol(where: str) -> None:
-    finding, wire = seen(lambda: silent, place=SerialPortInfo(where, where))
-    assert (finding.state, wire.sent()) == ("silent", HARMLESS)
-
-
 def test_an_echo_is_not_a_mount() -> None:
     finding, wire = seen(lambda: lambda data: data)
     assert finding.state == "echo"

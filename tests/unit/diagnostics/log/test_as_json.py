@@ -9,7 +9,6 @@ from gateway.core.wire_log import Entry
 from gateway.diagnostics.log import as_json
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
-from tests.support.each import each
 
 #: 2026-01-15 22:00:00.25 UTC.
 AT = 1768514400.25
@@ -50,21 +49,6 @@ def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
     assert [one["kind"] for one in (come, dropped, note, gone)] == ["connected", "dropped", "note", "disconnected"]
     assert [one["refused"] for one in (come, dropped, note, gone)] == [False, True, False, False]
     assert {one["direction"] for one in (come, dropped, note, gone)} == {None}
-
-
-@each(
-    ("log", "wanted", "kept"),
-    [
-        (True, False, "normal"),
-        ("all", False, "all"),
-        ("changes", False, "changes"),
-        ("json", True, "all"),
-        ("json-mount", True, "mount"),
-        ("json-refusals", True, "refusals"),
-    ],
-)
-def test_form_and_filter(log: bool | str, wanted: bool, kept: str) -> None:
-    assert as_json.wanted(log) is wanted and as_json.filter_of(log) == kept
 
 
 def test_filters_hold_for_objects_too() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log import layout
-from gateway.diagnostics.log.layout import Row, plain, wrapped
+from gateway.diagnostics.log.layout import Row, wrapped
 from gateway.diagnostics.log.printing import Rows, printer
 from tests.support.each import each
 
@@ -32,11 +32,6 @@ def test_lines_fit_and_nothing_is_left_out(row: Row, columns: int) -> None:
     told = "".join("".join(lines).split())
     for part in (row.side, show(row.data), row.text, row.name):
         assert "".join(part.split()) in told
-
-
-def test_a_line_that_fits_is_one() -> None:
-    assert wrapped(LONG[0], 80) == ["00:00:00.000 mount           < 331D2100,0DBC7900# e: RA 04:47:04, Dec +19°18'55\""]
-    assert plain(LONG[1]).count("\n") == 0
 
 
 class Terminal(io.StringIO):

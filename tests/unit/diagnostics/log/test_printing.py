@@ -105,20 +105,6 @@ def test_a_new_answer_is_shown_at_once() -> None:
     run(play())
 
 
-def test_a_refusal_ends_the_fold_and_is_shown_with_its_command() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client, log = bridge.client("127.0.0.1:5"), Log(bridge)
-            await _poll(client, 3.0)
-            log.rows.clear()
-            for _ in range(2):
-                assert await client.ask(b":Sr99:00:00#") == b"0"
-            assert log.of("127.") == ["= repeated: :GR# ×5, :GD# ×5", "> :Sr99:00:00#", "< 0", "> :Sr99:00:00#", "< 0"]
-            assert [row.kind for row in log.rows if row.arrow == "<" and row.side.startswith("127.")] == ["no", "no"]
-
-    run(play())
-
-
 def test_a_question_without_an_answer_is_not_folded() -> None:
     rows = Rows("lx200", ["lx200"])
     shown: list[Row] = []

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from gateway.cli import main
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.printing import Rows
@@ -84,36 +81,6 @@ def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: 
     assert side.command(command).text == words
     if reply:
         assert side.reply(reply).text == answer
-
-
-@each(("protocol", "command", "words", "reply", "answer"), SAID)
-def test_decode_and_the_log_have_the_same_words(
-    protocol: str,
-    command: bytes,
-    words: str,
-    reply: bytes,
-    answer: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    spied = tmp_path / "spied"
-    spied.write_text(
-        "".join(
-            f"00000{number}.002 {way} 0000  {data[start : start + 16].hex(' ').upper()}  .\n"
-            for number, (way, data) in enumerate([("TX  ", command), ("RX  ", reply)])
-            for start in range(0, len(data), 16)
-        )
-    )
-    assert main(["decode", "--protocol", protocol, str(spied)]) == 0
-    told = capsys.readouterr().out.splitlines()
-    live = Rows("lx200", [protocol])
-    entries = [
-        Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"),
-        Entry(0.0, "1.2.3.4:5", ">", command),
-        Entry(1.0, "1.2.3.4:5", "<", reply),
-    ][: 3 if reply else 2]
-    shown = [row.text for entry in entries for row in live.take(entry)][1:]
-    assert [line[line.index(word) :] for line, word in zip(told, shown, strict=True)] == shown
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])

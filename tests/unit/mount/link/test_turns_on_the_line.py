@@ -11,7 +11,6 @@ from gateway.mount.link.queue import (
     IN_A_ROW,
     MAX_START_DELAY,
     MOTION,
-    PASSED_OVER,
     POSITION,
     READ,
     SETTING,
@@ -38,14 +37,6 @@ def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[
     return [one.priority for one in by_turn(waiting, NOW, motions, passed_over)]
 
 
-def test_a_stop_goes_first_then_motion_then_the_position_then_settings() -> None:
-    assert priorities(*map(Waits, (READ, SETTING, POSITION, MOTION, STOP))) == [STOP, MOTION, POSITION, SETTING, READ]
-
-
-def test_of_one_rank_the_first_that_came_goes_first() -> None:
-    assert [one.number for one in by_turn([Waits(READ, 2), Waits(READ, 1)], NOW, 0, 0)] == [1, 2]
-
-
 @each("priority", [POSITION, READ])
 def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_before_the_next(priority: int) -> None:
     aged = Waits(priority, 1, NOW - AGED[priority] - 0.01)
@@ -53,16 +44,6 @@ def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_bef
     assert priorities(Waits(MOTION), aged) == [MOTION, priority]
     assert priorities(Waits(MOTION), aged, motions=IN_A_ROW) == [priority, MOTION]
     assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
-
-
-def test_a_setting_is_not_passed_over_for_ever() -> None:
-    aged = Waits(SETTING, 1, NOW - AGED[SETTING] - 0.01)
-    assert priorities(Waits(POSITION), aged) == [POSITION, SETTING]
-    assert priorities(Waits(POSITION), aged, passed_over=PASSED_OVER) == [SETTING, POSITION]
-
-
-def test_a_read_whose_turn_it_was_keeps_it() -> None:
-    assert priorities(Waits(POSITION), Waits(READ, 1, chosen=True)) == [READ, POSITION]
 
 
 def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
