@@ -122,11 +122,12 @@ def test_an_evening(mount: tuple[str, str]) -> None:
             await phd2.put("disconnect")
             assert await nina.get("connected") and not await phd2.get("connected")
             await nina.put("park")
-            for _ in range(600):
+            for _ in range(3000):
                 if await nina.get("atpark"):
+                    assert not await nina.get("slewing"), "what is parked is at rest"
                     break
                 assert await nina.get("slewing") or await nina.get("atpark")
-                await asyncio.sleep(0.5)
+                await asyncio.sleep(0.1)
             assert not own.sim.slewing and not await nina.get("tracking")
             poll.cancel()
             await nina.put("disconnect")
