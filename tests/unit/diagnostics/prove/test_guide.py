@@ -410,7 +410,8 @@ def test_settings_are_asked_of_the_mount_itself(mount: str) -> None:
             before = len(proven.sent())
             await GuidedCheck(proven.gateway, Onlooker(), asked, lambda found: None, STAGES[-1:]).run()
             commands, sent = proven.controller.driver.protocol.commands, proven.sent()[before:]
-            assert asked.first_replies and all(commands[name].request.encode({}) in sent for name in asked.first_replies)
+            first_replies = asked.first_replies
+            assert first_replies and all(commands[name].request.encode({}) in sent for name in first_replies)
 
     run_calm(play())
 
