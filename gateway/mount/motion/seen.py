@@ -28,9 +28,9 @@ NEVER = -1e9
 class PositionSample(Struct, frozen=True):
     """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
 
-    ``unsynced`` are the possible altitudes of the tube if the syncs were wrong; ``by_others`` are the altitudes by
-    other sources of site and time. ``lifting`` is the motion by hand of the second axis at that time. Altitudes and
-    distances from Suns can only be compared between samples of the same ``era``.
+    ``further`` are the altitudes by other sources; of all altitudes the first ``own`` are told by the mount, also if
+    its syncs were wrong. ``lifting`` is the motion by hand of the second axis at that time. Altitudes, and
+    distances from Suns, can be compared within one ``era``.
     """
 
     at: float
@@ -40,13 +40,13 @@ class PositionSample(Struct, frozen=True):
     suns: tuple[float, ...] = ()
     lifting: op.Move | op.MoveAxis | None = None
     era: object = 0
-    unsynced: tuple[float, ...] = ()
-    by_others: tuple[float, ...] = ()
+    further: tuple[float, ...] = ()
+    own: int = 1
 
     @property
     def altitudes(self) -> tuple[float, ...]:
         """Every altitude that the limits judge; none without a site."""
-        return () if self.altitude is None else (self.altitude, *self.unsynced, *self.by_others)
+        return () if self.altitude is None else (self.altitude, *self.further)
 
 
 class Changes(Struct, frozen=True):

@@ -126,16 +126,16 @@ class Verdict(Struct, frozen=True):
 ALLOWED = Verdict()
 
 
-class CheckedPath:
-    """The checked path of the goto that is about to begin.
+class CheckedPath(Struct):
+    """What is known of the goto that is about to begin.
 
     ``ways`` are the readings of the axes along its paths that keep the limits: empty if it must be watched like a
     motion by hand, None if they are not known. Below ``floor``, degrees, it is lost. ``clear``: it keeps all limits.
     """
 
     ways: list[Pair] | None = None
-    floor = -90.0
-    clear = False
+    floor: float = -90.0
+    clear: bool = False
 
     def forget(self) -> None:
         """Begin with a new goto, of which nothing is known."""
@@ -271,8 +271,7 @@ def altitude(view: View) -> Verdict:
     earlier, soonest, written = view.observed.earlier, ALLOWED, view.limits.written()
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
     beyond = (OVERSHOOT + APART * view.observed.across) * view.on_checked_path
-    own = 1 + len(last.unsynced)
-    count = None if view.moving.by_hand else own
+    own, count = last.own, None if view.moving.by_hand else last.own
     for number, (then, now) in enumerate(zip(before.altitudes[:count], last.altitudes[:count], strict=False)):
         limits = written if goes or number else view.limits
         grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)

@@ -35,32 +35,21 @@ def altitude_of(reading: float) -> float:
     return degrees(asin(sin(radians(reading))))
 
 
-def corrected(tilt: float | None, difference: float, speed: float, speed_factor: float = 1.0) -> float:
-    """Return the new correction of the calculated altitude, degrees.
-
-    ``tilt`` is the present correction, None if there is none yet. ``difference`` is the axis reading minus the
-    corrected altitude. ``speed`` is that of the mount, degrees a second; a simulated mount that runs
-    ``speed_factor`` times faster moves so much farther before its speed has been measured.
-    """
-    before = tilt or 0.0
-    if abs(difference) <= TOLERANCE * speed_factor + speed * READ_APART and (speed or not before):
-        return before
-    new = before + difference
-    return new if abs(new) > TOLERANCE else 0.0
-
-
-def corrected_azimuth(
-    turn: float | None, difference: float, altitude: float, speed: float, speed_factor: float = 1.0
+def corrected(
+    known: float | None, difference: float, speed: float, speed_factor: float = 1.0, altitude: float = 0.0
 ) -> float | None:
-    """Return the new correction of the calculated azimuth, like ``corrected``; None if it is not known.
+    """Return the new correction of the calculated altitude, or azimuth, degrees; None if it is not known.
 
-    What counts is the difference on the sky, which is smaller the higher the tube points. Near the zenith a known
-    difference is kept unless this reading contradicts it.
+    ``known`` is the present correction, None if there is none yet. ``difference`` is the axis reading minus the
+    corrected value. ``speed`` is that of the mount, degrees a second; a simulated mount that runs ``speed_factor``
+    times faster moves so much farther before its speed has been measured.
+
+    What counts is the difference on the sky: that of an azimuth is smaller the higher the tube points (``altitude``).
+    There a difference that is known is kept unless this reading contradicts it.
     """
-    across, before = cos(radians(altitude)), turn or 0.0
-    high = altitude > TOO_HIGH
-    off = abs(wrap180(difference)) * across
-    if off <= TOLERANCE * speed_factor + speed * READ_APART and (speed or not before or high):
+    across, before, high = cos(radians(altitude)), known or 0.0, altitude > TOO_HIGH
+    explained = abs(wrap180(difference)) * across <= TOLERANCE * speed_factor + speed * READ_APART
+    if explained and (speed or high or not before):
         return None if high and not before else before
     new = wrap180(before + difference)
     return new if abs(new) * across > TOLERANCE else None if high else 0.0
@@ -115,13 +104,12 @@ class AltitudeAxis:
         self.tilt, self.turn, self.synced = None, None, self.synced or synced
         self._mount.frame.measured = None
 
-    async def current_tilt(self, ask: Readings) -> float:
-        """Return the tilt in degrees. After a sync, at rest, read the mount first to measure it again. Raises Fault."""
+    async def measure(self, ask: Readings) -> None:
+        """Read the mount at rest after a sync, which measures the differences again. Raises Fault."""
         if self.synced and not self._mount.movement.anything:
             await ask.read_now(op.GetStatus())
             await ask.read(op.Position())
             await ask.read_now(op.AxisPosition())
-        return self.tilt or 0.0
 
     def take_reading(
         self, axes: op.Horizontal, observed: Observed, now: float, moves: bool
@@ -141,9 +129,9 @@ class AltitudeAxis:
         else:
             calculated, azimuth = axes_then.alt + before, axes_then.az
         speed, speed_factor = (observed.across, self._mount.driver.speed_factor) if moves else (0.0, 1.0)
-        tilt = corrected(self.tilt, altitude_of(axes.alt) - calculated, speed, speed_factor)
+        tilt = corrected(self.tilt, altitude_of(axes.alt) - calculated, speed, speed_factor) or 0.0
         read, height = fold_declination(axes.az, axes.alt)  # an axis beyond the zenith points the other way
-        turn = corrected_azimuth(self.turn, wrap180(read - azimuth - turned), height, speed, speed_factor)
+        turn = corrected(self.turn, read - azimuth - turned, speed, speed_factor, height)
         change = wrap180((turn or 0.0) - turned), tilt - before
         if any(change) and self._mount.cache.age(op.GetStatus, now) > STATUS_AGE:
             return None

@@ -1,15 +1,17 @@
 """The sum of all syncs since the alignment: small syncs add up to a large error.
 
-Each sync, and the sum of all, may be off by at most ``sync-limit``. A sync counts by its turn of the axes: near the
-zenith (alt-azimuth) or the pole (equatorial), a sync that is small on the sky turns the first axis, and every later
-goto, by up to 180 degrees. So there is a sum on the sky and, by day, a sum for each axis. A new alignment resets them.
-If a sync may turn the axes in either of two ways, as beyond the pole or on the other side of the pier, all possible
-sums are stored, and the largest counts.
+Each sync may be off by the limit for syncs (``sync-limit``), and so may their sum, but no more. Near the zenith of an
+alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the sky turns the first axis by up to
+180 degrees, and every later goto with it. So the sum is kept for each axis, too: it tells where the tube is if the
+syncs were wrong (``TubeFrame``). A new alignment resets the sum.
+
+Where a mount may take its tube for pointing the other way (beyond the pole, a German mount on the other side of the
+pier), a sync may also turn its axes around. Both sums count from then on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from math import cos, hypot, radians
 
 from msgspec import Struct
@@ -21,24 +23,19 @@ from gateway.core.operations import Equatorial
 
 #: Degrees by which low precision may make the sum of an axis larger in a sync that makes the other's smaller.
 ROUNDING = 0.05
-#: Degrees: sums nearer to each other count as equal; and how many different sums are stored.
-SAME, MOST = 0.5, 4
-#: The turns that a sync may make, for each of the sums that are possible before it.
-Turns = Sequence[Sequence[Pair]]
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
 
-    ``turned`` is the sum of the turns of the two axes by syncs: azimuth and altitude, or those of an equatorial mount
-    (`Geometry.axes`). ``otherwise`` are the other possible sums, if the tube may point the other way round than the
-    mount assumes.
+    ``turned`` is what syncs have added to the readings of the two axes: azimuth and altitude, or those of an equatorial
+    mount (`Geometry.axes`). ``around`` is the same if one of them has turned the axes around; None if none can have.
     """
 
     east: float = 0.0
     north: float = 0.0
     turned: Pair = (0.0, 0.0)
-    otherwise: tuple[Pair, ...] = ()
+    around: Pair | None = None
 
     @property
     def size(self) -> float:
@@ -47,33 +44,28 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
 
     @property
     def axes(self) -> tuple[Pair, ...]:
-        """By how many degrees syncs may have turned the two axes since the alignment: one pair, or several."""
-        return (self.turned, *self.otherwise)
+        """By how many degrees syncs may have turned the two axes since the alignment: one pair, or two."""
+        return (self.turned,) if self.around is None else (self.turned, self.around)
 
-    def steps(self, turns: Turns) -> Iterator[tuple[Pair, Pair]]:
-        """Yield every pair of a sum of the axes that is possible now and a sum that is possible after a sync."""
-        for before, ways in zip(self.axes, turns, strict=True):
-            for way in ways:
-                yield before, (wrap180(before[0] + way[0]), wrap180(before[1] + way[1]))
-
-    def added(self, present: Equatorial, wanted: Equatorial, turns: Turns) -> SyncSum:
-        """Return the sum after another sync from ``present`` to ``wanted``; ``turns`` are its possible rotations."""
+    def added(self, present: Equatorial, wanted: Equatorial, turns: Sequence[Pair]) -> SyncSum:
+        """Return the sum after another sync from ``present`` to ``wanted``, which turns the axes by the first of
+        ``turns``; if there is a second one, it may turn them around.
+        """
         middle = cos(radians((present.dec + wanted.dec) / 2.0))
-        turned, *otherwise = _different(after for _, after in self.steps(turns))
+        around = None
+        if self.around is not None:  # the mount has taken it for the other way, so the second axis turns that way
+            around = _plus(self.around, (turns[0][0], turns[0][1] * (-1.0 if len(turns) > 1 else 1.0)))
+        elif len(turns) > 1:
+            around = _plus(self.turned, turns[1])
         east = self.east + wrap180(wanted.ra - present.ra) * middle
-        return SyncSum(east, self.north + wanted.dec - present.dec, turned, tuple(otherwise))
+        return SyncSum(east, self.north + wanted.dec - present.dec, _plus(self.turned, turns[0]), around)
 
 
 NO_SYNC = SyncSum()
 
 
-def _different(sums: Iterable[Pair]) -> list[Pair]:
-    """Return the sums without those that equal an earlier sum."""
-    distinct: list[Pair] = []
-    for pair in sums:
-        if not any(max(abs(wrap180(a - b)) for a, b in zip(pair, other, strict=True)) < SAME for other in distinct):
-            distinct.append(pair)
-    return distinct[:MOST]
+def _plus(pair: Pair, turn: Pair) -> Pair:
+    return wrap180(pair[0] + turn[0]), wrap180(pair[1] + turn[1])
 
 
 class SyncTotal:
@@ -97,38 +89,22 @@ class SyncTotal:
 
 
 def check_sync(
-    limit: float, so_far: SyncSum, turns: Turns, present: Equatorial, wanted: Equatorial, by_day: bool, pole: str
+    limit: float, so_far: SyncSum, turns: Sequence[Pair], present: Equatorial, wanted: Equatorial
 ) -> SyncSum:
-    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit: on the sky, or by day an
-    axis.
+    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit on the sky.
 
-    A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance. ``by_day``: a Sun is up.
-    ``pole`` is where the first axis turns far: at the zenith, or at the pole.
+    A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
-    then, steps = so_far.added(present, wanted, turns), list(so_far.steps(turns))
-    if all(corrects(limit, before, after) for before, after in steps):
+    then = so_far.added(present, wanted, turns)
+    befores = so_far.turned, so_far.around or so_far.turned
+    if all(corrects(limit, before, after) for before, after in zip(befores, then.axes, strict=False)):
         return then
     distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
-    ways_out = "align the mount again, or set another sync-limit."
+    ways_out = "Center the object, align the mount again, or set another sync-limit."
     if distance > limit:
-        raise SyncTooFar(
-            f"Sync refused: {distance:.0f} degrees from the present position. Center the object, {ways_out}"
-        )
+        raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position. {ways_out}")
     if then.size > limit and then.size > so_far.size:
-        raise SyncTooFar(
-            f"Sync refused: {then.size:.0f} degrees off with those since the alignment. Check the object, {ways_out}"
-        )
-    if not by_day:
-        return then
-    turn = max(abs(wrap180(now - old)) for before, after in steps for old, now in zip(before, after, strict=True))
-    total = max(abs(change) for _, after in steps for change in after)
-    if max(turn, total) > limit:
-        may = "may turn" if len(steps) > 1 else "turns"
-        since = "" if turn > limit else " with those since the alignment"
-        raise SyncTooFar(
-            f"Sync refused: it {may} an axis by {turn if turn > limit else total:.0f} degrees{since}. "
-            f"Sync on a star farther from the {pole}, {ways_out}"
-        )
+        raise SyncTooFar(f"Sync refused: {then.size:.0f} degrees off with those since the alignment. {ways_out}")
     return then
 
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVING
@@ -25,7 +24,7 @@ from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import altitude_by, other_sites
+from gateway.mount.safety.admission.altitudes import by_mount, by_others
 from gateway.mount.safety.admission.slew_paths import APART, sun_reading
 from gateway.mount.safety.allow import (
     FASTER_THAN_TRACKING,
@@ -92,15 +91,17 @@ class LimitWatch:
         #: When the last motion ended, and when the last goto did.
         self.at_rest_since = self._goto_ended_at = NEVER
         self.path = CheckedPath()
-        #: Whether the path of the last motion that began is known to stay within all limits; its ways, if they are
-        #: known, and the altitude below which it is lost.
-        self._clear, self._floor = False, -90.0
-        self._ways: list[Pair] = []
+        #: What was known of the last motion when it began.
+        self._way = CheckedPath()
 
     @property
     def moved_by_others(self) -> bool:
         """Whether the mount moves without an order of a client."""
         return self._mount.now() < self.others.until
+
+    @property
+    def _moves(self) -> bool:
+        return self._mount.movement.anything or self.moved_by_others
 
     def others_move(self, axis: int) -> bool:
         """Whether the last two positions show that somebody else moves this axis faster than any tracking.
@@ -130,8 +131,7 @@ class LimitWatch:
     @property
     def axes_interval(self) -> float | None:
         """How often to read the axes for the limits, seconds; None if that is not needed."""
-        moves = self._mount.movement.anything or self.moved_by_others
-        return self.altitude_axis.interval(moves) or self.hour_angle.interval(moves)
+        return self.altitude_axis.interval(self._moves) or self.hour_angle.interval(self._moves)
 
     @property
     def fastest(self) -> float:
@@ -146,7 +146,7 @@ class LimitWatch:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
-        return self._clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
+        return self._way.clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
 
     def narrow(self, lowest: float, highest: float, past: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
@@ -163,17 +163,14 @@ class LimitWatch:
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._at_own_park = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.ways == []
-        self._clear, goes = (self.path.clear, True) if isinstance(operation, GOTOS) else (False, False)
-        self._ways, self._floor = (self.path.ways or [], self.path.floor) if goes else ([], -90.0)
+        self._way = replace(self.path) if isinstance(operation, GOTOS) else CheckedPath()
         self._parked = False
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.observed = replace(self.observed, before=None, last=None, farthest=())
             self.altitude_axis.forget(synced=True)
             self.hour_angle.forget()
-        self.observed = fold.begin_motion(
-            self.observed, mount.now(), ordered_speed, at_rest=not (moving.anything or self.moved_by_others)
-        )
+        self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._moves)
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
@@ -183,13 +180,13 @@ class LimitWatch:
     def goto_ended(self, _: None = None) -> None:
         """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
-        moving = self._mount.movement.now()
-        if not (moving.ending or moving.by_hand):
+        moving, stopped = self._mount.movement.now(), self.at_rest_since > self.observed.began
+        if not (stopped or moving.ending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
-        """Note the stop of one axis: a goto that continues on the other does not follow the path that was checked."""
-        self._astray, self._clear = True, False
+        """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
+        self._astray, self._way.clear = True, False
 
     def motion_ended(self) -> None:
         """Note that one or all motions by hand have ended."""
@@ -238,7 +235,7 @@ class LimitWatch:
             return
         self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
-        self._astray = self._astray or (moving.slewing and bool(self._ways) and self._off_its_ways(place))
+        self._astray = self._astray or (moving.slewing and self._off_its_ways(place))
         view = self._view(now, moving)
         self.observed = replace(self.observed, farthest=farthest(view))
         self._apply(allow(view))
@@ -249,9 +246,7 @@ class LimitWatch:
         self.hour_angle.take_reading(axes, now)
         if last is None or last.altitude is None or now < self._coasts_until:
             return
-        change = self.altitude_axis.take_reading(
-            axes, self.observed, now, self._mount.movement.anything or self.moved_by_others
-        )
+        change = self.altitude_axis.take_reading(axes, self.observed, now, self._moves)
         if change is None:
             self._reader.shared(op.GetStatus())
         elif any(change):
@@ -263,18 +258,14 @@ class LimitWatch:
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
-        mount.frame.upright = self.observed.upright
         position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        (altitude, hour_angle), shifts = astrometry.overhead(position), self.altitude_axis.shifts
-        if altitude is not None:
-            altitude += self.altitude_axis.tilt or 0.0
-        unsynced = () if altitude is None else tuple(mount.suns.altitude(position, shift) for shift in shifts)
-        known = altitude is None or self.altitude_axis.available  # by the axis, whatever the clocks say
-        others = () if known else other_sites(mount.sources, self._limits.written())
-        by_others = tuple(altitude_by(*other, astrometry.sky, position) for other in others)
+        own, axis = tuple(by_mount(mount, self.altitude_axis)), self.altitude_axis
+        others = () if axis.available or not own else by_others(mount, self._limits)  # the axis tells it anyhow
+        altitudes = tuple(source.altitude(position) for source in (*own, *others))
+        altitude, hour_angle = (altitudes[0], astrometry.sidereal_time() - position.ra) if own else (None, None)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era = (mount.suns.era, shifts, len(others))
-        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, unsynced, by_others)
+        era = (mount.suns.era, axis.shifts, len(altitudes))
+        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, altitudes[1:], len(own))
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
@@ -294,9 +285,11 @@ class LimitWatch:
             self._limits, self._at_own_park = mount.policy.limits, False
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
-        """Whether a position shows a goto more than ``ASTRAY`` away from its calculated paths."""
-        sun = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
-        return all(separation(*sun, *way) > ASTRAY for way in self._ways)
+        """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
+        if not self._way.ways:
+            return False
+        reading = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
+        return all(separation(*reading, *way) > ASTRAY for way in self._way.ways)
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
@@ -320,8 +313,10 @@ class LimitWatch:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns
-        observed, limit, astray, floor = self.observed, suns.limit, self._astray, self._floor
-        return View(observed, limits, mount.timing, moving, limit, status, past, astray, suns.confirmed, floor)
+        return View(
+            self.observed, limits, mount.timing, moving, suns.limit, status, past, self._astray, suns.confirmed,
+            self._way.floor,
+        )  # fmt: skip
 
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
@@ -356,12 +351,12 @@ class LimitWatch:
 
     def _deadline_passed(self, limit: str) -> None:
         """By its last known speed the mount is about to reach a limit, and no position has arrived since."""
-        if self._mount.movement.anything or self.moved_by_others:
+        if self._moves:
             self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
         """Stop the motion. If no client moves the mount, it is tracking, which is turned off instead."""
-        if self._mount.movement.anything or self.moved_by_others:
+        if self._moves:
             self._stop(f"stopped at {reason}")
         else:
             self.carried_to_limit.emit(reason)

@@ -123,14 +123,13 @@ class TubeFrame:
     """Returns, when called, the present ``PointingFrame``.
 
     ``measured`` is the axis readings minus the calculated azimuth (None: unknown) and altitude, degrees; None if the
-    mount does not report its axes (``safety/altitude_axis.py``): then the syncs give the error. After the tube was
-    driven over the pole or the zenith (not ``upright``), the error of the second axis may have the other sign.
+    mount does not report its axes (``safety/altitude_axis.py``). Then the syncs give the error, and that of the second
+    axis has either sign: beyond the pole or the zenith, and on the other side of the pier, it turns the other way.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
         self._cache, self._driver, self._synced, self._sources = cache, driver, synced, sources
         self.measured: tuple[float | None, float] | None = None
-        self.upright = True
         self._polar = False
 
     def __call__(self) -> PointingFrame:
@@ -149,8 +148,7 @@ class TubeFrame:
             place = self._sources.site() if polar else None
             sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
             candidates = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
-            if (polar and self._driver.german) or not self.upright:  # the other way on the other side of the pier
-                candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
+            candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
         shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > OFF))
         if not shifts:
             return plain

@@ -78,9 +78,8 @@ def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float
         async with Bridge("6-8se") as bridge:
             here = await bridge.controller.read(op.Position())
             there = bridge.controller.astrometry.horizon(here).az + azimuth, 40.0
-            found = slew_paths.possible_paths(
-                bridge.controller.astrometry, False, False, here, op.Equatorial(0.0, 0.0), there, {False}
-            )
+            journey = slew_paths.Journey(False, here, {False}, op.Equatorial(0.0, 0.0), there)
+            found = slew_paths.paths_of(bridge.controller.context, journey)
             assert [turn[0] for _, turn in found] == pytest.approx(turns)
 
     run(program())

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from gateway.mount.safety.admission import slew_paths, syncs
+from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.allow import ALLOWED
 from gateway.mount.site.astrometry import SunAvoidance
 from gateway.mount.site.site_clock import BestSources
 
-#: Where the rules of gotos are used.
-MOTIONS, WATCH = "gateway.mount.safety.admission.motions", "gateway.mount.safety.allow"
+#: Where the rules are used.
+ADMISSION, WATCH = "gateway.mount.safety.admission", "gateway.mount.safety.allow"
+MOTIONS, ALTITUDES = f"{ADMISSION}.motions", f"{ADMISSION}.altitudes"
 
 
 class Rule(NamedTuple):
@@ -36,8 +37,8 @@ def _every_way(mount: Any, limits: Any, journey: Any, stretch: float = 0.0) -> A
     return slew_paths.paths_of(mount, journey)
 
 
-def _by_night(*given: Any) -> Any:
-    return check_sync(*given[:5], False, given[6])
+def _own_zenith(mount: Any, equatorial: bool) -> Any:
+    return zeniths(mount, equatorial)[:1]
 
 
 def _one_frame(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
@@ -48,19 +49,19 @@ def _own(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
     return [sun for sun in suns(self, frame, ahead) if sun.confirmed]
 
 
-check_sync, suns = syncs.check_sync, SunAvoidance.suns
+suns, zeniths = SunAvoidance.suns, slew_paths.zeniths
 #: The first whose words fit a refusal is behind it.
 RULES = {
     "altitude, watched": Rule(("stopped at the altitude",), "D2", "safety/allow.py", "arrows", (
         (f"{WATCH}.altitude", lambda view: ALLOWED),)),
     "the Sun, watched": Rule(("stopped at the Sun",), "D1", "safety/allow.py", "arrows at the Sun", (
         (f"{WATCH}.near_sun", lambda view: ALLOWED),)),
-    "altitude after syncs": Rule(("syncs",), "D2", "safety/admission/contradictions.py", "a sync of", (
-        (f"{MOTIONS}.check_synced", _nothing),)),
-    "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/contradictions.py", "low gotos", (
-        (f"{MOTIONS}.check_contradictions", _nothing),)),
+    "altitude after syncs": Rule(("syncs",), "D2", "safety/admission/altitudes.py", "a sync of", (
+        (f"{ALTITUDES}.by_syncs", lambda *_: ()),)),
+    "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/altitudes.py", "low gotos", (
+        (f"{ALTITUDES}.by_others", lambda *_: ()), (f"{ADMISSION}.slew_paths.zeniths", _own_zenith))),
     "the way and altitudes": Rule(("way is too",), "D2", "safety/admission/slew_paths.py", "gotos anywhere above", (
-        ("gateway.mount.safety.admission.slew_paths.within", _every_way),)),
+        (f"{ADMISSION}.slew_paths.within", _every_way),)),
     "the way and the Sun": Rule(("way there passes", "Past the Sun"), "D1", "safety/admission/slew_paths.py", "Sun", (
         (f"{MOTIONS}.clear", lambda *_: True),)),
     "the Sun of other sources": Rule(("Near the Sun by",), "D1", "site/astrometry.py", "to the Sun", (
@@ -69,12 +70,10 @@ RULES = {
         ("gateway.mount.site.astrometry.SunAvoidance.suns", _one_frame),)),
     "the Sun over the site before": Rule(("site before",), "D1", "site/site_clock.py", "nobody else", (
         ("gateway.mount.site.site_clock.BestSources.sites_for_sun", BestSources.sites),)),
-    "turn of an axis by syncs, by day": Rule(("turns an axis",), "D1", "safety/sync_sum.py", "sync", (
-        ("gateway.mount.safety.admission.syncs.check_sync", _by_night),)),
     "the goal and the Sun": Rule(("Sun",), "D1", "safety/admission/motions.py", "to the Sun", (
         ("gateway.mount.site.astrometry.SunAvoidance.distance", lambda *_: 180.0),)),
     "the goal's altitude": Rule(("orizon", "Limit"), "D2", "policy.py", "low gotos", (
-        (f"{MOTIONS}.check_altitude", _nothing),)),
+        (f"{ALTITUDES}.check_altitude", _nothing),)),
 }  # fmt: skip
 
 

@@ -1,10 +1,9 @@
 """Admission of motion by hand, guide pulses and tracking: refuses them if they would soon lead beyond a limit.
 
-A motion is judged by its first stretch, up to the point where a position has shown it and a stop can have ended it. All
-of the stretch is checked, because beyond the zenith or the Sun its end may be allowed again. Both directions of each
-axis are checked, because a mount whose axes cannot be read may point the other way round. A guide pulse is a stretch,
-too. Tracking is judged by the next minute, and only beyond a limit: tracking that leads back is allowed, tracking that
-leads farther out is refused.
+A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
+checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
+mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too, and so is tracking, of
+a minute.
 """
 
 from __future__ import annotations
@@ -21,19 +20,13 @@ from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.readings.cache import Readings
-from gateway.mount.safety.admission.contradictions import (
-    Contradiction,
-    altitude_by,
-    check_by,
-    check_synced,
-    other_sites,
-    too_near,
-)
+from gateway.mount.safety.admission.altitudes import Source, by_mount, by_others
+from gateway.mount.safety.admission.contradictions import too_near
 from gateway.mount.safety.admission.slew_paths import LONGEST
 from gateway.mount.safety.allow import MIN_INTERVAL, leaving
 from gateway.mount.safety.hour_angle import past_meridian, reports_axes, turned_by_axes
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.astrometry import Shift, Sun
+from gateway.mount.site.astrometry import Sun
 from gateway.protocols.base.driver import BY_HAND
 
 #: Degrees of axis motion between two points of a stretch that are checked.
@@ -47,19 +40,15 @@ TRACKING_AHEAD = 60.0
 class Start(NamedTuple):
     """The start of a stretch of motion.
 
-    ``tilt`` is the altitude axis minus the calculated altitude, degrees. ``shifts`` are the rotations by syncs, if the
-    axes do not report them. ``turned`` is the angle of the first axis west of its middle, degrees; None if it is
-    unknown or the hour angle has no limit. ``suns`` are the Suns to avoid. ``others`` are the sources of site and time
-    that contradict the best source and also count, each with its site.
+    ``altitudes`` are the sources by which altitudes count. ``turned`` is the angle of the first axis west of its
+    middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the Suns to avoid.
     """
 
     position: op.Equatorial
     status: op.Status
-    tilt: float = 0.0
+    altitudes: tuple[Source, ...] = ()
     turned: float | None = None
     suns: tuple[Sun, ...] = ()
-    shifts: tuple[Shift, ...] = ()
-    others: tuple[tuple[Contradiction, op.Place], ...] = ()
 
     def past(self, mount: Context, west: float) -> float | None:
         """Return how far the tube is past the meridian after the first axis has turned ``west``; None if unknown."""
@@ -99,7 +88,10 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
     position, turned = start.position, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
-        _check_altitudes(mount, limits, start, position, soon)
+        for source in start.altitudes:
+            before, after = source.altitude(position), source.altitude(soon)
+            if leaving(limits if source.own else limits.written(), before, after):
+                source.check(limits, after)
         for sun in start.suns:
             distance = mount.suns.distance(soon, sun)
             if distance < mount.suns.limit and distance < mount.suns.distance(position, sun):
@@ -110,33 +102,6 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
             if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
                 raise PastMeridian
         position, turned = soon, west
-
-
-def _check_altitudes(
-    mount: Context,
-    limits: Limits,
-    start: Start,
-    position: op.Equatorial,
-    soon: op.Equatorial,
-    only_beyond: bool = False,
-) -> None:
-    """Check that the way from ``position`` to ``soon`` leads beyond no altitude limit, whether the syncs were right or
-    not.
-
-    ``only_beyond``: a way counts only if it begins beyond a limit. Raises BelowHorizon, TooHigh, Contradicted.
-    """
-    before, after = mount.astrometry.horizon(position).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
-    if leaving(limits, before, after):
-        limits.check_altitude(before if only_beyond else after)
-    written = limits.written()
-    for shift in start.shifts:
-        before, after = mount.suns.altitude(position, shift), mount.suns.altitude(soon, shift)
-        if leaving(written, before, after):
-            check_synced(written, before if only_beyond else after, shift)
-    for contradiction, site in start.others:
-        before, after = (altitude_by(contradiction, site, mount.astrometry.sky, at) for at in (position, soon))
-        if leaving(written, before, after):
-            check_by(contradiction, written, after)
 
 
 def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
@@ -166,7 +131,7 @@ class HandAdmission:
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
         if not self._watch.altitude_axis.available:  # which tells the altitude, whatever the clocks say
-            start = start._replace(others=other_sites(mount.sources, limits.written()))
+            start = start._replace(altitudes=(*start.altitudes, *by_others(mount, limits)))
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
@@ -184,20 +149,14 @@ class HandAdmission:
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
-        """Raises BelowHorizon, TooHigh or PastMeridian if turning on tracking would lead farther beyond a limit."""
-        mount, limits = self._mount, self._mount.policy.limits
-        start = await self._start()
+        """Raises BelowHorizon, TooHigh or PastMeridian if turning on tracking would lead (farther) beyond a limit."""
+        mount, start = self._mount, await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
             return
-        position = start.position
-        soon = replace(position, ra=position.ra - SIDEREAL_RATE * TRACKING_AHEAD)  # where tracking will have carried it
+        # over the horizon it goes west, whatever turns the tube, and no Sun is nearer on the sky
+        start = start._replace(status=replace(start.status, equatorial=True), suns=())
         try:
-            _check_altitudes(mount, limits, start, position, soon, only_beyond=True)
-            if limits.hour_angle is not None:
-                now = start.past(mount, 0.0)
-                then = start.past(mount, SIDEREAL_RATE * TRACKING_AHEAD)
-                if now is not None and then is not None and now > limits.hour_angle and then > now:
-                    raise PastMeridian
+            check_turns(mount, mount.policy.limits, start, {1: SIDEREAL_RATE * TRACKING_AHEAD})
         except Fault as fault:
             raise type(fault)(f"{fault} Tracking stays off, because it would lead further beyond the limit.") from None
 
@@ -226,9 +185,10 @@ class HandAdmission:
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             position = await self._ask.read_now(op.Position())
         axis = self._watch.altitude_axis
-        tilt = await axis.current_tilt(self._ask) if axis.available else 0.0
+        if axis.available:
+            await axis.measure(self._ask)
         turned = await self._turned(position) if self._watch.hour_angle.watched else None
-        return Start(position, status, tilt, turned, tuple(mount.suns.up()), axis.shifts)
+        return Start(position, status, tuple(by_mount(mount, axis)), turned, tuple(mount.suns.up()))
 
     async def _turned(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""
@@ -265,10 +225,10 @@ async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch
 async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. Both are returned
-    if a hand control was synced in the other way, because it may take that for the first way. Both are also returned if
-    the reported pier side contradicts the declination axis, because the hand control may have chosen that side for the
-    last goto.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
+    that was synced there may take it for the first way, so both are returned then; so are they if the pier side that a
+    hand control tells, which it may have chosen for the last goto, contradicts its declination axis, and if a German
+    mount that tells no axes was driven over the pole.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:
@@ -276,10 +236,11 @@ async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool
     # during a goto the mount reports the pier side of the target
     under_way = mount.movement.slewing and await ask.read_now(op.Slewing())
     side = None if under_way else await ask.tube_side()
-    if side is None:
+    tells_axes = mount.driver.implementation(op.AxisPosition) is not None
+    if side is None or not (tells_axes or watch.observed.upright):
         return {False, True}
     reported_west = (side == "W") == (site.latitude >= 0.0)
-    if not mount.driver.implementation(op.AxisPosition):
+    if not tells_axes:
         return {reported_west}
     axes: op.Horizontal = await ask.read(op.AxisPosition())
     return {reported_west, wrap180(axes.alt - 90.0) > 0.0}

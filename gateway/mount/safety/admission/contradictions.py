@@ -9,18 +9,14 @@ mount that is right.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime, timedelta
-from math import acos, cos, degrees, radians, sin
 from typing import NamedTuple
 
-from gateway.astro.ephemeris.sky import Sky
-from gateway.astro.spherical import SIDEREAL_RATE, wrap360
 from gateway.core.about import RELEASED
-from gateway.core.errors import BelowHorizon, Contradicted, Fault, NearSun, Unsupported
-from gateway.core.operations import Equatorial, GetStatus, Park, Place
+from gateway.core.errors import Fault, NearSun, Unsupported
+from gateway.core.operations import GetStatus, Park, Place
 from gateway.mount.context import Context
-from gateway.mount.policy import Limits, check_own_park
-from gateway.mount.site.astrometry import Shift, Sun
+from gateway.mount.policy import check_own_park
+from gateway.mount.site.astrometry import Sun
 from gateway.mount.site.site_clock import (
     COMPUTER,
     CONFIGURED,
@@ -72,100 +68,6 @@ class Contradiction(NamedTuple):
     other: str = ""
 
 
-def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh, whose text gives
-    the altitude, when the goal rises, and the sources that contradict.
-    """
-    altitude = mount.astrometry.horizon(goal).alt
-    try:
-        limits.check_altitude(altitude)
-    except Fault as fault:
-        contradiction = next(contradictions(mount.sources.sites(), mount.sources.times()), None)
-        text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
-        text += [_at_length(contradiction)] if contradiction is not None else []
-        raise type(fault)(" ".join(text), str(fault)) from None
-
-
-def _where(limits: Limits, altitude: float) -> str:
-    if altitude > limits.highest:
-        return f"It is above the highest altitude, {limits.highest:g}°"
-    return "It is below the horizon" if limits.lowest <= 0.0 else f"It is below the lowest altitude, {limits.lowest:g}°"
-
-
-def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
-    """Yield the time at which a goal rises above the lowest altitude, in the mount's local time if known."""
-    latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
-    hour_angle = mount.astrometry.sidereal_time() - goal.ra
-    if mount.astrometry.horizon(goal).alt > limits.lowest:
-        return
-    half = (sin(height) - sin(latitude) * sin(dec)) / max(1e-9, cos(latitude) * cos(dec))
-    if half >= 1.0:
-        yield "It does not rise here."
-        return
-    seconds = wrap360(-degrees(acos(max(-1.0, half))) - hour_angle) / SIDEREAL_RATE
-    clock = mount.site_clock.mount_clock
-    at = datetime.fromtimestamp(mount.sources.unix() + seconds, UTC) + timedelta(hours=clock[0].offset if clock else 0)
-    yield f"It rises at {at:%H:%M}{'' if clock else ' UTC'}."
-
-
-def check_contradictions(sources: BestSources, sky: Sky, written: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goto to ``goal`` by every source that contradicts the best source, against the
-    ``written`` limits.
-
-    Raises Contradicted, which names the sources; NearSun if the time is unknown.
-    """
-    if written.sun > 0.0 and time_unknown(sources.times()[0]):
-        raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
-    for contradiction, site in other_sites(sources, written):
-        check_by(contradiction, written, altitude_by(contradiction, site, sky, goal))
-
-
-def other_sites(sources: BestSources, written: Limits) -> tuple[tuple[Contradiction, Place], ...]:
-    """Return the sources that contradict the best site and clock, each with its site; empty if no altitude limit is
-    written.
-    """
-    if written.lowest <= -90.0 and written.highest >= 90.0:
-        return ()
-    return tuple(
-        (contradiction, contradiction.place)
-        for contradiction in contradictions(sources.sites(), sources.times())
-        if contradiction.place is not None
-    )
-
-
-def altitude_by(contradiction: Contradiction, site: Place, sky: Sky, position: Equatorial) -> float:
-    """Return the altitude of a position by another site and clock, degrees."""
-    return sky.horizon(position.ra, position.dec, site.latitude, site.longitude, contradiction.unix)[1]
-
-
-def check_by(contradiction: Contradiction, written: Limits, altitude: float) -> None:
-    """Check an ``altitude`` by another source. Raises Contradicted, which names the sources."""
-    try:
-        written.check_altitude(altitude)
-    except Fault as fault:
-        which = "low" if isinstance(fault, BelowHorizon) else "high"
-        by = f"Too {which} by {_briefly(contradiction)}."
-        raise Contradicted(
-            f"Too {which}, if {contradiction.sources[1]} is right: {_at_length(contradiction)}", by
-        ) from None
-
-
-def check_synced(limits: Limits, altitude: float, shift: Shift) -> None:
-    """Check the ``altitude`` to which a goto brings the tube if the syncs that turned its axes were wrong.
-
-    Raises Contradicted.
-    """
-    try:
-        limits.check_altitude(altitude)
-    except Fault as fault:
-        which, off = "low" if isinstance(fault, BelowHorizon) else "high", max(abs(shift.first), abs(shift.second))
-        raise Contradicted(
-            f"Too {which}, if the syncs since the alignment were wrong: they have turned an axis by {off:.0f} degrees. "
-            "Align the mount again.",
-            f"Too {which} by its axes: syncs turned one by {off:.0f} degrees.",
-        ) from None
-
-
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
     text = "The way there passes too close to the Sun." if way else NearSun.default_text
@@ -181,18 +83,19 @@ def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     if sun.confirmed or contradiction is None:
         return NearSun(text)
     return NearSun(
-        f"{text} {_at_length(contradiction)}", f"{'Past' if way else 'Near'} the Sun by {_briefly(contradiction)}."
+        f"{text} {at_length(contradiction)}", f"{'Past' if way else 'Near'} the Sun by {briefly(contradiction)}."
     )
 
 
-def _briefly(contradiction: Contradiction) -> str:
+def briefly(contradiction: Contradiction) -> str:
     """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
     names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS: "the GPS", PROGRAM: "a program"}
     best, other = (names.get(source, source) for source in contradiction.sources)
     return f"{other} ({contradiction.apart} from {best})"
 
 
-def _at_length(contradiction: Contradiction) -> str:
+def at_length(contradiction: Contradiction) -> str:
+    """Return the whole text: which sources differ, by how much, and how to correct each."""
     text = contradiction.text[0].upper() + contradiction.text[1:]
     return f"{text}. Correct the one that is wrong: {_remedies(contradiction)}."
 

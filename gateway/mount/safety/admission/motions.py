@@ -24,14 +24,9 @@ from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
+from gateway.mount.safety.admission.altitudes import check_goal
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import (
-    check_altitude,
-    check_contradictions,
-    check_synced,
-    contradictions,
-    too_near,
-)
+from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions, time_unknown, too_near
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, paths_of, within
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
@@ -213,17 +208,16 @@ class MotionAdmission:
 
         Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
         """
-        mount, written = self._mount, limits.written()
+        mount = self._mount
         if mount.sources.site() is None:
             self._note_once("site unknown: gotos are not checked against the horizon")
         else:
-            check_altitude(mount, limits, goal)
-            for shift in self._watch.altitude_axis.shifts:  # if the syncs were wrong, the tube goes elsewhere
-                check_synced(written, mount.suns.altitude(goal, shift), shift)
+            check_goal(mount, self._watch.altitude_axis, limits, goal)
             status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
             if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
                 check_past(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
-        check_contradictions(mount.sources, mount.astrometry.sky, written, goal)
+        if limits.sun > 0.0 and time_unknown(mount.sources.times()[0]):
+            raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
         """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
@@ -252,7 +246,7 @@ class MotionAdmission:
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
         if self._watch.altitude_axis.synced and self._watch.altitude_axis.available:
-            await self._watch.altitude_axis.current_tilt(self._ask)
+            await self._watch.altitude_axis.measure(self._ask)
         limit, suns = mount.suns.limit, mount.suns.up()
         tube = mount.suns.frame.measured
         believed = goal if axes is None or tube is None else mount.suns.believed(goal, tube)
@@ -292,7 +286,7 @@ class MotionAdmission:
         unsynced = (journey(shift) for shift in self._watch.altitude_axis.shifts)
         self._path.take(
             along,
-            slew_paths.zenith(astrometry, status.equatorial),
+            slew_paths.zeniths(mount, status.equatorial)[0],
             all(len(within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
             lost,
         )

@@ -21,6 +21,7 @@ from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
+from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.astrometry import SiteAstrometry, Sun
 
 #: Readings of both axes at the beginning, and by how much they turn.
@@ -39,11 +40,17 @@ BETWEEN = tuple((azimuth, altitude) for altitude in (45, 65, 25) for azimuth in 
 WITHIN = 3.0
 
 
-class Circle(NamedTuple):
-    """A region around axis readings that is too high or too low."""
+class Journey(NamedTuple):
+    """A goto that is to be checked: from where, and in which of the two ways the axes may point there; to where.
 
-    middle: Pair
-    radius: float
+    ``axes`` are the target readings, if they are given.
+    """
+
+    equatorial: bool
+    here: op.Equatorial
+    others: set[bool]
+    goal: op.Equatorial
+    axes: Pair | None = None
 
 
 def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
@@ -55,34 +62,33 @@ def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equa
     return horizon.az, horizon.alt
 
 
-def zenith(astrometry: SiteAstrometry, equatorial: bool) -> Pair:
-    """Return the axis readings at which this mount points at the zenith."""
-    geometry = _geometry(astrometry, Build.GERMAN)
-    return geometry.axes(0.0, geometry.latitude, False) if equatorial else (0.0, 90.0)
+def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
+    """Return the axis readings at which this mount points at the zenith: by its own site and clock, and by others."""
+    astrometry, places = mount.astrometry, [(mount.sources.unix(), mount.astrometry.place())]
+    for contradiction in contradictions(mount.sources.sites(), mount.sources.times()):
+        if contradiction.place is not None:
+            places.append((contradiction.unix, contradiction.place))
+    overhead = (op.Equatorial(astrometry.sky.sidereal_time(unix, at.longitude), at.latitude) for unix, at in places)
+    return [sun_reading(astrometry, place, equatorial) for place in overhead]
 
 
-def possible_paths(
-    astrometry: SiteAstrometry,
-    german: bool,
-    equatorial: bool,
-    start: op.Equatorial,
-    goal: op.Equatorial,
-    axes: Pair | None,
-    others: set[bool],
-) -> list[Path]:
-    """Return the paths from ``start`` to ``goal``, or to the target readings ``axes`` if they are given.
-
-    ``others`` says whether the axes may now point in the first of the two ways (False), the other (True), or both.
-    """
-    if not equatorial:
-        return [path for other in others for path in _both_directions(_fork(astrometry, start, goal, axes, other))]
-    german = german and astrometry.site_clock.site() is not None
-    geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
-    if german:
-        flips = sides_at(astrometry, goal) if axes is None else {False}
-        return [_polar(astrometry, geometry, start, goal, axes, other, flip) for other in others for flip in flips]
-    paths = [_polar(astrometry, geometry, start, goal, axes, other, False) for other in others]
-    return [round_ for path in paths for round_ in _both_directions(path)]
+def paths_of(mount: Context, journey: Journey) -> list[Path]:
+    """Return the possible ways of a goto."""
+    astrometry, (equatorial, here, others, goal, axes) = mount.astrometry, journey
+    german = mount.driver.german is True and equatorial and astrometry.site_clock.site() is not None
+    geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
+    start, end = (sun_reading(astrometry, place, equatorial) for place in (here, goal))
+    if axes is not None:
+        end = (axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]) if geometry.build is Build.WEDGE else axes
+    flips = sides_at(astrometry, goal) if german and axes is None else {False}
+    paths = []
+    for begin in (_pointing(start, other) for other in others):
+        for target in (_pointing(end, flip) for flip in flips):
+            first, second = (geometry.travel(axis, begin[axis - 1], target[axis - 1]) for axis in (1, 2))
+            paths.append((begin, (first, second)))
+            if not german and abs(first) > 180.0 - EITHER_WAY_ROUND:
+                paths.append((begin, (first - copysign(360.0, first), second)))
+    return paths
 
 
 def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
@@ -97,51 +103,9 @@ def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     return {_geometry(astrometry, Build.GERMAN).other_side(hour_angle)}
 
 
-def _fork(
-    astrometry: SiteAstrometry, origin: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool
-) -> Path:
-    """The path of an alt-azimuth fork; without a site, as if on a wedge. At the zenith ``axes`` give its azimuth."""
-    if astrometry.site_clock.site() is None:
-        start, end = op.Horizontal(origin.ra, origin.dec), op.Horizontal(goal.ra, goal.dec)
-    else:
-        start = astrometry.horizon(origin)
-        end = op.Horizontal(*axes) if axes is not None else astrometry.horizon(goal)
-    first, second = _pointing(start.az, start.alt, other)
-    return (first, second), (wrap180(end.az - first), end.alt - second)
-
-
-def _polar(
-    astrometry: SiteAstrometry,
-    geometry: Geometry,
-    position: op.Equatorial,
-    goal: op.Equatorial,
-    axes: Pair | None,
-    other: bool,
-    flip: bool,
-) -> Path:
-    """The path of an equatorial mount; ``flip``: a German mount will point at the goal in the other of the two ways."""
-    begin, end = _hour_angle(astrometry, position), _hour_angle(astrometry, goal)
-    if geometry.build is Build.GERMAN:
-        target = axes or geometry.axes(end, goal.dec, flip)
-    elif axes is not None:
-        target = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
-    else:
-        target = geometry.pole * end, geometry.pole * goal.dec
-    start = _pointing(geometry.pole * begin, geometry.pole * position.dec, other)
-    return start, (geometry.travel(1, start[0], target[0]), geometry.travel(2, start[1], target[1]))
-
-
-def _pointing(first: float, second: float, other: bool) -> Pair:
-    """Return a pair of readings out of the two for the same direction; ``other`` is over the pole or the zenith."""
-    return (first + 180.0, 180.0 - second) if other else (first, second)
-
-
-def _both_directions(path: Path) -> Iterator[Path]:
-    """Yield the path, and for a turn of about 180 degrees also the path on which the first axis turns the other way."""
-    start, (first, second) = path
-    yield path
-    if abs(first) > 180.0 - EITHER_WAY_ROUND:
-        yield start, (first - copysign(360.0, first), second)
+def _pointing(reading: Pair, other: bool) -> Pair:
+    """Return one of the two pairs of readings for the same direction; ``other`` is over the pole or the zenith."""
+    return (reading[0] + 180.0, 180.0 - reading[1]) if other else reading
 
 
 def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
@@ -188,42 +152,22 @@ def points(path: Path) -> Iterator[Pair]:
     yield one_rests(start, turn, length)
 
 
-class Journey(NamedTuple):
-    """A goto that is to be checked: its start, in which of the two ways the axes may point there, and its goal.
-
-    ``axes`` are the target readings, if they are given.
-    """
-
-    equatorial: bool
-    here: op.Equatorial
-    others: set[bool]
-    goal: op.Equatorial
-    axes: Pair | None = None
-
-
-def paths_of(mount: Context, journey: Journey) -> list[Path]:
-    equatorial, position, others, goal, axes = journey
-    german = mount.driver.german is True
-    return possible_paths(mount.astrometry, german, equatorial, position, goal, axes, others)
-
-
 def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
-    """Return the possible paths that keep the altitude limits, or do so for the first ``stretch`` degrees. A path that
-    starts beyond a limit must lead no farther out.
+    """Return the possible ways that keep the altitude limits by every source of site and time, or do so for the first
+    ``stretch`` degrees. One from beyond a limit must lead no farther out.
     """
-    top = zenith(mount.astrometry, journey.equatorial)
-    bottom = top[0] + 180.0, -top[1]
-    circles = [Circle(top, 90.0 - limits.highest), Circle(bottom, 90.0 + limits.lowest)]
-    paths = []
-    for start, turn in paths_of(mount, journey):
-        radii = [
-            (circle.middle, min(circle.radius, separation(*start, *circle.middle)))
-            for circle in circles
-            if circle.radius > 0.0
-        ]
-        if all(clear(start, _first(turn, stretch), middle, radius - AT_LIMIT) for middle, radius in radii):
-            paths.append((start, turn))
-    return paths
+    tops = zeniths(mount, journey.equatorial)
+    circles = [(top, 90.0 - limits.highest) for top in tops]
+    circles += [((top[0] + 180.0, -top[1]), 90.0 + limits.lowest) for top in tops]
+
+    def keeps(path: Path) -> bool:
+        start, turn = path[0], _first(path[1], stretch)
+        return all(
+            radius <= 0.0 or clear(start, turn, middle, min(radius, separation(*start, *middle)) - AT_LIMIT)
+            for middle, radius in circles
+        )
+
+    return [path for path in paths_of(mount, journey) if keeps(path)]
 
 
 def _first(turn: Pair, stretch: float) -> Pair:

@@ -21,7 +21,7 @@ from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
 from gateway.mount.safety.altitude_axis import TOO_HIGH
-from gateway.mount.safety.sync_sum import SyncSum, Turns, check_sync
+from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
@@ -46,9 +46,8 @@ async def admit_sync(
     if status.aligned:
         position: op.Equatorial = await ask.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
-        by_day, pole = bool(mount.suns.up()), "pole" if status.equatorial else "zenith"
         turns = await _turns(mount, ask, watch, position, wanted, status.equatorial)
-        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted, by_day, pole)
+        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
     else:  # it aligns the mount
         mount.synced.coming = SyncSum()
     return mount.astrometry.to_mount(sync)
@@ -67,45 +66,25 @@ async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
 
 async def _turns(
     mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, wanted: op.Equatorial, equatorial: bool
-) -> Turns:
-    """Return by how many degrees a sync may turn the readings of the two axes, for each sum that is possible before it.
+) -> list[Pair]:
+    """Return by how many degrees a sync turns the readings of the two axes: as the tube points now, and around if the
+    mount may take it for pointing the other way, as after an arrow over the pole.
 
     There are two ways to point at a place: beyond the pole or the zenith, also on the other side of the pier, the
-    second axis turns the other way. If it is unknown in which way the mount takes its tube to point, as after an arrow
-    over the pole, both are possible after the sync.
+    second axis turns the other way.
     """
-    driver, by_sky, sums = mount.driver, mount.driver.emulates_sync, mount.synced.value.axes
+    driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
     start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, wanted))
-    if by_sky:  # by an offset of right ascension and declination
-        return [[_turn(start, end, False, False)] for _ in sums]
-    others, site = {False}, mount.astrometry.site_clock.site()
-    axes: op.Horizontal | None = None
-    if driver.german:
+    tells_axes = driver.implementation(op.AxisPosition) is not None
+    if not by_sky and (equatorial or start[1] > TOO_HIGH or not tells_axes):  # else by an offset, or its axes tell it
         others = await pointing(mount, ask, watch)
-    if driver.implementation(op.AxisPosition):  # low on an alt-az mount those tell it that were read while it moved
-        asks = equatorial or start[1] > TOO_HIGH
-        axes = await ask.read(op.AxisPosition()) if asks else mount.cache.value(op.AxisPosition)
-    turns = []
-    for turned in sums:
-        if axes is not None:
-            way, reads = abs(wrap180(axes.alt + turned[1])) > 90.0, abs(wrap180(axes.alt)) > 90.0
-            doubtful = len({way, reads, *others}) > 1 and not (driver.german and site is None)
-        elif driver.german:  # a mount that does not report its side has chosen it by the hour angle
-            way = wrap180(start[0]) < 0.0 if len(others) > 1 else True in others
-            doubtful = not watch.observed.upright
-        else:
-            way = doubtful = not watch.observed.upright
-        ways = (way, not way) if doubtful or driver.told_beyond else (way,)
-        turns.append([_turn(start, end, way, then) for then in ways])
+    if driver.german and not tells_axes and watch.observed.upright and len(others) > 1:
+        others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
+    first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0
+    turns = [(first, sense * (end[1] - start[1]))]
+    if len(others) > 1 or (driver.told_beyond and not by_sky):
+        turns.append((wrap180(first + 180.0), wrap180(sense * (180.0 - end[1] - start[1]))))
     return turns
-
-
-def _turn(start: Pair, end: Pair, before: bool, after: bool) -> Pair:
-    """Return the turn of both axes between two places: before and after it they point in the first or the other way."""
-    (first, second), (then_first, then_second) = (
-        (axes[0] + 180.0, 180.0 - axes[1]) if other else axes for axes, other in ((start, before), (end, after))
-    )
-    return wrap180(then_first - first), wrap180(then_second - second)
 
 
 async def _wait_for_goto_end(mount: Context, ask: Readings, sync: op.Sync, by: HostActivity | None) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from itertools import combinations
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,7 +13,8 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Contradicted, Fault
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.contradictions import check_contradictions, contradictions, too_near
+from gateway.mount.safety.admission.altitudes import by_others
+from gateway.mount.safety.admission.contradictions import contradictions, too_near
 from gateway.mount.site.astrometry import Shift, Sun
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, SiteClock, Time
 from tests.support.in_process_gateway import EVENING
@@ -40,8 +43,10 @@ def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1]), way=True), best, other)
     zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
+    mount: Any = SimpleNamespace(sources=known, astrometry=SimpleNamespace(sky=Sky()))
+    [source] = by_others(mount, Limits(lowest=20.0))
     with pytest.raises(Contradicted) as raised:
-        check_contradictions(known, Sky(), Limits(lowest=20.0), zenith)
+        source.check(Limits(lowest=20.0), source.altitude(zenith))
     says_what_to_do(raised.value, best, other)
 
 

@@ -27,11 +27,12 @@ from gateway.mount.motion.ends import AxisSample
 from gateway.mount.motion.seen import Changes, Observed, PositionSample, add_position, at_one_time
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
+from gateway.mount.safety.admission.altitudes import Source
 from gateway.mount.safety.admission.by_hand import Start, check_either_way, check_turns
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, points, within
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
-from gateway.mount.safety.altitude_axis import altitude_of, corrected, corrected_azimuth
+from gateway.mount.safety.altitude_axis import altitude_of, corrected
 from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.unattended import SunAhead
@@ -83,7 +84,7 @@ def test_the_rules(n: list[float], suns: int, slewing: bool) -> None:
     def decide() -> None:
         limits, timing = Limits(n[0], n[1], n[2], n[3], n[4]), StopTiming(n[5], 2, n[6])
         before, last = (
-            PositionSample(at, op.Equatorial(n[7], n[8]), n[9 + step], n[10 - step], tuple(n[:suns]), unsynced=(n[11],))
+            PositionSample(at, op.Equatorial(n[7], n[8]), n[9 + step], n[10 - step], tuple(n[:suns]), further=(n[11],))
             for step, at in enumerate((n[5], n[6]))
         )
         changes = Changes((n[0], n[1]), tuple(n[:suns]))
@@ -104,11 +105,10 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
     watch, steps = StallWatch(), count()
     for decide in (
         lambda: altitude_of(n[0]),
-        lambda: corrected(n[0], n[1], n[2], n[3]),
-        lambda: corrected_azimuth(n[0], n[1], n[2], n[3], n[4]),
+        lambda: corrected(n[0], n[1], n[2], n[3], n[4]),
         lambda: past_meridian(turned_by_side(n[0], "W"), german=True),
         lambda: check_past(limits, n[1], german=False),
-        lambda: check_sync(n[0], SyncSum(n[1], n[2]), [[(n[3], n[4]), (n[5], n[6])]], here, there, True, "pole"),
+        lambda: check_sync(n[0], SyncSum(n[1], n[2]), [(n[3], n[4]), (n[5], n[6])], here, there),
         lambda: ahead(n[0], n[1], n[2], n[3], n[4]),
         lambda: [watch.find_stalled(AxisSample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
         lambda: fold_declination(*geometry.readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
@@ -155,7 +155,7 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 bridge.site_clock.host = lambda: n[8]
                 bridge.site_clock.mount_clock = op.Moment(n[9], 0.0), controller.now()
             elif unknown == "syncs":
-                context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), ((n[0], n[1]),))
+                context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), (n[0], n[1]))
             elif unknown == "position":
                 here = op.Equatorial(n[8], n[9])
             context.suns._until = -math.inf
@@ -166,8 +166,9 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 lambda: controller.watch.check_position(here),
                 lambda: controller.watch.check_altitude_axis(op.Horizontal(n[0], n[1])),
             ]
+            shifts = Shift(n[0], n[1], True), Shift(n[2], n[3], False)
             for some_limits in (limits, context.policy.limits):
-                start = Start(here, status, n[7], shifts=(Shift(n[0], n[1], True), Shift(n[2], n[3], False)))
+                start = Start(here, status, (Source(context, n[7]), *(Source(context, shift=one) for one in shifts)))
                 journey = Journey(status.equatorial, here, {False, True}, goal)
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),

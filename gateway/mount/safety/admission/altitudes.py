@@ -1,0 +1,134 @@
+"""The altitudes of a place by every source that counts.
+
+First by the mount's own site and clock, corrected by its axes. If the syncs since the alignment were wrong, the tube is
+elsewhere. And other sources of site and time may be right that contradict the best one. The first judges by all limits,
+the others by the altitudes that somebody has written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from math import acos, cos, degrees, radians, sin
+from typing import NamedTuple
+
+from gateway.astro.spherical import SIDEREAL_RATE, wrap360
+from gateway.core.errors import BelowHorizon, Contradicted, Fault
+from gateway.core.operations import Equatorial, Place
+from gateway.mount.context import Context
+from gateway.mount.policy import Limits
+from gateway.mount.safety.admission.contradictions import Contradiction, at_length, briefly, contradictions
+from gateway.mount.safety.altitude_axis import AltitudeAxis
+from gateway.mount.site.astrometry import Shift
+
+
+class Source(NamedTuple):
+    """What an altitude is told by: the mount's own data, or a ``shift`` of the tube by syncs, or another source.
+
+    ``tilt`` is the reading of the altitude axis minus the calculated altitude, degrees. ``contradicts`` is another
+    source of site and time, and ``place`` its site.
+    """
+
+    mount: Context
+    tilt: float = 0.0
+    shift: Shift | None = None
+    contradicts: Contradiction | None = None
+    place: Place | None = None
+
+    @property
+    def own(self) -> bool:
+        """Whether it is the mount's own data."""
+        return self.shift is None and self.contradicts is None
+
+    def altitude(self, position: Equatorial) -> float:
+        """Return the altitude of the tube while the mount reports ``position``, degrees."""
+        if self.contradicts is not None and self.place is not None:
+            latitude, longitude = self.place.latitude, self.place.longitude
+            sky, unix = self.mount.astrometry.sky, self.contradicts.unix
+            return sky.horizon(position.ra, position.dec, latitude, longitude, unix)[1]
+        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.shift)).alt + self.tilt
+
+    def check(self, limits: Limits, altitude: float) -> None:
+        """Check an altitude by this source. Raises BelowHorizon or TooHigh; Contradicted, if it is not the mount's own,
+        which names it.
+        """
+        try:
+            (limits if self.own else limits.written()).check_altitude(altitude)
+        except Fault as fault:
+            which = "low" if isinstance(fault, BelowHorizon) else "high"
+            if self.contradicts is not None:
+                text = f"Too {which}, if {self.contradicts.sources[1]} is right: {at_length(self.contradicts)}"
+                raise Contradicted(text, f"Too {which} by {briefly(self.contradicts)}.") from None
+            if self.shift is None:
+                raise
+            off = max(abs(self.shift.first), abs(self.shift.second))
+            raise Contradicted(
+                f"Too {which}, if the syncs since the alignment were wrong: they have turned an axis by {off:.0f} "
+                "degrees. Align the mount again.",
+                f"Too {which} by its axes: syncs turned one by {off:.0f} degrees.",
+            ) from None
+
+
+def by_mount(mount: Context, axis: AltitudeAxis) -> Iterator[Source]:
+    """Yield what the mount itself tells of altitudes, its own data first; nothing without a site."""
+    if mount.sources.site() is not None:
+        yield Source(mount, tilt=axis.tilt or 0.0)
+        yield from by_syncs(mount, axis)
+
+
+def by_syncs(mount: Context, axis: AltitudeAxis) -> Iterator[Source]:
+    """Yield where the tube is if the syncs were wrong."""
+    for shift in axis.shifts:
+        yield Source(mount, shift=shift)
+
+
+def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
+    """Yield what contradicts the mount's site and clock; nothing if no altitude limit is written."""
+    written = limits.written()
+    if written.lowest <= -90.0 and written.highest >= 90.0:
+        return
+    for contradiction in contradictions(mount.sources.sites(), mount.sources.times()):
+        if contradiction.place is not None:
+            yield Source(mount, contradicts=contradiction, place=contradiction.place)
+
+
+def check_goal(mount: Context, axis: AltitudeAxis, limits: Limits, goal: Equatorial) -> None:
+    """Check the altitude of a goal by every source. Raises BelowHorizon or TooHigh, with its value, when it rises, and
+    the sources that say otherwise; Contradicted. It needs a site.
+    """
+    check_altitude(mount, limits, goal)
+    for source in (*by_syncs(mount, axis), *by_others(mount, limits)):
+        source.check(limits, source.altitude(goal))
+
+
+def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
+    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh."""
+    altitude = mount.astrometry.horizon(goal).alt
+    try:
+        limits.check_altitude(altitude)
+    except Fault as fault:
+        text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
+        text += [at_length(one) for one in list(contradictions(mount.sources.sites(), mount.sources.times()))[:1]]
+        raise type(fault)(" ".join(text), str(fault)) from None
+
+
+def _where(limits: Limits, altitude: float) -> str:
+    if altitude > limits.highest:
+        return f"It is above the highest altitude, {limits.highest:g}°"
+    return "It is below the horizon" if limits.lowest <= 0.0 else f"It is below the lowest altitude, {limits.lowest:g}°"
+
+
+def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
+    """Yield the time at which a goal rises above the lowest altitude, in the mount's local time if known."""
+    latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
+    hour_angle = mount.astrometry.sidereal_time() - goal.ra
+    if mount.astrometry.horizon(goal).alt > limits.lowest:
+        return
+    half = (sin(height) - sin(latitude) * sin(dec)) / max(1e-9, cos(latitude) * cos(dec))
+    if half >= 1.0:
+        yield "It does not rise here."
+        return
+    seconds = wrap360(-degrees(acos(max(-1.0, half))) - hour_angle) / SIDEREAL_RATE
+    clock = mount.site_clock.mount_clock
+    at = datetime.fromtimestamp(mount.sources.unix() + seconds, UTC) + timedelta(hours=clock[0].offset if clock else 0)
+    yield f"It rises at {at:%H:%M}{'' if clock else ' UTC'}."
