@@ -99,7 +99,7 @@ class MountState(Struct, frozen=True, dict=True):
         """The site in use, its source and what contradicts it; empty if no site is known."""
         if not self.sites:
             return ""
-        doubts = "".join(f"; {doubt.other}" for doubt in self.site_doubts)
+        doubts = "".join(f"; {doubt.other}: {doubt.remedy}" for doubt in self.site_doubts)
         return f"{site_text(self.sites[0].place)}, told by {self.sites[0].who.rstrip(',')}{doubts}"
 
     @property
@@ -110,7 +110,7 @@ class MountState(Struct, frozen=True, dict=True):
             moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
         except (OverflowError, OSError, ValueError):  # a mount may report any year
             return ""
-        doubts = "".join(f"; {doubt.text}" for doubt in self.clock_doubts)
+        doubts = "".join(f"; {doubt.line}" for doubt in self.clock_doubts)
         return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
 
     @property

@@ -104,6 +104,6 @@ class Context:
         """Log a deviation of the driver from the request; only the first of equal texts, and of remarks of a kind."""
         self.log.note_once("mount", said.text, kind=said.kind)
 
-    def note_once(self, text: str) -> None:
-        """Like `note`, but only the first time."""
-        self.log.note_once("mount", text)
+    def note_once(self, text: str, kind: str = "") -> None:
+        """Like `note`, but only the first time, or the first of its ``kind``."""
+        self.log.note_once("mount", text, kind=kind)

@@ -26,7 +26,7 @@ from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion,
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import contradiction_warning
+from gateway.mount.safety.admission.contradictions import note_contradictions
 from gateway.mount.safety.watch import WATCH_CLOSELY
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
@@ -147,8 +147,7 @@ class Identification:
         await self.learn(op.GetClock())
         self._sync.resume()
         self._context.settled.set()
-        if message := contradiction_warning(self._context):
-            self._context.note_once(message)
+        note_contradictions(self._context)
 
     async def _find(self) -> bool:
         """Return whether a mount is there, and take the position that it may report with its first reply."""

@@ -148,8 +148,8 @@ def _site_and_clock(state: MountState) -> dict[str, Any]:
     return {
         "site": site,
         "clock": {"ahead": round(time.unix - state.clock, 1), "source": time.source},
-        "site_doubt": next((doubt.text for doubt in state.site_doubts), ""),
+        "site_doubt": next((doubt.line for doubt in state.site_doubts), ""),
         "clock_doubt": "no source reports the time, and this computer's clock is wrong"
         if time_unknown(time)
-        else next((doubt.text for doubt in state.clock_doubts), ""),
+        else next((doubt.line for doubt in state.clock_doubts), ""),
     }

@@ -21,7 +21,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import NOBODY, ProgramId
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import contradiction_warning, site_text
+from gateway.mount.safety.admission.contradictions import note_contradictions, site_text
 from gateway.mount.site import pending_settings
 from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
 
@@ -60,8 +60,7 @@ def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> No
         )
     elif ahead is not None:
         mount.note(f"{by} has set the mount's clock, for everyone: {ahead:+.0f} s")
-    if warning := contradiction_warning(mount):
-        mount.note_once(warning)
+    note_contradictions(mount)
 
 
 #: The orders that a mount must not get a site or clock during.

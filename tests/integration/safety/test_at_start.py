@@ -43,7 +43,12 @@ def test_nothing_is_said_where_all_fits() -> None:
             {"site": (48.0, 11.0)},
             "the mount stands at 45.0 N 10.0 E, the configuration says 48.0 N 11.0",
         ),
-        ("cge", "nexstar", {"host_ahead": 7200.0}, "the clocks of the mount and of this computer differ by 2.0 hours"),
+        (
+            "cge",
+            "nexstar",
+            {"host_ahead": 7200.0},
+            "differ by 2.0 hours (2026-01-15 22:00 and 2026-01-16 00:00 UTC), so correct the one that is wrong",
+        ),
     ],
 )
 def test_what_contradicts_is_one_line(mount: str, driven: str, config: dict[str, Any], words: str) -> None:

@@ -8,7 +8,9 @@ mount that is right.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 from gateway.core.about import RELEASED
@@ -67,6 +69,16 @@ class Contradiction(NamedTuple):
     remedies: dict[str, str]
     other: str = ""
 
+    @property
+    def remedy(self) -> str:
+        """Return how to correct each of the two sources."""
+        return f"correct the one that is wrong: {', or '.join(self.remedies[source] for source in self.sources)}"
+
+    @property
+    def line(self) -> str:
+        """Return the one line about it: both values, and how to correct each."""
+        return f"{self.text}, so {self.remedy}"
+
 
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
@@ -97,11 +109,7 @@ def briefly(contradiction: Contradiction) -> str:
 def at_length(contradiction: Contradiction) -> str:
     """Return the whole text: which sources differ, by how much, and how to correct each."""
     text = contradiction.text[0].upper() + contradiction.text[1:]
-    return f"{text}. Correct the one that is wrong: {_remedies(contradiction)}."
-
-
-def _remedies(contradiction: Contradiction) -> str:
-    return ", or ".join(contradiction.remedies[source] for source in contradiction.sources)
+    return f"{text}. {contradiction.remedy[0].upper()}{contradiction.remedy[1:]}."
 
 
 def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
@@ -118,7 +126,8 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_MATTERS and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
-            text = f"the clocks of {times[0].who} and of {time.source} differ by {span}"
+            both = f"{clock_text(unix)} and {clock_text(time.unix)} UTC"
+            text = f"the clocks of {times[0].who} and of {time.source} differ by {span} ({both})"
             yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_SET)
 
 
@@ -126,6 +135,14 @@ def site_text(place: Place) -> str:
     """Return a site in the usual notation: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
+
+
+def clock_text(unix: float) -> str:
+    """Return a time as date and minute; a mount may report any year."""
+    try:
+        return f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d %H:%M}"
+    except (OverflowError, OSError, ValueError):
+        return "no date"
 
 
 def likely_mistake(site: Place, other: Place) -> str:
@@ -156,13 +173,15 @@ def time_unknown(best: Time) -> bool:
 
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line, with how to set each; empty if there are none."""
-    doubts = [
-        f"{contradiction.text}, so correct the one that is wrong: {_remedies(contradiction)}"
-        for contradiction in contradictions(mount.sources.sites(), mount.sources.times())
-        if contradiction.place is not None
-    ]
+    doubts = [doubt.line for doubt in contradictions(mount.sources.sites(), mount.sources.times())]
     doubts += _park_warning(mount)
     return f"WARNING: {'; '.join(doubts)}" if doubts else ""
+
+
+def note_contradictions(mount: Context) -> None:
+    """Log that warning, once for the same contradictions, whatever the time is."""
+    if warning := contradiction_warning(mount):
+        mount.note_once(warning, kind=re.sub(r"\([^()]* UTC\)", "", warning))
 
 
 def _park_warning(mount: Context) -> Iterator[str]:

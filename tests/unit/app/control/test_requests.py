@@ -17,7 +17,7 @@ from gateway.cli.mount.status import lines
 from gateway.core import requests
 from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.site_clock import CONFIGURED, MOUNT, Site, Time
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT, Site, Time
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.transport.web_server import WebServer
 from tests.support import exact_sky
@@ -330,10 +330,26 @@ def test_a_site_that_another_contradicts_is_told_once() -> None:
             state = mount_state(bridge.controller)
             for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
                 sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
-                assert (
-                    msgspec.structs.replace(state, sites=sites, times=[Time(0.0, MOUNT)]).site
-                    == f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away"
-                )
+                shown = msgspec.structs.replace(state, sites=sites, times=[Time(0.0, MOUNT)]).site
+                whole = f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away: correct the"
+                assert shown.startswith(whole)
+                assert "the key site of the configuration" in shown
+
+
+def test_a_clock_that_is_off_is_told_with_both_times_and_how_to_set_each() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            times = [Time(0.0, MOUNT), Time(7200.0, COMPUTER)]
+            for sites in ([], [Site(Place(45.0, 10.0), MOUNT)]):
+                shown = msgspec.structs.replace(mount_state(bridge.controller), sites=sites, times=times).time
+                for words in (
+                    "1970-01-01 00:00 and 1970-01-01 02:00 UTC",
+                    "hand control",
+                    "the clock of this computer",
+                ):
+                    assert words in shown
+
+    run(program())
 
     run(program())
 
