@@ -190,20 +190,11 @@ def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None
     async def program() -> None:
         async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
             client = bridge.client()
-            overhead = bridge.controller.astrometry.overhead
-            sinking = [40.5]
-
-            def lower(seen: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
-                sinking[0] -= 0.002
-                _, hour_angle = overhead(seen)
-                return (None, None) if hour_angle is None else (sinking[0], hour_angle)
-
-            bridge.controller.astrometry.overhead = lower  # type: ignore[method-assign]
-            for _ in range(8000):
+            await bridge.controller.perform(op.GotoHorizontal(270.0, 40.3))
+            for _ in range(1600):
                 await asyncio.sleep(0.25)
                 client.tell(b":GR#")
-                if sinking[0] < 39.5:
-                    break
+            assert altitude(bridge) < 39.9
             said = [note for note in notes(bridge) if "cannot be switched off" in note]
             assert len(said) == 1
             assert bridge.sent().count(b":Q#") == 1
