@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ROOT / "release" / "debian"
 #: Where the package has its environment, and the extras that it brings along.
-HOME, EXTRAS = Path("/opt/mount-gateway"), "library,mdns,metrics,mqtt"
+HOME, EXTRAS = Path("/opt/mount-gateway"), "library,metrics,mqtt"
 #: Machine names of wheels, by Debian's name of the architecture.
 MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 #: The newest C library that the wheels may need: Debian 12 has 2.36.

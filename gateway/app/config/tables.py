@@ -110,7 +110,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
             common=True,
         ),
     ] = None
-    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
+    discovery: Annotated[bool, key("let programs find surfaces that other computers reach (SkySafari, Alpaca)")] = True
     watchdog: Annotated[
         bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True

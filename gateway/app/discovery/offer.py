@@ -25,14 +25,12 @@ Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 
 
 class Offer(Struct, frozen=True):
-    """A surface on a port of its own; ``host`` is its numeric address, ``mount`` the mount's name or empty."""
+    """A surface on a port of its own; ``host`` is its numeric address."""
 
     protocol: str
-    model: str
     scheme: str
     host: str
     port: int
-    mount: str = ""
 
     @property
     def wide(self) -> bool:
@@ -49,12 +47,10 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
     offers = []
     for name in names:
         what, _, rest = name.partition("@")
-        where, _, mount = rest.partition(" ")
+        where = rest.partition(" ")[0]
         scheme = where.partition("://")[0]
         if scheme in SCHEMES:
-            protocol, _, model = what.partition(":")
-            host, port = split_address(where)
-            offers.append(Offer(protocol, model, scheme, host, port, mount))
+            offers.append(Offer(what.partition(":")[0], scheme, *split_address(where)))
     return offers
 
 
@@ -95,7 +91,7 @@ def reachable_networks(where: str) -> list[IPv4Network]:
     """Return the IPv4 networks of the addresses at which other computers reach ``SCHEME://HOST:PORT``."""
     if where.partition("://")[0] not in SCHEMES:
         return []
-    addresses = reachable_addresses(Offer("", "", "", *split_address(where)))
+    addresses = reachable_addresses(Offer("", "", *split_address(where)))
     known = {str(address): network for address, network in ipv4_networks()}
     return [known[address] for address in addresses if address in known]
 

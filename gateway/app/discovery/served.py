@@ -40,7 +40,7 @@ def served(gateway: Serving) -> Iterator[Served]:
         yield _served(what, where, next(iter(network_offers([name])), None))
     if gateway.web.where:
         host, port = split_address(gateway.web.where)
-        yield _served(CONSOLE, web_address(host, port), Offer(WEB, CONSOLE, "tcp", host, port))
+        yield _served(CONSOLE, web_address(host, port), Offer(WEB, "tcp", host, port))
 
 
 def _served(name: str, where: str, offer: Offer | None) -> Served:

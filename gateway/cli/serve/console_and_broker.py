@@ -90,14 +90,14 @@ def http_offers(web: WebServer) -> list[Offer]:
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
-    return [Offer(name, "", "tcp", offer.host, offer.port) for offer in console_offers(web) for name in speaking]
+    return [Offer(name, "tcp", offer.host, offer.port) for offer in console_offers(web) for name in speaking]
 
 
 def console_offers(web: WebServer) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
     from gateway.app.discovery.offer import WEB, Offer
 
-    offers = [Offer(WEB, "mount-gateway", "tcp", *split_address(web.where))] if web.where else []
+    offers = [Offer(WEB, "tcp", *split_address(web.where))] if web.where else []
     return [offer for offer in offers if offer.wide]
 
 

@@ -109,7 +109,7 @@ async def serve_mounts(
     broker = None
     phone = PhoneLines()
     web = None if config.page is None else WebServer(partial(load_console, config.page, gateways))
-    announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
+    announcement = Announcement(screen.warn)
 
     def surfaces() -> list[Offer]:
         return network_offers(name for gateway in gateways for name in gateway.names()) if config.discovery else []
@@ -178,15 +178,10 @@ async def serve_mounts(
             await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
             await announcement.answer_discovery([*surfaces(), *http_offers(gateways[0].web)])
-
-        def publish() -> None:
-            announcement.publish(reached() if config.discovery else [])
-
         visit = None if guest is None or done.is_set() else asyncio.ensure_future(guest(gateways[0]))
         if visit is not None:
             visit.add_done_callback(lambda _: done.set())
-        publish()  # only now, when the presented model is known
-        status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reached, screen.say, publish)))
+        status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reached, screen.say)))
         await done.wait()
         if visit is not None:
             visit.cancel()  # nothing happens if it has ended
@@ -200,7 +195,8 @@ async def serve_mounts(
         for each in gateways:
             await each.web.close()
         moved = [gateway.busy for gateway in gateways]
-        await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        announcement.close()
+        await asyncio.gather(*(gateway.close() for gateway in gateways))
         if broker is not None:
             await broker.close()
         if done.is_set():
@@ -213,16 +209,12 @@ async def serve_mounts(
     return 0
 
 
-async def _say_new_addresses(
-    phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None], publish: Callable[[], None]
-) -> None:
-    """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi, and publish it anew."""
+async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None]) -> None:
+    """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi."""
     while True:
         await asyncio.sleep(LOOK_EVERY)
-        if lines := phone.news(reached()):
-            for line in lines:
-                say(line)
-            publish()
+        for line in phone.news(reached()):
+            say(line)
 
 
 async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool) -> None:

@@ -18,7 +18,6 @@ OLDEST, NEWEST = (3, 11), (3, 14)
 #: What does not work without each extra.
 WITHOUT = {
     "library": "faint objects of NGC and IC and most HIP numbers are unknown; LX200 programs have no object library",
-    "mdns": "surfaces are not announced by mDNS",
     "metrics": "the console has no figures for Prometheus",
     "mqtt": "the mounts cannot be shown on an MQTT broker",
 }

@@ -1,12 +1,9 @@
-"""Announcing: SkySafari's question and mDNS, all of it on 127.0.0.1."""
+"""Announcing: SkySafari's question, all of it on 127.0.0.1."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 import socket
-import subprocess
-import sys
 from collections.abc import Sequence
 from ipaddress import ip_address
 from typing import Any
@@ -14,17 +11,15 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery.announcing import Announcement, answer, register
+from gateway.app.discovery.announcing import Announcement, answer
 from gateway.app.discovery.offer import Offer, network_offers, phone_line, reachable_addresses
 from gateway.cli.serve import serving
-from gateway.protocols.registry import streams
-from gateway.system.own_commands import how_to_add
 from tests.support.each import each
 from tests.support.process import Running
 
 LOCAL = ("127.0.0.1", 50000)
-EVERYWHERE = Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030)
-OTHER_PORT = Offer("nexstar", "6-8se", "tcp", "10.1.2.3", 4040)
+EVERYWHERE = Offer("lx200", "tcp", "0.0.0.0", 4030)
+OTHER_PORT = Offer("nexstar", "tcp", "10.1.2.3", 4040)
 
 
 @each(
@@ -47,7 +42,7 @@ def test_the_question_and_its_answer(question: bytes, says: bytes) -> None:
 
 
 def test_the_address_is_that_of_the_surface() -> None:
-    six = Offer("lx200", "autostar", "tcp", "fe80::1", 4030)
+    six = Offer("lx200", "tcp", "fe80::1", 4030)
     assert answer(b"skyfi?", [OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
     assert answer(b"skyfi?", [OTHER_PORT, EVERYWHERE], LOCAL) == b"skyfi@127.0.0.1"  # where SkySafari connects
     assert answer(b"skyfi?", [six, OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
@@ -70,13 +65,13 @@ def test_offers_are_what_the_network_can_reach() -> None:
         ("tcp", "127.0.0.1", 4040, False),
         ("tcp", "fe80::1%eth0", 1, True),
     ]
-    assert (found[0].protocol, found[0].model, found[0].mount) == ("lx200", "autostar", "pier")
+    assert [offer.protocol for offer in found] == ["lx200", "nexstar", "lx200", "lx200"]
 
 
 def test_skysafari_is_answered_until_the_end() -> None:
     async def main() -> None:
         told: list[str] = []
-        announcement, second = Announcement(told.append, told.append), Announcement(told.append, told.append)
+        announcement, second = Announcement(told.append), Announcement(told.append)
         await announcement.answer([EVERYWHERE], "127.0.0.1", 0)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
             phone.setblocking(False)
@@ -90,7 +85,7 @@ def test_skysafari_is_answered_until_the_end() -> None:
             assert (
                 second.skyfi_port == 0 and len(told) == 1 and f"UDP port {announcement.skyfi_port} is in use" in told[0]
             )
-            await announcement.close()
+            announcement.close()
             await asyncio.sleep(0)
             phone.send(b"skyfi?")
             with pytest.raises(ConnectionRefusedError):
@@ -115,82 +110,16 @@ def test_run_announces_what_it_presents(
     class Listener(Announcement):
         async def answer(self, offers: Sequence[Offer], *_: Any) -> None:
             said.append([offer.host for offer in offers])
-
-        def publish(self, offers: Sequence[Offer], *_: Any) -> None:
-            said.append([offer.host for offer in offers])
             done.set()
 
-        async def close(self) -> None:
+        def close(self) -> None:
             said.append("closed")
 
     monkeypatch.setattr("gateway.app.discovery.announcing.Announcement", Listener)
     monkeypatch.setattr(serving, "until_signal", lambda: done)
     config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
     assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0
-    assert said == [found, found, "closed"]
-
-
-def test_without_zeroconf_it_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "zeroconf", None)
-
-    async def main() -> None:
-        warned: list[str] = []
-        noted: list[str] = []
-        announcement = Announcement(warned.append, noted.append)
-        announcement.publish([EVERYWHERE])
-        await asyncio.sleep(0)
-        await announcement.close()
-        assert warned == [] and len(noted) == 1 and noted[0].endswith(how_to_add("mdns"))
-
-    asyncio.run(main())
-
-
-#: Both ends on 127.0.0.1, in a process of their own: zeroconf does not live under -bb.
-MDNS = """
-import asyncio, json
-from zeroconf import ServiceStateChange
-from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
-from gateway.app.discovery.announcing import Announcement
-from gateway.app.discovery.offer import Offer
-
-KIND = "_nexstar._tcp.local."
-
-async def main():
-    announcement = Announcement(print, print)
-    announcement.publish([Offer("nexstar", "cge", "rfc2217", "127.0.0.1", 4030, "pier")], ["127.0.0.1"])
-    seen, changed = [], asyncio.Event()
-
-    def heard(zeroconf, service_type, name, state_change):
-        seen.append((name, state_change.name))
-        changed.set()
-
-    phone = AsyncZeroconf(interfaces=["127.0.0.1"])
-    browser = AsyncServiceBrowser(phone.zeroconf, [KIND], handlers=[heard])
-    async with asyncio.timeout(60):
-        await changed.wait()
-        info = AsyncServiceInfo(KIND, seen[0][0])
-        await info.async_request(phone.zeroconf, 3000)
-        changed.clear()
-        await announcement.close()
-        while seen[-1][1] != "Removed":
-            await changed.wait()
-            changed.clear()
-    await browser.async_cancel()
-    await phone.async_close()
-    print(json.dumps([seen, info.port, info.parsed_addresses(), info.decoded_properties]))
-
-asyncio.run(main())
-"""
-
-
-def test_mdns_finds_a_surface_and_learns_of_its_end() -> None:
-    done = subprocess.run([sys.executable, "-c", MDNS], capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 0, done.stderr
-    seen, port, where, record = json.loads(done.stdout)
-    assert [state for _, state in seen] == ["Added", "Removed"]
-    assert seen[0][0].startswith("pier on ") and seen[0][0].endswith("._nexstar._tcp.local.")
-    assert (port, where) == (4030, ["127.0.0.1"])
-    assert (record["model"], record["transport"], record["mount"]) == ("cge", "rfc2217", "pier")
+    assert said == [found, "closed"]
 
 
 # --- what a person types ---------------------------------------------------------------------------------------------
@@ -228,12 +157,12 @@ HOME = held(
     ],
 )
 def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
-    offer = Offer("lx200", "autostar", "tcp", host, 4030)
+    offer = Offer("lx200", "tcp", host, 4030)
     assert phone_line(offer, reachable_addresses(offer, lambda: own, lambda far: "192.168.1.23")) == says
 
 
 def test_a_port_for_serial_programs_is_for_other_computers() -> None:
-    offer = Offer("lx200", "autostar", "rfc2217", "0.0.0.0", 4030)
+    offer = Offer("lx200", "rfc2217", "0.0.0.0", 4030)
     assert "rfc2217://192.168.1.23:4030" in phone_line(offer, ["192.168.1.23"])
 
 
@@ -250,19 +179,3 @@ def test_it_stands_before_the_ready_lines(started: list[Running]) -> None:
     assert local not in line
     assert gateway.end() == 0
     assert gateway.process.stdout.closed
-
-
-def test_a_port_for_every_protocol_is_found_as_each_of_them() -> None:
-    """Programs look for their own."""
-    pytest.importorskip("zeroconf")
-    found: list[tuple[str, int | None]] = []
-
-    class Registering:
-        async def async_register_service(self, info: Any, allow_name_change: bool) -> Any:
-            found.append((info.type, info.port))
-            return asyncio.sleep(0)
-
-    there: Any = Registering()
-    offers = [Offer("any", "", "tcp", "192.168.1.5", 4040), Offer("http", "mount-gateway", "tcp", "192.168.1.5", 80)]
-    asyncio.run(register(there, offers))
-    assert found == [*((f"_{name}._tcp.local.", 4040) for name in streams()), ("_http._tcp.local.", 80)]

@@ -16,4 +16,4 @@ def test_one_file_is_its_own_interpreter(monkeypatch: pytest.MonkeyPatch) -> Non
     assert own_commands.own_command() == sys.executable
     assert own_commands.script_argv("/a/script.py") == [sys.executable, own_commands.RUN_SCRIPT, "/a/script.py"]
     assert own_commands.pip_command().endswith("cannot be added to: pip")
-    assert "with pip instead of this one file" in own_commands.how_to_add("mdns")
+    assert "with pip instead of this one file" in own_commands.how_to_add("mqtt")

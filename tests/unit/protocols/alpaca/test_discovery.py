@@ -74,14 +74,12 @@ def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pyte
     monkeypatch.setattr(discovery, "answer_discovery", answering)
 
     async def program() -> None:
-        own = Announcement(lambda text: None, lambda text: None)
-        await own.answer_discovery([Offer("lx200", "", "tcp", "0.0.0.0", 4030)])
+        own = Announcement(lambda text: None)
+        await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030)])
         assert asked == [], "nothing that would be looked for so"
-        await own.answer_discovery(
-            [Offer("lx200", "", "tcp", "0.0.0.0", 4030), Offer("alpaca", "", "tcp", *EVERYWHERE)]
-        )
+        await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("alpaca", "tcp", *EVERYWHERE)])
         assert asked == [[EVERYWHERE]]
-        await own.close()
+        own.close()
         assert ended == [True]
 
     asyncio.run(program())
@@ -95,9 +93,9 @@ def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest
 
     async def program() -> None:
         said: list[str] = []
-        own = Announcement(said.append, lambda text: None)
-        await own.answer_discovery([Offer("alpaca", "", "tcp", *EVERYWHERE)])
-        await own.close()
+        own = Announcement(said.append)
+        await own.answer_discovery([Offer("alpaca", "tcp", *EVERYWHERE)])
+        own.close()
         assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
 
     asyncio.run(program())
@@ -105,9 +103,9 @@ def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest
 
 def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
     async def program() -> None:
-        own = Announcement(lambda text: None, lambda text: None)
-        await own.answer([Offer("alpaca", "", "tcp", *EVERYWHERE)], port=0)
+        own = Announcement(lambda text: None)
+        await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
         assert own.skyfi_port == 0
-        await own.close()
+        own.close()
 
     asyncio.run(program())
