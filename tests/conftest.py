@@ -1,5 +1,7 @@
 """Isolates the tests: no test touches the real state, locks or running gateways of the person who runs them.
 
+A test that is a coroutine runs on virtual time, or with the mark ``real_time`` on the computer's own.
+
 Every test gets a state folder of its own; locks, control endpoints and the cache go to temporary folders. No gateway
 in a test process lets an almanac be calculated. Worker processes of pytest-xdist are as strict about bytes and text
 (``-bb``) as the process that started them.
@@ -7,7 +9,9 @@ in a test process lets an almanac be calculated. Worker processes of pytest-xdis
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import inspect
 import itertools
 import os
 import shlex
@@ -21,6 +25,7 @@ from hypothesis import HealthCheck, settings
 from gateway.astro.ephemeris import keeper
 from gateway.astro.ephemeris.almanac import Almanac
 from gateway.astro.offline import go_offline
+from gateway.diagnostics.virtual_time import run
 from tests.support import sampling
 from tests.support.forked import Forked
 from tests.support.order import seed, shuffled
@@ -80,6 +85,17 @@ def pytest_collection_finish() -> None:
 
 def pytest_sessionfinish() -> None:
     Forked.end()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine; return None for any other, which pytest calls itself."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    fixtures = {name: pyfuncitem.funcargs[name] for name in inspect.signature(pyfuncitem.obj).parameters}
+    run_it = asyncio.run if pyfuncitem.get_closest_marker("real_time") else run
+    run_it(pyfuncitem.obj(**fixtures))
+    return True
 
 
 @pytest.hookimpl(wrapper=True)

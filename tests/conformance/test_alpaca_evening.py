@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.programs import AlpacaClient
 from tests.support import exact_sky
 
@@ -96,40 +95,37 @@ async def polling(nina: Program) -> None:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-def test_an_evening(mount: tuple[str, str]) -> None:
-    async def program() -> None:
-        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")
-            for one in (nina, phd2):
-                await one.put("connect")
-                assert not await one.get("connecting") and await one.get("connected")
-            for name in FIRST:
-                await nina.get(name)
-            poll = asyncio.create_task(polling(nina))
-            target = (await nina.get("siderealtime") - 1.0) % 24.0
-            # near the zenith a pulse takes the azimuth motor of an alt-az Meade several times as long
-            dec = -5.0 if mount[0] == "lx200gps" else 35.0
-            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
-            assert await nina.get("slewing") and await phd2.get("slewing"), "whoever asks"
-            await asyncio.sleep(2.0)
-            await nina.put("abortslew")
-            await slewed(nina)
-            await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
-            await slewed(nina)
-            assert abs(await nina.get("declination") - dec) < 0.1
-            assert await guide(phd2, 12.0) == 8
-            await phd2.put("disconnect")
-            assert await nina.get("connected") and not await phd2.get("connected")
-            await nina.put("park")
-            for _ in range(3000):
-                if await nina.get("atpark"):
-                    assert not await nina.get("slewing"), "what is parked is at rest"
-                    break
-                assert await nina.get("slewing") or await nina.get("atpark")
-                await asyncio.sleep(0.1)
-            assert not own.sim.slewing and not await nina.get("tracking")
-            poll.cancel()
-            await nina.put("disconnect")
-
-    run(program())
+async def test_an_evening(mount: tuple[str, str]) -> None:
+    async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")
+        for one in (nina, phd2):
+            await one.put("connect")
+            assert not await one.get("connecting") and await one.get("connected")
+        for name in FIRST:
+            await nina.get(name)
+        poll = asyncio.create_task(polling(nina))
+        target = (await nina.get("siderealtime") - 1.0) % 24.0
+        # near the zenith a pulse takes the azimuth motor of an alt-az Meade several times as long
+        dec = -5.0 if mount[0] == "lx200gps" else 35.0
+        await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
+        assert await nina.get("slewing") and await phd2.get("slewing"), "whoever asks"
+        await asyncio.sleep(2.0)
+        await nina.put("abortslew")
+        await slewed(nina)
+        await nina.put(f"slewtocoordinatesasync RightAscension={target} Declination={dec}")
+        await slewed(nina)
+        assert abs(await nina.get("declination") - dec) < 0.1
+        assert await guide(phd2, 12.0) == 8
+        await phd2.put("disconnect")
+        assert await nina.get("connected") and not await phd2.get("connected")
+        await nina.put("park")
+        for _ in range(3000):
+            if await nina.get("atpark"):
+                assert not await nina.get("slewing"), "what is parked is at rest"
+                break
+            assert await nina.get("slewing") or await nina.get("atpark")
+            await asyncio.sleep(0.1)
+        assert not own.sim.slewing and not await nina.get("tracking")
+        poll.cancel()
+        await nina.put("disconnect")

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.http.requests import signatures
 from tests.support import exact_sky
 from tests.support.each import each
@@ -102,40 +101,37 @@ async def answer(program: Visitor, line: str) -> Any:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-def test_every_property_has_its_type(mount: tuple[str, str]) -> None:
-    async def program() -> None:
-        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            await answer(client, "put connected Connected=true")
-            for name, (parameters, kind) in READ.items():
-                given = "".join(f" {one}={'22.5' if one == 'Declination' else '1'}" for one in parameters.split())
-                value = await answer(client, f"get {name}{given}")
-                if name in NOWHERE | UNSET:
-                    assert value == -(NOT_IMPLEMENTED if name in NOWHERE else NOT_SET), name
-                else:
-                    assert type(value) in TYPES[kind], (name, value)
-            for name, value in MOUNTS[mount].items():
-                assert await answer(client, f"get {name}") == value, name
-            assert 0.0 <= await answer(client, "get rightascension") < 24.0
-            assert await answer(client, "get interfaceversion") == 4
-            assert await answer(client, "get equatorialsystem") == 1
-            assert abs(await answer(client, "get sitelongitude") - 10.0) < 0.02, "east counts positive"
-            utc = await answer(client, "get utcdate")
-            assert re.fullmatch(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?Z", utc)
-            assert abs(datetime.fromisoformat(utc).timestamp() - own.clock()) < 2.0
-            rates = await answer(client, "get axisrates Axis=0")
-            assert rates and all(0.0 < one["Minimum"] <= one["Maximum"] for one in rates)
-            assert await answer(client, "get axisrates Axis=2") == []
-            assert await answer(client, "get canmoveaxis Axis=2") is False
-            assert await answer(client, "get canmoveaxis Axis=3") == -INVALID
-            state = {one["Name"] for one in await answer(client, "get devicestate")}
-            assert state == {
-                "Altitude", "AtHome", "AtPark", "Azimuth", "Declination", "IsPulseGuiding", "RightAscension",
-                "SideOfPier", "SiderealTime", "Slewing", "Tracking", "UTCDate", "TimeStamp",
-            }  # fmt: skip
-
-    run(program())
+async def test_every_property_has_its_type(mount: tuple[str, str]) -> None:
+    async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        await answer(client, "put connected Connected=true")
+        for name, (parameters, kind) in READ.items():
+            given = "".join(f" {one}={'22.5' if one == 'Declination' else '1'}" for one in parameters.split())
+            value = await answer(client, f"get {name}{given}")
+            if name in NOWHERE | UNSET:
+                assert value == -(NOT_IMPLEMENTED if name in NOWHERE else NOT_SET), name
+            else:
+                assert type(value) in TYPES[kind], (name, value)
+        for name, value in MOUNTS[mount].items():
+            assert await answer(client, f"get {name}") == value, name
+        assert 0.0 <= await answer(client, "get rightascension") < 24.0
+        assert await answer(client, "get interfaceversion") == 4
+        assert await answer(client, "get equatorialsystem") == 1
+        assert abs(await answer(client, "get sitelongitude") - 10.0) < 0.02, "east counts positive"
+        utc = await answer(client, "get utcdate")
+        assert re.fullmatch(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?Z", utc)
+        assert abs(datetime.fromisoformat(utc).timestamp() - own.clock()) < 2.0
+        rates = await answer(client, "get axisrates Axis=0")
+        assert rates and all(0.0 < one["Minimum"] <= one["Maximum"] for one in rates)
+        assert await answer(client, "get axisrates Axis=2") == []
+        assert await answer(client, "get canmoveaxis Axis=2") is False
+        assert await answer(client, "get canmoveaxis Axis=3") == -INVALID
+        state = {one["Name"] for one in await answer(client, "get devicestate")}
+        assert state == {
+            "Altitude", "AtHome", "AtPark", "Azimuth", "Declination", "IsPulseGuiding", "RightAscension",
+            "SideOfPier", "SiderealTime", "Slewing", "Tracking", "UTCDate", "TimeStamp",
+        }  # fmt: skip
 
 
 #: Members that a program may ask for before it has connected; a stop is never refused.
@@ -145,27 +141,23 @@ ALWAYS = {
 }  # fmt: skip
 
 
-def test_without_a_connection_nothing_moves_and_after_it_nothing_is_told() -> None:
+async def test_without_a_connection_nothing_moves_and_after_it_nothing_is_told() -> None:
     """A program that has never written Connected may read; one that has disconnected may not."""
-
-    async def program() -> None:
-        async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
-            client = own.client()
-            for name, (parameters, _) in READ.items():
-                given = "".join(f" {one}=1" for one in parameters.split())
-                assert await answer(client, f"get {name}{given}") != -NOT_CONNECTED, name
-            await answer(client, "put disconnect")
-            for name, (parameters, _) in READ.items():
-                given = "".join(f" {one}=1" for one in parameters.split())
-                refused = await answer(client, f"get {name}{given}") == -NOT_CONNECTED
-                assert refused is (name not in ALWAYS), name
-            for name, parameters in WRITTEN.items():
-                if name not in ALWAYS:
-                    given = "".join(f" {one}={_anything(one)}" for one in parameters.split())
-                    assert await answer(client, f"put {name}{given}") == -NOT_CONNECTED, name
-            assert not own.sim.slewing
-
-    run(program())
+    async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
+        client = own.client()
+        for name, (parameters, _) in READ.items():
+            given = "".join(f" {one}=1" for one in parameters.split())
+            assert await answer(client, f"get {name}{given}") != -NOT_CONNECTED, name
+        await answer(client, "put disconnect")
+        for name, (parameters, _) in READ.items():
+            given = "".join(f" {one}=1" for one in parameters.split())
+            refused = await answer(client, f"get {name}{given}") == -NOT_CONNECTED
+            assert refused is (name not in ALWAYS), name
+        for name, parameters in WRITTEN.items():
+            if name not in ALWAYS:
+                given = "".join(f" {one}={_anything(one)}" for one in parameters.split())
+                assert await answer(client, f"put {name}{given}") == -NOT_CONNECTED, name
+        assert not own.sim.slewing
 
 
 def _anything(parameter: str) -> str:
@@ -207,12 +199,9 @@ def _anything(parameter: str) -> str:
         ("put commandstring Command=x Raw=true", NOT_IMPLEMENTED),
     ],
 )
-def test_what_is_refused_has_the_number_of_the_reference(line: str, error: int) -> None:
-    async def program() -> None:
-        async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
-            client = own.client()
-            await answer(client, "put connected Connected=true")
-            assert await answer(client, line) == -error
-            assert not own.sim.slewing
-
-    run(program())
+async def test_what_is_refused_has_the_number_of_the_reference(line: str, error: int) -> None:
+    async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
+        client = own.client()
+        await answer(client, "put connected Connected=true")
+        assert await answer(client, line) == -error
+        assert not own.sim.slewing

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import NamedSite, Shared
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
@@ -52,16 +51,10 @@ def test_conversation(path: Path, way: str) -> None:
 
 
 @each("path", FILES)
-def test_conversation_with_clients(path: Path) -> None:
+async def test_conversation_with_clients(path: Path) -> None:
     conversation = read(path)
-
-    async def program() -> None:
-        gateway = FakeGateway(**_settings(conversation))
-        await receive(
-            conversation, gateway, FakeConnection.ask, lambda text: _set_up(gateway.mount, gateway.shared, text)
-        )
-
-    run(program())
+    gateway = FakeGateway(**_settings(conversation))
+    await receive(conversation, gateway, FakeConnection.ask, lambda text: _set_up(gateway.mount, gateway.shared, text))
 
 
 def test_there_is_a_conversation_for_every_program() -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
 from tests.support.fake_gateway import FakeConnection, FakeGateway
@@ -59,14 +58,10 @@ def test_conversation(path: Path, way: str) -> None:
 
 @pytest.mark.parametrize("ask", PACES.values(), ids=PACES)
 @each("path", FILES)
-def test_conversation_with_clients(path: Path, ask: Callable[[FakeConnection, bytes], Awaitable[bytes]]) -> None:
+async def test_conversation_with_clients(path: Path, ask: Callable[[FakeConnection, bytes], Awaitable[bytes]]) -> None:
     conversation = read(path)
-
-    async def program() -> None:
-        gateway = FakeGateway(protocol="nexstar", **conversation.settings)
-        await receive(conversation, gateway, ask, lambda text: _set_up(gateway.mount, text))
-
-    run(program())
+    gateway = FakeGateway(protocol="nexstar", **conversation.settings)
+    await receive(conversation, gateway, ask, lambda text: _set_up(gateway.mount, text))
 
 
 def test_there_is_a_conversation_for_every_program() -> None:

@@ -1,7 +1,7 @@
 """Tests many cheap rows in one pytest item: an item for each would cost pytest several times as much as the test.
 
 `each` is used like ``pytest.mark.parametrize`` and can be stacked. Every row is tried, and every row that fails is
-named with its failure.
+named with its failure. A test that is a coroutine runs on virtual time, with every row anew.
 """
 
 from __future__ import annotations
@@ -13,21 +13,25 @@ from typing import Any
 
 import pytest
 
+from gateway.diagnostics.virtual_time import run
 
-def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+
+def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[..., Any]], Callable[..., None]]:
     """Run the test with every row in turn; ``names`` are its parameters, separated by commas if they are one string."""
     given = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     kept = list(rows)
     assert kept
 
-    def made(test: Callable[..., None]) -> Callable[..., None]:
+    def made(test: Callable[..., Any]) -> Callable[..., None]:
         @functools.wraps(test)
         def all_of_them(**others: Any) -> None:
             failed: list[BaseException] = []
             for row in kept:
                 values = dict(zip(given, row if len(given) > 1 else (row,), strict=True))
                 try:
-                    test(**others, **values)
+                    called = test(**others, **values)
+                    if inspect.iscoroutine(called):
+                        run(called)
                 except (Exception, BaseExceptionGroup, pytest.fail.Exception) as error:
                     error.add_note(f"with {values}")
                     failed.append(error)

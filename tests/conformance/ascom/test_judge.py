@@ -7,7 +7,6 @@ from typing import NamedTuple
 import pytest
 
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
-from gateway.diagnostics.virtual_time import run
 from tests.conformance.ascom.methods import METHODS
 from tests.conformance.ascom.properties import CONNECTING, PROPERTIES, disconnect
 from tests.conformance.ascom.telescope import Ascom, Issue, Skipped, Telescope
@@ -70,14 +69,10 @@ async def judged(mount: Mount) -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MOUNTS)
-def test_the_judge_finds_what_is_known(name: str) -> None:
+async def test_the_judge_finds_what_is_known(name: str) -> None:
     mount = MOUNTS[name]
-
-    async def program() -> None:
-        found = await judged(mount)
-        issues = {check: words for check, words in found.items() if words}
-        assert issues.keys() == mount.issues.keys(), issues
-        assert len(issues) <= MOST
-        assert len(found) > len(CHECKS) / 2
-
-    run(program())
+    found = await judged(mount)
+    issues = {check: words for check, words in found.items() if words}
+    assert issues.keys() == mount.issues.keys(), issues
+    assert len(issues) <= MOST
+    assert len(found) > len(CHECKS) / 2

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.astro.spherical import wrap180
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
-from gateway.diagnostics.virtual_time import run
 from tests.conformance.ascom.properties import connect
 from tests.conformance.ascom.telescope import Telescope
 from tests.conformance.ascom.test_judge import START
@@ -45,43 +44,30 @@ async def moved(scope: Telescope, axis: int, rate: float, horizontal: bool = Fal
 
 
 @pytest.mark.parametrize("row", POLAR, ids=lambda row: f"{row[0]}{row[3]:+.0f}{row[4]:+.0f}")
-def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> None:
+async def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> None:
     model, driven, told, latitude, hours, east, north = row
-
-    async def program() -> None:
-        async with RehearsalMount(
-            model,
-            start=START,
-            driven=driven,
-            presented="alpaca",
-            site=(latitude, 10.0),
-            named=True,
-            config={"sun": 0.0},
-        ) as own:
-            own.sim.feed(told)
-            exact_sky.load(own.controller.astrometry.sky)
-            scope = Telescope(own)
-            await connect(scope)
-            await scope.slew_to_hour_angle(hours)
-            for axis, more in ((0, east), (1, north)):
-                assert (await moved(scope, axis, 2.0) > 1.0) is more
-                assert (await moved(scope, axis, -2.0) < -1.0) is more
-
-    run(program())
+    async with RehearsalMount(
+        model, start=START, driven=driven, presented="alpaca", site=(latitude, 10.0), named=True, config={"sun": 0.0}
+    ) as own:
+        own.sim.feed(told)
+        exact_sky.load(own.controller.astrometry.sky)
+        scope = Telescope(own)
+        await connect(scope)
+        await scope.slew_to_hour_angle(hours)
+        for axis, more in ((0, east), (1, north)):
+            assert (await moved(scope, axis, 2.0) > 1.0) is more
+            assert (await moved(scope, axis, -2.0) < -1.0) is more
 
 
 @pytest.mark.parametrize(("model", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-def test_over_the_horizon(model: str, driven: str) -> None:
-    async def program() -> None:
-        async with RehearsalMount(
-            model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}
-        ) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            scope = Telescope(own)
-            await connect(scope)
-            await scope.slew_to_hour_angle(-3.0)
-            for axis in (0, 1):
-                assert await moved(scope, axis, 2.0, True) > 1.0
-                assert await moved(scope, axis, -2.0, True) < -1.0
-
-    run(program())
+async def test_over_the_horizon(model: str, driven: str) -> None:
+    async with RehearsalMount(
+        model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}
+    ) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        scope = Telescope(own)
+        await connect(scope)
+        await scope.slew_to_hour_angle(-3.0)
+        for axis in (0, 1):
+            assert await moved(scope, axis, 2.0, True) > 1.0
+            assert await moved(scope, axis, -2.0, True) < -1.0

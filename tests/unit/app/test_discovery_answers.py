@@ -68,33 +68,29 @@ def test_offers_are_what_the_network_can_reach() -> None:
     assert [offer.protocol for offer in found] == ["lx200", "nexstar", "lx200", "lx200"]
 
 
-def test_skysafari_is_answered_until_the_end() -> None:
-    async def main() -> None:
-        told: list[str] = []
-        announcement, second = Announcement(told.append), Announcement(told.append)
-        await announcement.answer([EVERYWHERE], "127.0.0.1", 0)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
-            phone.setblocking(False)
-            phone.connect(("127.0.0.1", announcement.skyfi_port))
-            phone.send(b"nonsense")
-            phone.send(b"skyfi:Newton?")
+@pytest.mark.real_time
+async def test_skysafari_is_answered_until_the_end() -> None:
+    told: list[str] = []
+    announcement, second = Announcement(told.append), Announcement(told.append)
+    await announcement.answer([EVERYWHERE], "127.0.0.1", 0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+        phone.setblocking(False)
+        phone.connect(("127.0.0.1", announcement.skyfi_port))
+        phone.send(b"nonsense")
+        phone.send(b"skyfi:Newton?")
+        async with asyncio.timeout(60):
+            assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
+        assert told == []
+        await second.answer([EVERYWHERE], "127.0.0.1", announcement.skyfi_port)  # another gateway
+        assert second.skyfi_port == 0 and len(told) == 1 and f"UDP port {announcement.skyfi_port} is in use" in told[0]
+        announcement.close()
+        await asyncio.sleep(0)
+        phone.send(b"skyfi?")
+        with pytest.raises(ConnectionRefusedError):
             async with asyncio.timeout(60):
-                assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
-            assert told == []
-            await second.answer([EVERYWHERE], "127.0.0.1", announcement.skyfi_port)  # another gateway
-            assert (
-                second.skyfi_port == 0 and len(told) == 1 and f"UDP port {announcement.skyfi_port} is in use" in told[0]
-            )
-            announcement.close()
-            await asyncio.sleep(0)
-            phone.send(b"skyfi?")
-            with pytest.raises(ConnectionRefusedError):
-                async with asyncio.timeout(60):
-                    await asyncio.get_running_loop().sock_recv(phone, 100)
-        await second.answer([], "127.0.0.1", 0)
-        assert second.skyfi_port == 0
-
-    asyncio.run(main())
+                await asyncio.get_running_loop().sock_recv(phone, 100)
+    await second.answer([], "127.0.0.1", 0)
+    assert second.skyfi_port == 0
 
 
 @pytest.mark.parametrize(("surfaces", "discovery", "found"), [

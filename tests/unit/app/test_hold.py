@@ -18,7 +18,6 @@ from gateway.core import operations as op
 from gateway.core.errors import Held
 from gateway.core.motion_kinds import MOTIONS
 from gateway.core.requests import Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
 
@@ -77,117 +76,99 @@ NEXSTAR = (b"P\2\x10\x24\x09\0\0\0", b"P\2\x11\x25\x09\0\0\0", b"P\3\x10\x06\x40
 
 @pytest.mark.parametrize(("driven", "mount"), MOUNTS)
 @pytest.mark.parametrize(("presented", "said"), [("lx200", LX200), ("nexstar", NEXSTAR)])
-def test_no_program_moves_a_held_mount(
+async def test_no_program_moves_a_held_mount(
     tmp_path: Path, driven: str, mount: str, presented: str, said: tuple[bytes, ...]
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
-            assert await _order(bridge, HoldRequest()) == HELD
-            client = bridge.client()
-            if presented == "lx200":
-                await client.ask(b":AL#", 2.0)
-            else:
-                await client.ask(b"T\0", 2.0)
-            tracking = bridge.sim.tracking
-            for command in said:
-                client.tell(command)
-                assert await _rests(bridge), command
-                assert bridge.sim.tracking <= tracking, command
-            assert any("The mount is held" in entry.note for entry in bridge.entries), "it is in the log"
-            assert await client.ask(b":GR#" if presented == "lx200" else b"e")
-            assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
-            client.tell(said[0])
-            assert not await _rests(bridge)
-
-    run(program())
+    async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
+        assert await _order(bridge, HoldRequest()) == HELD
+        client = bridge.client()
+        if presented == "lx200":
+            await client.ask(b":AL#", 2.0)
+        else:
+            await client.ask(b"T\0", 2.0)
+        tracking = bridge.sim.tracking
+        for command in said:
+            client.tell(command)
+            assert await _rests(bridge), command
+            assert bridge.sim.tracking <= tracking, command
+        assert any("The mount is held" in entry.note for entry in bridge.entries), "it is in the log"
+        assert await client.ask(b":GR#" if presented == "lx200" else b"e")
+        assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
+        client.tell(said[0])
+        assert not await _rests(bridge)
 
 
-def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            assert await _order(bridge, HoldRequest()) == HELD
-            client = bridge.client()
-            assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
-            assert await client.ask(b":MS#", until=b"#") == b"2" + WORDS + b"#"
-            assert await client.ask(b":SMhere#:GM#", until=b"e#") == b"1here#"
-            assert await client.ask(b":Q#:GVP#") == b"Autostar#"
-
-    run(program())
+async def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
+    async with Bridge(state=tmp_path) as bridge:
+        assert await _order(bridge, HoldRequest()) == HELD
+        client = bridge.client()
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
+        assert await client.ask(b":MS#", until=b"#") == b"2" + WORDS + b"#"
+        assert await client.ask(b":SMhere#:GM#", until=b"e#") == b"1here#"
+        assert await client.ask(b":Q#:GVP#") == b"Autostar#"
 
 
-def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge("cge", state=tmp_path) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            assert not await _rests(bridge, 1.0)
-            assert await _order(bridge, HoldRequest()) == HELD
-            assert await _rests(bridge)
-            assert bridge.sim.tracking, "it follows the sky as before"
-            await _order(bridge, ReleaseHoldRequest())
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            answer = await _order(bridge, HoldRequest())
-            assert not answer.done
-            assert answer.text.startswith("not stopped: ") and answer.text.endswith("; it is held from now on")
-            assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
-            logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
-            assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
-
-    run(program())
+async def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -> None:
+    async with Bridge("cge", state=tmp_path) as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        assert not await _rests(bridge, 1.0)
+        assert await _order(bridge, HoldRequest()) == HELD
+        assert await _rests(bridge)
+        assert bridge.sim.tracking, "it follows the sky as before"
+        await _order(bridge, ReleaseHoldRequest())
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
+        answer = await _order(bridge, HoldRequest())
+        assert not answer.done
+        assert answer.text.startswith("not stopped: ") and answer.text.endswith("; it is held from now on")
+        assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
+        logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
+        assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
 
-def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as first:
-            assert await _order(first, HoldRequest()) == HELD
-        async with Bridge(state=tmp_path, on=first) as second:
-            assert len(second.warned) == 1 and "stop --release" in second.warned[0]
-            second.client().tell(b":RS#:Mn#")
-            assert await _rests(second)
-            assert await _order(second, ReleaseHoldRequest()) == RELEASED
-            second.client().tell(b":RS#:Mn#")
-            assert not await _rests(second)
-        async with Bridge(state=tmp_path, on=first) as third:
-            assert third.warned == []
-            assert not third.controller.hold.on
-
-    run(program())
+async def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
+    async with Bridge(state=tmp_path) as first:
+        assert await _order(first, HoldRequest()) == HELD
+    async with Bridge(state=tmp_path, on=first) as second:
+        assert len(second.warned) == 1 and "stop --release" in second.warned[0]
+        second.client().tell(b":RS#:Mn#")
+        assert await _rests(second)
+        assert await _order(second, ReleaseHoldRequest()) == RELEASED
+        second.client().tell(b":RS#:Mn#")
+        assert not await _rests(second)
+    async with Bridge(state=tmp_path, on=first) as third:
+        assert third.warned == []
+        assert not third.controller.hold.on
 
 
-def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
+async def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(folder: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            monkeypatch.setattr(on_disk, "hold_folder", full)
-            answer = await _order(bridge, HoldRequest())
-            assert not answer.done
-            assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
-            bridge.client().tell(b":RS#:Mn#")
-            assert await _rests(bridge)
-            assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
-
-    run(program())
+    async with Bridge(state=tmp_path) as bridge:
+        monkeypatch.setattr(on_disk, "hold_folder", full)
+        answer = await _order(bridge, HoldRequest())
+        assert not answer.done
+        assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
+        bridge.client().tell(b":RS#:Mn#")
+        assert await _rests(bridge)
+        assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
 
 
-def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) -> None:
-    async def program() -> None:
-        for step in range(12):
-            async with Bridge("cge", state=tmp_path / str(step)) as bridge:
-                bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
-                await asyncio.sleep(0.05 * step)
-                assert await _order(bridge, HoldRequest()) == HELD
-                bridge.client().tell(b":Mw#:Me#")
-                await asyncio.sleep(1)
-                assert await _rests(bridge), step
-
-    run(program())
+async def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) -> None:
+    for step in range(12):
+        async with Bridge("cge", state=tmp_path / str(step)) as bridge:
+            bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
+            await asyncio.sleep(0.05 * step)
+            assert await _order(bridge, HoldRequest()) == HELD
+            bridge.client().tell(b":Mw#:Me#")
+            await asyncio.sleep(1)
+            assert await _rests(bridge), step
 
 
 @pytest.mark.parametrize("make", [

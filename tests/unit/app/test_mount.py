@@ -59,87 +59,75 @@ def near(there: tuple[float, float], ra: float, dec: float) -> bool:
     return abs(wrap180(there[0] - ra)) < 0.05 and abs(there[1] - dec) < 0.05
 
 
-def test_a_program_points_a_mount(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, _):
-            ra, dec = await mount.position()
-            await mount.goto(ra + 20.0 - 360.0, dec)
-            assert await mount.moving() and (await mount.status()).look.slewing
-            assert near(await mount.arrived(), ra + 20.0, dec)
-            await mount.sync(ra + 21.0, dec)
-            assert near(await mount.position(), ra + 21.0, dec)
-            assert not await mount.moving()
-            assert (await mount.status()).product == "Celestron NexStar"
-            site, status = await mount.site(), await mount.perform(op.GetStatus())
-            assert isinstance(site, op.Place) and isinstance(status, op.Status) and status.aligned
-            assert isinstance((await mount.time()).unix, float)
-
-    run(program())
+async def test_a_program_points_a_mount(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, _):
+        ra, dec = await mount.position()
+        await mount.goto(ra + 20.0 - 360.0, dec)
+        assert await mount.moving() and (await mount.status()).look.slewing
+        assert near(await mount.arrived(), ra + 20.0, dec)
+        await mount.sync(ra + 21.0, dec)
+        assert near(await mount.position(), ra + 21.0, dec)
+        assert not await mount.moving()
+        assert (await mount.status()).product == "Celestron NexStar"
+        site, status = await mount.site(), await mount.perform(op.GetStatus())
+        assert isinstance(site, op.Place) and isinstance(status, op.Status) and status.aligned
+        assert isinstance((await mount.time()).unix, float)
 
 
-def test_a_position_of_a_catalogue_is_taken_as_one_of_j2000(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, _):
-            there = await mount.perform(op.ToEquinoxOfDate(20.0, 60.0))
-            assert abs(there.ra - 20.0) > 0.2
-            await mount.goto(20.0, 60.0, j2000=True)
-            assert near(await mount.arrived(), there.ra, there.dec)
-            await mount.sync(21.0, 60.5, j2000=True)
-            assert near(await mount.position(), there.ra + 1.0, there.dec + 0.5)
-
-    run(program())
+async def test_a_position_of_a_catalogue_is_taken_as_one_of_j2000(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, _):
+        there = await mount.perform(op.ToEquinoxOfDate(20.0, 60.0))
+        assert abs(there.ra - 20.0) > 0.2
+        await mount.goto(20.0, 60.0, j2000=True)
+        assert near(await mount.arrived(), there.ra, there.dec)
+        await mount.sync(21.0, 60.5, j2000=True)
+        assert near(await mount.position(), there.ra + 1.0, there.dec + 0.5)
 
 
-def test_objects_park_arrows_and_hold(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, bridge):
-            await mount.goto_object("Polaris")
-            polaris = await mount.perform(op.ToEquinoxOfDate(37.95, 89.26))
-            assert abs((await mount.arrived())[1] - polaris.dec) < 0.05
-            await mount.park()
-            await mount.arrived()
-            activity = await mount.perform(op.GetActivity())
-            assert activity.parked and not activity.goto and not bridge.sim.tracking
-            await mount.unpark()
-            assert bridge.sim.tracking
-            before = await mount.perform(op.HorizontalPosition())
-            await mount.move(op.Direction.NORTH, 9, 1.0)
-            assert (await mount.perform(op.HorizontalPosition())).alt > before.alt + 1.0
-            await mount.hold()
-            with pytest.raises(Held, match="mount-gateway stop --release"):
-                await mount.goto(20.0, 80.0)
-            await mount.release()
+async def test_objects_park_arrows_and_hold(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, bridge):
+        await mount.goto_object("Polaris")
+        polaris = await mount.perform(op.ToEquinoxOfDate(37.95, 89.26))
+        assert abs((await mount.arrived())[1] - polaris.dec) < 0.05
+        await mount.park()
+        await mount.arrived()
+        activity = await mount.perform(op.GetActivity())
+        assert activity.parked and not activity.goto and not bridge.sim.tracking
+        await mount.unpark()
+        assert bridge.sim.tracking
+        before = await mount.perform(op.HorizontalPosition())
+        await mount.move(op.Direction.NORTH, 9, 1.0)
+        assert (await mount.perform(op.HorizontalPosition())).alt > before.alt + 1.0
+        await mount.hold()
+        with pytest.raises(Held, match="mount-gateway stop --release"):
             await mount.goto(20.0, 80.0)
-            await mount.stop()
-            assert not await mount.moving()
+        await mount.release()
+        await mount.goto(20.0, 80.0)
+        await mount.stop()
+        assert not await mount.moving()
 
-    run(program())
 
-
-def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path, lowest=20.0) as (mount, _):
-            ra, dec = await mount.position()
-            refused: list[tuple[Coroutine[Any, Any, None], type[Exception], str]] = [
-                (mount.goto(10.0, -80.0), BelowHorizon, "20"),
-                (mount.sync(ra + 90.0, dec), SyncTooFar, "Sync refused"),
-                (mount.sync(ra, 91.0), Invalid, "declination must be a number of degrees from -90 to 90, not 91"),
-                (mount.goto_object("Vegaa"), UserError, "did you mean Vega"),
-                (mount.goto_object(42), Invalid, "Named: name: Expected `str`"),  # type: ignore[arg-type]
-                (mount.move("up", 9, 1.0), Invalid, "write op.Direction.NORTH"),  # type: ignore[arg-type]
-                (mount.move(op.Direction.NORTH, 9, 99.0), Invalid, "for up to 5 s"),
-            ]
-            for wrong in (float("nan"), float("inf"), "05:34:32", None):
-                refused += [(mount.goto(wrong, 10.0), Invalid, "right ascension must be a number")]  # type: ignore[arg-type]
-            for call, error, words in refused:
-                with pytest.raises(error, match=words):
-                    await call
-            with pytest.raises(Unsupported, match="two sides of the pier"):
-                await mount.perform(op.TubeSide())
-            assert not [line for line in (await mount.status()).lately if "pier" in line]  # a question is no order
-            assert await mount.arrived()  # without a goto of its own, at once
-
-    run(program())
+async def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path, lowest=20.0) as (mount, _):
+        ra, dec = await mount.position()
+        refused: list[tuple[Coroutine[Any, Any, None], type[Exception], str]] = [
+            (mount.goto(10.0, -80.0), BelowHorizon, "20"),
+            (mount.sync(ra + 90.0, dec), SyncTooFar, "Sync refused"),
+            (mount.sync(ra, 91.0), Invalid, "declination must be a number of degrees from -90 to 90, not 91"),
+            (mount.goto_object("Vegaa"), UserError, "did you mean Vega"),
+            (mount.goto_object(42), Invalid, "Named: name: Expected `str`"),  # type: ignore[arg-type]
+            (mount.move("up", 9, 1.0), Invalid, "write op.Direction.NORTH"),  # type: ignore[arg-type]
+            (mount.move(op.Direction.NORTH, 9, 99.0), Invalid, "for up to 5 s"),
+        ]
+        for wrong in (float("nan"), float("inf"), "05:34:32", None):
+            refused += [(mount.goto(wrong, 10.0), Invalid, "right ascension must be a number")]  # type: ignore[arg-type]
+        for call, error, words in refused:
+            with pytest.raises(error, match=words):
+                await call
+        with pytest.raises(Unsupported, match="two sides of the pier"):
+            await mount.perform(op.TubeSide())
+        assert not [line for line in (await mount.status()).lately if "pier" in line]  # a question is no order
+        assert await mount.arrived()  # without a goto of its own, at once
 
 
 @each(
@@ -158,15 +146,12 @@ def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path) -> No
         (op.SetClock(1e30, 0.0), "The clock of this mount takes the years"),
     ],
 )
-def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        for way in WAYS:
-            async with opened(way, tmp_path) as (mount, _):
-                with pytest.raises(Invalid) as caught:
-                    await mount.perform(operation)
-                assert words in str(caught.value)
-
-    run(program())
+async def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: str, tmp_path: Path) -> None:
+    for way in WAYS:
+        async with opened(way, tmp_path) as (mount, _):
+            with pytest.raises(Invalid) as caught:
+                await mount.perform(operation)
+            assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -179,15 +164,12 @@ def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: st
         ("Pulse", {"direction": "n", "ms": -5}, "must not be negative"),
     ],
 )
-def test_a_gateway_checks_what_comes_from_other_languages(
+async def test_a_gateway_checks_what_comes_from_other_languages(
     name: str, fields: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
-    async def program() -> None:
-        async with opened(WAYS[1], tmp_path) as (_, bridge):
-            answer = await bridge.gateway.request_handler.take(requests.OperationRequest(operation=name, fields=fields))
-            assert not answer.done and answer.fault == "Invalid" and words in answer.text
-
-    run(program())
+    async with opened(WAYS[1], tmp_path) as (_, bridge):
+        answer = await bridge.gateway.request_handler.take(requests.OperationRequest(operation=name, fields=fields))
+        assert not answer.done and answer.fault == "Invalid" and words in answer.text
 
 
 def test_every_question_has_the_same_answer_both_ways(tmp_path: Path) -> None:
@@ -214,31 +196,25 @@ def test_every_question_has_the_same_answer_both_ways(tmp_path: Path) -> None:
     assert all(answers[name][0] == answers[name][1] for name in steady)
 
 
-def test_numbers_of_other_libraries_are_numbers(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, _):
+async def test_numbers_of_other_libraries_are_numbers(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, _):
+        await mount.position()
+        await mount.goto(numpy.float32(20.0), numpy.int64(10))  # type: ignore[arg-type]
+        await mount.stop()  # what is asked after it is not ended by it
+        await mount.perform(op.Move("n", op.Rate(key=numpy.int8(2))))  # type: ignore[arg-type]
+        assert await mount.moving()
+
+
+async def test_a_motion_by_hand_lasts_while_the_program_asks_something(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, bridge):
+        await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
+        for _ in range(100):  # so many others come and go meanwhile
+            await bridge.gateway.request_handler.take(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
+            await asyncio.sleep(0.2)
             await mount.position()
-            await mount.goto(numpy.float32(20.0), numpy.int64(10))  # type: ignore[arg-type]
-            await mount.stop()  # what is asked after it is not ended by it
-            await mount.perform(op.Move("n", op.Rate(key=numpy.int8(2))))  # type: ignore[arg-type]
-            assert await mount.moving()
-
-    run(program())
-
-
-def test_a_motion_by_hand_lasts_while_the_program_asks_something(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, bridge):
-            await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
-            for _ in range(100):  # so many others come and go meanwhile
-                await bridge.gateway.request_handler.take(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
-                await asyncio.sleep(0.2)
-                await mount.position()
-            assert (await mount.status()).look.by_hand
-            await asyncio.sleep(12.0)
-            assert not (await mount.status()).look.by_hand
-
-    run(program())
+        assert (await mount.status()).look.by_hand
+        await asyncio.sleep(12.0)
+        assert not (await mount.status()).look.by_hand
 
 
 async def ask(bridge: Bridge, frames: bytes) -> None:
@@ -277,73 +253,61 @@ async def _other_goto(mount: Mount, bridge: Bridge) -> None:
         (_other_goto, r"another goto came from 127\.0\.0\.1, at \d"),
     ],
 )
-def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(
+async def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(
     end: Callable[[Mount, Bridge], Awaitable[None]], words: str, way: str, tmp_path: Path
 ) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, bridge):
-            for _ in range(2):
-                await mount.goto(20.0, 80.0)
-                await asyncio.sleep(1.0)
-                await end(mount, bridge)
-                for _ in range(2):
-                    with pytest.raises(Stopped, match=words):
-                        await mount.arrived()
-
-    run(program())
-
-
-def test_who_waits_for_the_arrival_is_told_of_a_stop(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, bridge):
-            await mount.perform(op.Goto(20.0, 80.0))
-            with pytest.raises(TimeoutError, match=r"within 0\.5 s; it goes on"):
-                await mount.arrived(0.5)
-            waiting = asyncio.ensure_future(mount.arrived())
+    async with opened(way, tmp_path) as (mount, bridge):
+        for _ in range(2):
+            await mount.goto(20.0, 80.0)
             await asyncio.sleep(1.0)
-            assert not waiting.done()
-            await ask(bridge, b":Q#")
-            with pytest.raises(Stopped):
-                await waiting
-
-    run(program())
+            await end(mount, bridge)
+            for _ in range(2):
+                with pytest.raises(Stopped, match=words):
+                    await mount.arrived()
 
 
-def test_after_its_arrival_a_program_waits_for_gotos_of_others(way: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, bridge):
-            ra, dec = await mount.position()
-            await mount.goto(ra + 1.0, dec)
-            await mount.arrived()
-            await mount.stop()  # this is no end of the goto
-            assert near(await mount.arrived(), ra + 1.0, dec)
-            await ask(bridge, b":Sr02:00:00#:Sd+70*00:00#:MS#")
-            assert near(await mount.arrived(), 30.0, 70.0)
+async def test_who_waits_for_the_arrival_is_told_of_a_stop(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, bridge):
+        await mount.perform(op.Goto(20.0, 80.0))
+        with pytest.raises(TimeoutError, match=r"within 0\.5 s; it goes on"):
+            await mount.arrived(0.5)
+        waiting = asyncio.ensure_future(mount.arrived())
+        await asyncio.sleep(1.0)
+        assert not waiting.done()
+        await ask(bridge, b":Q#")
+        with pytest.raises(Stopped):
+            await waiting
 
-    run(program())
+
+async def test_after_its_arrival_a_program_waits_for_gotos_of_others(way: str, tmp_path: Path) -> None:
+    async with opened(way, tmp_path) as (mount, bridge):
+        ra, dec = await mount.position()
+        await mount.goto(ra + 1.0, dec)
+        await mount.arrived()
+        await mount.stop()  # this is no end of the goto
+        assert near(await mount.arrived(), ra + 1.0, dec)
+        await ask(bridge, b":Sr02:00:00#:Sd+70*00:00#:MS#")
+        assert near(await mount.arrived(), 30.0, 70.0)
 
 
-def test_a_stop_while_a_name_is_looked_up_leaves_the_goto_unbegun(
+async def test_a_stop_while_a_name_is_looked_up_leaves_the_goto_unbegun(
     way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def slowly(function: Callable[..., Any], *arguments: Any) -> Any:
         await asyncio.sleep(1.0)
         return function(*arguments)
 
-    async def program() -> None:
-        async with opened(way, tmp_path) as (mount, _):
-            monkeypatch.setattr("gateway.app.control.requests.asyncio.to_thread", slowly)
-            going = asyncio.ensure_future(mount.goto_object("Polaris"))
-            await asyncio.sleep(0.1)
-            await mount.stop()
-            with pytest.raises(Stopped):
-                await going
-            assert not await mount.moving()
-
-    run(program())
+    async with opened(way, tmp_path) as (mount, _):
+        monkeypatch.setattr("gateway.app.control.requests.asyncio.to_thread", slowly)
+        going = asyncio.ensure_future(mount.goto_object("Polaris"))
+        await asyncio.sleep(0.1)
+        await mount.stop()
+        with pytest.raises(Stopped):
+            await going
+        assert not await mount.moving()
 
 
-def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
+async def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
     lost = State(StatusLine("pier", "down", "no such port", unknown=True), "nexstar@sim")
 
     async def send(wish: requests.Request, _: float) -> requests.Answer:
@@ -354,16 +318,13 @@ def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
                 return requests.Answer(requests.UNDER_WAY, "")
         return requests.Answer(requests.DONE, "null")
 
-    async def program() -> None:
-        mount = Mount("pier", send, "a program")
-        await mount.goto(20.0, 80.0)
-        with pytest.raises(TimeoutError, match=r"within 0\.5 s, .* not known"):
-            await mount.arrived(0.5)
-        with pytest.raises(NoAnswer, match=r"not known .*: no such port"):
-            await mount.arrived()
-        with pytest.raises(NoAnswer, match="not known whether the mount moves"):
-            await mount.moving()
-        with pytest.raises(NoAnswer, match=r"pier has not answered within 3 s"):
-            await mount.ready(3.0)
-
-    run(program())
+    mount = Mount("pier", send, "a program")
+    await mount.goto(20.0, 80.0)
+    with pytest.raises(TimeoutError, match=r"within 0\.5 s, .* not known"):
+        await mount.arrived(0.5)
+    with pytest.raises(NoAnswer, match=r"not known .*: no such port"):
+        await mount.arrived()
+    with pytest.raises(NoAnswer, match="not known whether the mount moves"):
+        await mount.moving()
+    with pytest.raises(NoAnswer, match=r"pier has not answered within 3 s"):
+        await mount.ready(3.0)

@@ -16,7 +16,6 @@ from gateway.console.shown.view import state as page_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.metrics import GAUGES, Counts
-from gateway.diagnostics.virtual_time import run
 from gateway.fleet import mount_messages
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -43,34 +42,31 @@ def faces(gateway: Gateway) -> tuple[State, dict[str, Any], dict[str, Any], str,
         ("down", "gone"),
     ],
 )
-def test_all_who_show_a_mount_tell_the_same(does: str, order: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", config={"sun": 0.0, "lowest": -90.0}) as bridge:
-            controller = bridge.controller
-            await asyncio.sleep(5.0)
-            if isinstance(order, op.Operation):
-                await controller.perform(order)
-            elif order == "hold":
-                controller.hold.on = True
-            elif order == "gone":
-                controller.line._down("the mount does not answer")
-            await asyncio.sleep(0.5)
-            for read in (op.Position(), op.GetStatus()):
-                with contextlib.suppress(Fault):
-                    await controller.read(read)
-            state, page, mqtt, line, gauges = faces(bridge.gateway)
-            look = state.look
-            shown = look.state if does == "down" else activity(look)
-            assert shown == does and does in line and mqtt["does"] == page["does"] == activity(look)
-            assert look.moves is page["moves"] is mqtt["moving"] is (does in ("slewing", "moved by hand"))
-            assert look.online is mqtt["online"] is bool(gauges["up"]) is (does != "down")
-            assert look.held is page["held"] is mqtt["held"] and look.asleep is page["asleep"] is mqtt["asleep"]
-            assert look.position is not None
-            assert mqtt["ra_hours"] == round(look.position.ra / 15.0, 5) and page["position"]["ra"] == round(
-                look.position.ra, 5
-            )
-            assert mqtt["altitude_degrees"] == pytest.approx(page["position"]["alt"], abs=0.01)
-            assert (page["target"] is not None) is (does == "slewing") is any("goto to" in one for one in state.wanted)
-            assert state.programs == () and gauges["clients"] == mqtt["programs"] == 0
-
-    run(program())
+async def test_all_who_show_a_mount_tell_the_same(does: str, order: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with Bridge("cpc", config={"sun": 0.0, "lowest": -90.0}) as bridge:
+        controller = bridge.controller
+        await asyncio.sleep(5.0)
+        if isinstance(order, op.Operation):
+            await controller.perform(order)
+        elif order == "hold":
+            controller.hold.on = True
+        elif order == "gone":
+            controller.line._down("the mount does not answer")
+        await asyncio.sleep(0.5)
+        for read in (op.Position(), op.GetStatus()):
+            with contextlib.suppress(Fault):
+                await controller.read(read)
+        state, page, mqtt, line, gauges = faces(bridge.gateway)
+        look = state.look
+        shown = look.state if does == "down" else activity(look)
+        assert shown == does and does in line and mqtt["does"] == page["does"] == activity(look)
+        assert look.moves is page["moves"] is mqtt["moving"] is (does in ("slewing", "moved by hand"))
+        assert look.online is mqtt["online"] is bool(gauges["up"]) is (does != "down")
+        assert look.held is page["held"] is mqtt["held"] and look.asleep is page["asleep"] is mqtt["asleep"]
+        assert look.position is not None
+        assert mqtt["ra_hours"] == round(look.position.ra / 15.0, 5) and page["position"]["ra"] == round(
+            look.position.ra, 5
+        )
+        assert mqtt["altitude_degrees"] == pytest.approx(page["position"]["alt"], abs=0.01)
+        assert (page["target"] is not None) is (does == "slewing") is any("goto to" in one for one in state.wanted)
+        assert state.programs == () and gauges["clients"] == mqtt["programs"] == 0

@@ -42,6 +42,7 @@ from tests.support.each import each
 from tests.support.forked import POSSIBLE
 from tests.support.process import Running
 
+pytestmark = pytest.mark.real_time
 ROOT = Path(gateway.__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SIM, SURFACE = "nexstar@sim", "lx200@tcp://127.0.0.1:0"
@@ -184,68 +185,56 @@ def test_a_stream_is_cut_into_commands() -> None:
 # --- a gateway inside a program ---------------------------------------------------------------------------------------
 
 
-def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path) -> None:
-    async def points() -> None:
-        seen: list[Entry] = []
-        settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 20, "name": "pier"}
-        async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as inside:
-            with pytest.raises(UserError, match="no gateway runs here for south"):
-                connect("south")
-            for mount in (inside, connect(), connect("pier", state=str(tmp_path))):
-                await mount.ready()
-                assert mount.name == "pier"
-                [address] = await mount.addresses()
-                assert address.startswith("lx200:autostar@tcp://127.0.0.1:")
-                ra, dec = await mount.position()
-                await mount.goto(ra + 1.0, dec)
-                assert await mount.arrived(30) == pytest.approx(((ra + 1.0) % 360.0, dec), abs=0.1)
-                assert await mount.site() == op.Place(48.1, 11.6)
-                assert (await mount.time()).unix == pytest.approx(time.time(), abs=60)
-                await mount.move(op.Direction.NORTH, 5, 0.1)
-                await mount.stop()
-            async with open_gateway("lx200@sim", name="west"):
-                with pytest.raises(UserError, match=r"2 mounts .*: pier, west"):
-                    connect()
-        assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
-        with pytest.raises(NoAnswer):
-            await mount.position()
-        with pytest.raises(UserError, match="no gateway runs here"):
-            connect()
-
-    asyncio.run(points())
+async def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path) -> None:
+    seen: list[Entry] = []
+    settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 20, "name": "pier"}
+    async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as inside:
+        with pytest.raises(UserError, match="no gateway runs here for south"):
+            connect("south")
+        for mount in (inside, connect(), connect("pier", state=str(tmp_path))):
+            await mount.ready()
+            assert mount.name == "pier"
+            [address] = await mount.addresses()
+            assert address.startswith("lx200:autostar@tcp://127.0.0.1:")
+            ra, dec = await mount.position()
+            await mount.goto(ra + 1.0, dec)
+            assert await mount.arrived(30) == pytest.approx(((ra + 1.0) % 360.0, dec), abs=0.1)
+            assert await mount.site() == op.Place(48.1, 11.6)
+            assert (await mount.time()).unix == pytest.approx(time.time(), abs=60)
+            await mount.move(op.Direction.NORTH, 5, 0.1)
+            await mount.stop()
+        async with open_gateway("lx200@sim", name="west"):
+            with pytest.raises(UserError, match=r"2 mounts .*: pier, west"):
+                connect()
+    assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
+    with pytest.raises(NoAnswer):
+        await mount.position()
+    with pytest.raises(UserError, match="no gateway runs here"):
+        connect()
 
 
 def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
     assert ANSWERED >= LONGEST
 
 
-def test_a_port_that_does_not_exist_is_told_at_once() -> None:
-    async def waits() -> None:
-        async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
-            with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: .*no such port"):
-                await running.ready(60)
-
-    asyncio.run(waits())
+async def test_a_port_that_does_not_exist_is_told_at_once() -> None:
+    async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
+        with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: .*no such port"):
+            await running.ready(60)
 
 
-def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> None:
-    async def waits() -> None:
-        port = "nexstar@/dev/ttyNONE"
-        async with open_gateway(port, watchdog=False), open_gateway(port, watchdog=False) as second:
-            with pytest.raises(UserError, match=rf"^{port}: another gateway \(process {os.getpid()}\) has this mount"):
-                await second.ready(10)
-
-    asyncio.run(waits())
+async def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> None:
+    port = "nexstar@/dev/ttyNONE"
+    async with open_gateway(port, watchdog=False), open_gateway(port, watchdog=False) as second:
+        with pytest.raises(UserError, match=rf"^{port}: another gateway \(process {os.getpid()}\) has this mount"):
+            await second.ready(10)
 
 
-def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> None:
-    async def opens() -> None:
-        async with open_gateway(SIM) as alone, open_gateway("lx200@sim", SURFACE) as serving:
-            await alone.ready()
-            assert await alone.addresses() == []
-            assert len(await serving.addresses()) == 1
-
-    asyncio.run(opens())
+async def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> None:
+    async with open_gateway(SIM) as alone, open_gateway("lx200@sim", SURFACE) as serving:
+        await alone.ready()
+        assert await alone.addresses() == []
+        assert len(await serving.addresses()) == 1
 
 
 @pytest.mark.parametrize(

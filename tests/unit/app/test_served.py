@@ -14,7 +14,6 @@ from gateway.app.discovery.offer import Offer, reachable_addresses
 from gateway.app.discovery.served import PhoneLines, served
 from gateway.app.status import Served
 from gateway.cli.serve import serving
-from gateway.diagnostics.virtual_time import run
 
 NAMES = [
     "lx200:autostar@tcp://0.0.0.0:4030 pier",
@@ -71,22 +70,18 @@ def test_a_line_is_told_once_and_again_when_it_changes(addresses: list[str]) -> 
     assert phone.news(offers) == []
 
 
-def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) -> None:
+async def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) -> None:
     """As after a start before the Wi-Fi, and with a new lease."""
-
-    async def program() -> None:
-        said, phone = list[str](), PhoneLines()
-        offers = [Offer("lx200", "tcp", "0.0.0.0", 4030)]
-        assert phone.news(offers)[0].startswith("no other computer")
-        task = asyncio.ensure_future(serving._say_new_addresses(phone, lambda: offers, said.append))
-        await asyncio.sleep(60.0)
-        assert said == []
-        for own in ("192.168.1.23", "192.168.1.99"):
-            addresses[:] = [own]
-            await asyncio.sleep(serving.LOOK_EVERY + 0.1)
-            assert said[-1] == f"on your phone: {own}, port 4030"
-        await asyncio.sleep(60.0)
-        assert len(said) == 2
-        task.cancel()
-
-    run(program())
+    said, phone = list[str](), PhoneLines()
+    offers = [Offer("lx200", "tcp", "0.0.0.0", 4030)]
+    assert phone.news(offers)[0].startswith("no other computer")
+    task = asyncio.ensure_future(serving._say_new_addresses(phone, lambda: offers, said.append))
+    await asyncio.sleep(60.0)
+    assert said == []
+    for own in ("192.168.1.23", "192.168.1.99"):
+        addresses[:] = [own]
+        await asyncio.sleep(serving.LOOK_EVERY + 0.1)
+        assert said[-1] == f"on your phone: {own}, port 4030"
+    await asyncio.sleep(60.0)
+    assert len(said) == 2
+    task.cancel()

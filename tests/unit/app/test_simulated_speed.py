@@ -5,8 +5,6 @@ A simulated mount may run in another process; nobody simulates one at the other 
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 
 from gateway.app.bindings import make_transport
@@ -15,6 +13,7 @@ from gateway.app.gateway import Gateway
 from gateway.mount.link.line import MountLink
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("at", "hurry", "told"),
     [
@@ -24,14 +23,11 @@ from gateway.mount.link.line import MountLink
         ("nexstar@/dev/ttyUSB9", 1.0, 0),
     ],
 )
-def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float, told: int) -> None:
-    async def program() -> None:
-        warnings: list[str] = []
-        gateway = Gateway(MountConfig(at=at, speed=10.0), [], warn=warnings.append)
-        gateway.prepare(
-            lambda rules, transcript: MountLink(make_transport(gateway.mount, gateway.config, None), rules, transcript)
-        )
-        assert gateway.controller.driver.speed_factor == hurry
-        assert [("speed = 10" in warning, "leave it out" in warning) for warning in warnings] == [(True, True)] * told
-
-    asyncio.run(program())
+async def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float, told: int) -> None:
+    warnings: list[str] = []
+    gateway = Gateway(MountConfig(at=at, speed=10.0), [], warn=warnings.append)
+    gateway.prepare(
+        lambda rules, transcript: MountLink(make_transport(gateway.mount, gateway.config, None), rules, transcript)
+    )
+    assert gateway.controller.driver.speed_factor == hurry
+    assert [("speed = 10" in warning, "leave it out" in warning) for warning in warnings] == [(True, True)] * told

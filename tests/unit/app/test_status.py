@@ -99,82 +99,73 @@ def gateway(bridge: Bridge, name: str | None = None) -> Any:
     )
 
 
-def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
-    async def program() -> None:
-        async with Bridge(mount="cpc") as bridge:
-            pier, rate = gateway(bridge), AverageRate()
-            await asyncio.sleep(20)
-            settled = len(bridge.sent())
-            await asyncio.sleep(30)
-            unseen = len(bridge.sent())
-            for _ in range(300):
-                assert status_line(pier, rate).state == "up"
-                await asyncio.sleep(0.1)
-            assert len(bridge.sent()) - unseen <= unseen - settled + 4  # heartbeats, site and status, as before
-            first = status_line(pier, rate)
-            assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
-            assert first.position is not None and first.status is not None and first.status.aligned
-            client = bridge.client()
-            await client.ask(b":RM#:Me#:GR#")
-            assert status_line(pier, rate).by_hand
-            assert status_line(pier, rate).programs == 1
-            await client.ask(b":Q#:GR#")
-            await asyncio.sleep(1)
-            assert not status_line(pier, rate).by_hand
-            await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
-            await asyncio.sleep(1)
-            assert status_line(gateway(bridge, "pier"), rate).name == "pier"
-            assert "slewing" in status([status_line(pier, rate)])
-            assert status_line(pier, rate).rate > 0
-            assert pier.state().drawn().sky == "closed form"
-            moment = bridge.controller.sources.times()[0].unix
-            bridge.controller.astrometry.sky.use(Almanac({int(moment // DAY): bytes(8 * 333)}))
-            assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
-
-    run(program())
+async def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
+    async with Bridge(mount="cpc") as bridge:
+        pier, rate = gateway(bridge), AverageRate()
+        await asyncio.sleep(20)
+        settled = len(bridge.sent())
+        await asyncio.sleep(30)
+        unseen = len(bridge.sent())
+        for _ in range(300):
+            assert status_line(pier, rate).state == "up"
+            await asyncio.sleep(0.1)
+        assert len(bridge.sent()) - unseen <= unseen - settled + 4  # heartbeats, site and status, as before
+        first = status_line(pier, rate)
+        assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
+        assert first.position is not None and first.status is not None and first.status.aligned
+        client = bridge.client()
+        await client.ask(b":RM#:Me#:GR#")
+        assert status_line(pier, rate).by_hand
+        assert status_line(pier, rate).programs == 1
+        await client.ask(b":Q#:GR#")
+        await asyncio.sleep(1)
+        assert not status_line(pier, rate).by_hand
+        await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
+        await asyncio.sleep(1)
+        assert status_line(gateway(bridge, "pier"), rate).name == "pier"
+        assert "slewing" in status([status_line(pier, rate)])
+        assert status_line(pier, rate).rate > 0
+        assert pier.state().drawn().sky == "closed form"
+        moment = bridge.controller.sources.times()[0].unix
+        bridge.controller.astrometry.sky.use(Almanac({int(moment // DAY): bytes(8 * 333)}))
+        assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
-def test_programs_are_counted_as_they_come_and_go() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            acceptor = bridge.acceptor
-            one, other, passing, line, serial = (
-                acceptor.accept(Connected(name, host, lambda data: None))
-                for name, host in (
-                    ("10.0.0.1:4", "10.0.0.1"),
-                    ("10.0.0.1:5", "10.0.0.1"),
-                    ("10.0.0.2:6", "10.0.0.2"),
-                    ("/tmp/lx200", "pty:/tmp/lx200"),
-                    ("/dev/ttyS0", "/dev/ttyS0"),
-                )
+async def test_programs_are_counted_as_they_come_and_go() -> None:
+    async with Bridge() as bridge:
+        acceptor = bridge.acceptor
+        one, other, passing, line, serial = (
+            acceptor.accept(Connected(name, host, lambda data: None))
+            for name, host in (
+                ("10.0.0.1:4", "10.0.0.1"),
+                ("10.0.0.1:5", "10.0.0.1"),
+                ("10.0.0.2:6", "10.0.0.2"),
+                ("/tmp/lx200", "pty:/tmp/lx200"),
+                ("/dev/ttyS0", "/dev/ttyS0"),
             )
-            assert len(acceptor.present_hosts()) == 3  # nobody has been heard on the two serial lines
-            line.feed(b":GR#")
-            serial.feed(b":")
-            assert len(acceptor.present_hosts()) == 5
-            passing.close()
-            assert len(acceptor.present_hosts()) == 5  # it may open a connection for every command
-            one.close()
-            assert len(acceptor.present_hosts()) == 4  # its host is still here with another one
-            await asyncio.sleep(11)
-            assert len(acceptor.present_hosts()) == 1
-            other.close()
-            line.close()
-            await asyncio.sleep(11)
-            assert len(acceptor.present_hosts()) == 0
+        )
+        assert len(acceptor.present_hosts()) == 3  # nobody has been heard on the two serial lines
+        line.feed(b":GR#")
+        serial.feed(b":")
+        assert len(acceptor.present_hosts()) == 5
+        passing.close()
+        assert len(acceptor.present_hosts()) == 5  # it may open a connection for every command
+        one.close()
+        assert len(acceptor.present_hosts()) == 4  # its host is still here with another one
+        await asyncio.sleep(11)
+        assert len(acceptor.present_hosts()) == 1
+        other.close()
+        line.close()
+        await asyncio.sleep(11)
+        assert len(acceptor.present_hosts()) == 0
 
-    run(program())
 
-
-def test_a_position_that_no_mount_should_tell_is_survived() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
-            onlooker = StatusLines([gateway(bridge)])
-            assert "beyond 90 degrees" in onlooker.line()
-            assert onlooker.line(12) == "an altitude,"
-
-    run(program())
+async def test_a_position_that_no_mount_should_tell_is_survived() -> None:
+    async with Bridge() as bridge:
+        bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
+        onlooker = StatusLines([gateway(bridge)])
+        assert "beyond 90 degrees" in onlooker.line()
+        assert onlooker.line(12) == "an altitude,"
 
 
 def test_programs_of_one_computer_are_told_apart_by_their_surface() -> None:

@@ -46,69 +46,53 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     return found, said, words
 
 
-def test_only_where_nothing_ever_came_the_cable_is_doubted() -> None:
-    async def program() -> None:
-        found, said, words = await met(Bridge("lx200", driven="lx200"), "lx200@/dev/ttyUSB0", b"")
-        assert not found
-        assert len(said) == 1 and "may take 9 s" in said[0]
-        assert words.startswith("lx200@/dev/ttyUSB0: ") and "is it switched on" in words and "--wait" in words
-
-    run(program())
+async def test_only_where_nothing_ever_came_the_cable_is_doubted() -> None:
+    found, said, words = await met(Bridge("lx200", driven="lx200"), "lx200@/dev/ttyUSB0", b"")
+    assert not found
+    assert len(said) == 1 and "may take 9 s" in said[0]
+    assert words.startswith("lx200@/dev/ttyUSB0: ") and "is it switched on" in words and "--wait" in words
 
 
-def test_what_was_asked_and_what_came_is_said() -> None:
-    async def program() -> None:
-        began = asyncio.get_running_loop().time()
-        found, _, words = await met(Bridge("lx200", driven="lx200"), "lx200@socket://10.0.0.2:4030", b"hello\r\n")
-        assert not found
-        assert (
-            ":GR#: it answered hello\\x0d\\x0a" in words
-            and "baud rate" in words
-            and "detect socket://10.0.0.2:4030" in words
-        )
-        assert asyncio.get_running_loop().time() - began < 12.0
-
-    run(program())
+async def test_what_was_asked_and_what_came_is_said() -> None:
+    began = asyncio.get_running_loop().time()
+    found, _, words = await met(Bridge("lx200", driven="lx200"), "lx200@socket://10.0.0.2:4030", b"hello\r\n")
+    assert not found
+    assert (
+        ":GR#: it answered hello\\x0d\\x0a" in words
+        and "baud rate" in words
+        and "detect socket://10.0.0.2:4030" in words
+    )
+    assert asyncio.get_running_loop().time() - began < 12.0
 
 
 @pytest.mark.parametrize("at", ["lx200@/dev/ttyUSB0", "lx200:lx200@/dev/ttyUSB0"])
-def test_run_says_how_long_the_first_answer_may_take(at: str) -> None:
-    async def program() -> None:
-        bridge = Bridge("lx200", driven="lx200", latency=0.5, named="lx200:" in at)
-        found, said, _ = await met(bridge, at, None)
-        assert found
-        seconds = 4 if "lx200:" in at else 9
-        assert len(said) == 1 and said[0].startswith(at) and f"may take {seconds} s" in said[0]
-
-    run(program())
+async def test_run_says_how_long_the_first_answer_may_take(at: str) -> None:
+    bridge = Bridge("lx200", driven="lx200", latency=0.5, named="lx200:" in at)
+    found, said, _ = await met(bridge, at, None)
+    assert found
+    seconds = 4 if "lx200:" in at else 9
+    assert len(said) == 1 and said[0].startswith(at) and f"may take {seconds} s" in said[0]
 
 
-def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None:
-    async def program() -> None:
-        bridge = Bridge("lx200", driven="lx200")
-        bridge.controller.start()
-        await asyncio.sleep(2.0)
-        assert "a mount answers" in waiting_message(gateway_of(bridge, "lx200@-"))
-        await bridge.controller.close()
-
-    run(program())
+async def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None:
+    bridge = Bridge("lx200", driven="lx200")
+    bridge.controller.start()
+    await asyncio.sleep(2.0)
+    assert "a mount answers" in waiting_message(gateway_of(bridge, "lx200@-"))
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
-def test_the_first_position_of_a_slow_classic(named: bool, seconds: float) -> None:
+async def test_the_first_position_of_a_slow_classic(named: bool, seconds: float) -> None:
     """Half a second for each answer, and no answer to what a classic does not know."""
-
-    async def program() -> None:
-        now = asyncio.get_running_loop().time
-        bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
-        began, said = now(), list[str]()
-        bridge.controller.start()
-        assert await finding._found(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
-        assert await bridge.client().ask(b":GR#", until=b"#")
-        assert now() - began < seconds - 0.3  # the process has to start, too
-        await bridge.controller.close()
-
-    run(program())
+    now = asyncio.get_running_loop().time
+    bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
+    began, said = now(), list[str]()
+    bridge.controller.start()
+    assert await finding._found(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
+    assert await bridge.client().ask(b":GR#", until=b"#")
+    assert now() - began < seconds - 0.3  # the process has to start, too
+    await bridge.controller.close()
 
 
 class Slow:
@@ -214,18 +198,15 @@ def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.M
     run(program())
 
 
-def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        bridge = Bridge("lx200", driven="lx200")
+async def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    bridge = Bridge("lx200", driven="lx200")
 
-        async def broken(*_: Any) -> None:
-            raise OSError(2, "no such port")
+    async def broken(*_: Any) -> None:
+        raise OSError(2, "no such port")
 
-        monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
-        bridge.controller.start()
-        with pytest.raises(UserError, match="mount-gateway detect shows which ports"):
-            await finding.find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
-        assert asyncio.get_running_loop().time() < 1001.0
-        await bridge.controller.close()
-
-    run(program())
+    monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
+    bridge.controller.start()
+    with pytest.raises(UserError, match="mount-gateway detect shows which ports"):
+        await finding.find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
+    assert asyncio.get_running_loop().time() < 1001.0
+    await bridge.controller.close()

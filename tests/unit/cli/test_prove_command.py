@@ -25,6 +25,7 @@ from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings,
 from gateway.diagnostics.prove.guide import STAGES
 from tests.support.process import GATEWAY
 
+pytestmark = pytest.mark.real_time
 MOUNT = "Celestron NexStar 6-8se 4.21"
 RATES = Finding(
     "rates of all keys", DIFFERS, "measured", "its maker's", keys={"rates": [0.5 * n for n in range(1, 10)]}
@@ -47,39 +48,33 @@ def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0].startswith("  a sentence") and lines[1].startswith("    ")
 
 
-def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it() -> None:
-    async def talk() -> None:
-        terminal = Terminal()
-        for key in "y ":  # before the question: only the space bar counts
-            terminal.pressed(key)
-        assert await terminal.key("y: yes  q: leave", "yq") == " "
-        terminal.stop.clear()
-        for keys, answer in (("xY", "y"), ("x ", " ")):
-            asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
-            await asyncio.sleep(0)
-            for key in keys:
-                assert not asking.done()
-                terminal.pressed(key)
-            assert await asking == answer
-        assert terminal.stop.is_set()
-
-    asyncio.run(talk())
-
-
-def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
-    async def talk() -> None:
-        terminal = Terminal()
-        for key in "qy":
-            terminal.pressed(key)
-        assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
-        terminal.stop.clear()
-        assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 60.0) == "q"
-        asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))  # that one q answered one question
+async def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it() -> None:
+    terminal = Terminal()
+    for key in "y ":  # before the question: only the space bar counts
+        terminal.pressed(key)
+    assert await terminal.key("y: yes  q: leave", "yq") == " "
+    terminal.stop.clear()
+    for keys, answer in (("xY", "y"), ("x ", " ")):
+        asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
         await asyncio.sleep(0)
-        terminal.pressed("y")
-        assert await asyncio.wait_for(asking, 60.0) == "y"
+        for key in keys:
+            assert not asking.done()
+            terminal.pressed(key)
+        assert await asking == answer
+    assert terminal.stop.is_set()
 
-    asyncio.run(talk())
+
+async def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
+    terminal = Terminal()
+    for key in "qy":
+        terminal.pressed(key)
+    assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
+    terminal.stop.clear()
+    assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 60.0) == "q"
+    asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))  # that one q answered one question
+    await asyncio.sleep(0)
+    terminal.pressed("y")
+    assert await asyncio.wait_for(asking, 60.0) == "y"
 
 
 def test_the_gateway_of_the_check_keeps_far_from_the_sun() -> None:

@@ -16,7 +16,6 @@ from gateway.app.mount_state import mount_state
 from gateway.clients.access import AccessRules, harmless, networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
-from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.tcp import exposed
 from tests.support.any_port import AnyBridge
@@ -98,40 +97,33 @@ def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() ->
     serve(program, max_clients=2)
 
 
-def test_one_address_gets_three_quarters_of_the_places_and_this_computer_all() -> None:
-    async def program() -> None:
-        async with AnyBridge(keys={"max_clients": 8}) as bridge:
-            first = [bridge.call("10.0.0.1") for _ in range(6)]
-            for caller in first[:3]:  # what these speak is known; the others have sent nothing
-                await caller.ask(b":GR#")
-            with pytest.raises(ConnectionRefused):
-                bridge.call("10.0.0.1")
-            [told] = [notice.text for notice in bridge.wire_log.recent if notice.side == "10.0.0.1"]
-            assert "it has 6 clients already" in told
-            bridge.call("10.0.0.2"), bridge.call("127.0.0.1")
-        async with AnyBridge(keys={"max_clients": 4}) as bridge:
-            assert len([bridge.call() for _ in range(4)]) == 4
-            with pytest.raises(ConnectionRefused):
-                bridge.call("10.0.0.1")
-
-    run(program())
+async def test_one_address_gets_three_quarters_of_the_places_and_this_computer_all() -> None:
+    async with AnyBridge(keys={"max_clients": 8}) as bridge:
+        first = [bridge.call("10.0.0.1") for _ in range(6)]
+        for caller in first[:3]:  # what these speak is known; the others have sent nothing
+            await caller.ask(b":GR#")
+        with pytest.raises(ConnectionRefused):
+            bridge.call("10.0.0.1")
+        [told] = [notice.text for notice in bridge.wire_log.recent if notice.side == "10.0.0.1"]
+        assert "it has 6 clients already" in told
+        bridge.call("10.0.0.2"), bridge.call("127.0.0.1")
+    async with AnyBridge(keys={"max_clients": 4}) as bridge:
+        assert len([bridge.call() for _ in range(4)]) == 4
+        with pytest.raises(ConnectionRefused):
+            bridge.call("10.0.0.1")
 
 
-def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> None:
+async def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> None:
     """Else whoever closes and comes again could have any number of commands under way."""
-
-    async def program() -> None:
-        async with Bridge(latency=0.2, access=AccessRules(most=3), presented="nexstar", surface="6-8se") as bridge:
-            for _ in range(3):
-                client = bridge.client()
-                client.tell(b"T\2t" * 20)
-                client.close()
-            with pytest.raises(ConnectionRefused):
-                bridge.client()
-            await asyncio.sleep(200)
-            assert await bridge.client().ask(b"Kx") == b"x#"
-
-    run(program())
+    async with Bridge(latency=0.2, access=AccessRules(most=3), presented="nexstar", surface="6-8se") as bridge:
+        for _ in range(3):
+            client = bridge.client()
+            client.tell(b"T\2t" * 20)
+            client.close()
+        with pytest.raises(ConnectionRefused):
+            bridge.client()
+        await asyncio.sleep(200)
+        assert await bridge.client().ask(b"Kx") == b"x#"
 
 
 @each(
@@ -262,123 +254,110 @@ LX200_ALLOWED = [
 ]  # fmt: skip
 
 
-def test_lx200_clients_that_only_look() -> None:
-    async def program() -> None:
-        async with Bridge(access=LOOKS, speed=20) as bridge:
-            client = bridge.client()
-            for command in LX200_ALLOWED:
-                await client.ask(command, 3.0)
-            await asyncio.sleep(5)
-            before = set(bridge.sent())
-            for command, reply in LX200_REFUSED.items():
-                heard = await client.ask(command, 0.6, until=b"\x00")
-                assert heard.startswith(reply) if reply else heard == b"", command
-            await asyncio.sleep(5)
-            for command in LX200_ALLOWED:
-                if command != b":Gr#":
-                    assert await client.ask(command, 3.0), command
-            assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
-            assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
-            assert await client.ask(b":GT#") == b"60.1#"
-            assert await client.ask(b":GM#") == b"SITE 1#"
-            await asyncio.sleep(5)
-            assert set(bridge.sent()) <= before | {b"h"}, "nothing but questions has gone to the mount"
-            notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
-            assert "Goto refused: read only" in notes
-            assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
-
-    run(program())
+async def test_lx200_clients_that_only_look() -> None:
+    async with Bridge(access=LOOKS, speed=20) as bridge:
+        client = bridge.client()
+        for command in LX200_ALLOWED:
+            await client.ask(command, 3.0)
+        await asyncio.sleep(5)
+        before = set(bridge.sent())
+        for command, reply in LX200_REFUSED.items():
+            heard = await client.ask(command, 0.6, until=b"\x00")
+            assert heard.startswith(reply) if reply else heard == b"", command
+        await asyncio.sleep(5)
+        for command in LX200_ALLOWED:
+            if command != b":Gr#":
+                assert await client.ask(command, 3.0), command
+        assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
+        assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
+        assert await client.ask(b":GT#") == b"60.1#"
+        assert await client.ask(b":GM#") == b"SITE 1#"
+        await asyncio.sleep(5)
+        assert set(bridge.sent()) <= before | {b"h"}, "nothing but questions has gone to the mount"
+        notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
+        assert "Goto refused: read only" in notes
+        assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
 
 
-def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
+async def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
-
-    async def program() -> None:
-        async with Bridge(access=AccessRules(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
-            owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
-            owner.tell(b":W3#")
-            assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
-            owner.tell(b":W1#")
-            await asyncio.sleep(3)
-            looker.tell(b":W3#")
-            assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
-            for setting in (
-                b":SG+01#", b":SL12:00:00#", b":SC01/15/26#", b":St+50*00#", b":Sg010*00#", b":SS12:00:00#",
-                b":SMhere#", b":SNhere#", b":SOhere#", b":SPhere#", b":ST60.0#", b":gT#",
-            ):  # fmt: skip
-                assert await looker.ask(setting) == b"0", setting
-            await asyncio.sleep(70)
-            assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"
-            assert await looker.ask(b":GG#", until=b"#") == await owner.ask(b":GG#", until=b"#") == b"+00#"
-
-    run(program())
+    async with Bridge(access=AccessRules(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
+        owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
+        owner.tell(b":W3#")
+        assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
+        owner.tell(b":W1#")
+        await asyncio.sleep(3)
+        looker.tell(b":W3#")
+        assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
+        for setting in (
+            b":SG+01#", b":SL12:00:00#", b":SC01/15/26#", b":St+50*00#", b":Sg010*00#", b":SS12:00:00#",
+            b":SMhere#", b":SNhere#", b":SOhere#", b":SPhere#", b":ST60.0#", b":gT#",
+        ):  # fmt: skip
+            assert await looker.ask(setting) == b"0", setting
+        await asyncio.sleep(70)
+        assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"
+        assert await looker.ask(b":GG#", until=b"#") == await owner.ask(b":GG#", until=b"#") == b"+00#"
 
 
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
-def test_whoever_looks_may_stop(stop: bytes) -> None:
-    async def program() -> None:
-        access = AccessRules(read_only=networks(["10.9.0.0/16"]))
-        async with Bridge(access=access) as bridge:
-            mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
-            mover.tell(b":RM#:Mn#")
-            await asyncio.sleep(1)
-            assert bridge.controller.wanted.axes == {2}
-            looker.tell(b":Ms#:Me#")
-            await asyncio.sleep(1)
-            assert bridge.controller.wanted.axes == {2}
-            looker.tell(stop)
-            await asyncio.sleep(1)
-            assert bridge.controller.wanted.axes == set()
-
-    run(program())
+async def test_whoever_looks_may_stop(stop: bytes) -> None:
+    access = AccessRules(read_only=networks(["10.9.0.0/16"]))
+    async with Bridge(access=access) as bridge:
+        mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
+        mover.tell(b":RM#:Mn#")
+        await asyncio.sleep(1)
+        assert bridge.controller.wanted.axes == {2}
+        looker.tell(b":Ms#:Me#")
+        await asyncio.sleep(1)
+        assert bridge.controller.wanted.axes == {2}
+        looker.tell(stop)
+        await asyncio.sleep(1)
+        assert bridge.controller.wanted.axes == set()
 
 
-def test_nexstar_clients_that_only_look() -> None:
-    async def program() -> None:
-        access = AccessRules(read_only=networks(["10.9.0.0/16"]))
-        async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
-            mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
-            for command in (b"e", b"z", b"t", b"w", b"h", b"p", b"J", b"L"):
-                assert await looker.ask(command)
-            await asyncio.sleep(5)
-            before = set(bridge.sent())
-            ra, dec = up(bridge, 40.0)
-            for command in (
-                precise(b"r", ra, dec),
-                b"R8000,1000",
-                b"B8000,1000",
-                precise(b"b", 10.0, 20.0),
-                precise(b"s", ra, dec),
-                b"T\0",
-                b"W" + bytes((10, 0, 0, 0, 10, 0, 0, 0)),
-                b"H" + bytes((10, 0, 0, 1, 1, 26, 0, 0)),
-                b"x",
-                b"y",
-                b"P\2\x10\x24\5\0\0\0",
-                b"P\3\x11\x06\1\0\0\0",
-                b"P\4\x10\x02\1\2\3\0",
-                b"P\2\x10\x46\5\0\0\0",
-                b"P\3\x10\x26\x20\x20\0\0",
-                b"P\2\x12\x24\5\0\0\0",
-                b"P\1\x10\x12\0\0\0\1",
-            ):
-                assert (await looker.ask(command, 3.0))[-1:] == b"#", command
-                assert await looker.ask(b"L") == b"0#", command
-            await asyncio.sleep(5)
-            assert set(bridge.sent()) <= before
-            assert await mover.ask(precise(b"r", ra, dec)) == b"#"
-            await asyncio.sleep(1)
-            assert await looker.ask(b"L") == b"1#"
-            assert await looker.ask(b"M") == b"#"
-            await asyncio.sleep(2)
-            assert await mover.ask(b"L") == b"0#"
-            mover.tell(b"P\2\x10\x24\5\0\0\0")
-            await asyncio.sleep(1)
-            assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
-            await asyncio.sleep(1)
-            assert bridge.controller.wanted.axes == set()
-
-    run(program())
+async def test_nexstar_clients_that_only_look() -> None:
+    access = AccessRules(read_only=networks(["10.9.0.0/16"]))
+    async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
+        mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
+        for command in (b"e", b"z", b"t", b"w", b"h", b"p", b"J", b"L"):
+            assert await looker.ask(command)
+        await asyncio.sleep(5)
+        before = set(bridge.sent())
+        ra, dec = up(bridge, 40.0)
+        for command in (
+            precise(b"r", ra, dec),
+            b"R8000,1000",
+            b"B8000,1000",
+            precise(b"b", 10.0, 20.0),
+            precise(b"s", ra, dec),
+            b"T\0",
+            b"W" + bytes((10, 0, 0, 0, 10, 0, 0, 0)),
+            b"H" + bytes((10, 0, 0, 1, 1, 26, 0, 0)),
+            b"x",
+            b"y",
+            b"P\2\x10\x24\5\0\0\0",
+            b"P\3\x11\x06\1\0\0\0",
+            b"P\4\x10\x02\1\2\3\0",
+            b"P\2\x10\x46\5\0\0\0",
+            b"P\3\x10\x26\x20\x20\0\0",
+            b"P\2\x12\x24\5\0\0\0",
+            b"P\1\x10\x12\0\0\0\1",
+        ):
+            assert (await looker.ask(command, 3.0))[-1:] == b"#", command
+            assert await looker.ask(b"L") == b"0#", command
+        await asyncio.sleep(5)
+        assert set(bridge.sent()) <= before
+        assert await mover.ask(precise(b"r", ra, dec)) == b"#"
+        await asyncio.sleep(1)
+        assert await looker.ask(b"L") == b"1#"
+        assert await looker.ask(b"M") == b"#"
+        await asyncio.sleep(2)
+        assert await mover.ask(b"L") == b"0#"
+        mover.tell(b"P\2\x10\x24\5\0\0\0")
+        await asyncio.sleep(1)
+        assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
+        await asyncio.sleep(1)
+        assert bridge.controller.wanted.axes == set()
 
 
 # --- what nobody gets through -----------------------------------------------------------------------------------------
@@ -388,28 +367,24 @@ RTC = 178
 DEADLY = {0x04, 0x30, 0x31, 0x81, 0x82, 0x83, 0x84}
 
 
-def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
+async def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
     """A port sharer, every command id, devices that are there and not, every length."""
-
-    async def program() -> None:
-        async with Bridge("cge", presented="nexstar", surface="cge", latency=0.0) as bridge:
-            client = bridge.client()
-            await asyncio.sleep(1)
-            for device in (0, 1, 4, 13, 16, 17, 18, 176, RTC, 180, 255):
-                for command in DEADLY:
-                    for length in range(6):
-                        await client.ask(bytes((80, length, device, command, 1, 2, 3, 0)), 0.05)
-            for command in range(256):  # and no other way to say it
-                for device in (16, 18, RTC):
-                    await client.ask(bytes((80, 1 + command % 4, device, command, 0, 0, 0, 1)), 0.05)
-            await asyncio.sleep(5)
-            passed = {(sent[2], sent[3]) for sent in bridge.sent() if sent[:1] == b"P"}
-            deadly = {(device, command) for device, command in passed if command in DEADLY}
-            assert {device for device, command in deadly if command != 0x04} <= {RTC}
-            assert {command for device, command in deadly if device == RTC} <= {0x04, 0x83, 0x84}
-            assert {device for device, command in deadly if command == 0x04} <= {176, RTC}, "there it reads the year"
-
-    run(program())
+    async with Bridge("cge", presented="nexstar", surface="cge", latency=0.0) as bridge:
+        client = bridge.client()
+        await asyncio.sleep(1)
+        for device in (0, 1, 4, 13, 16, 17, 18, 176, RTC, 180, 255):
+            for command in DEADLY:
+                for length in range(6):
+                    await client.ask(bytes((80, length, device, command, 1, 2, 3, 0)), 0.05)
+        for command in range(256):  # and no other way to say it
+            for device in (16, 18, RTC):
+                await client.ask(bytes((80, 1 + command % 4, device, command, 0, 0, 0, 1)), 0.05)
+        await asyncio.sleep(5)
+        passed = {(sent[2], sent[3]) for sent in bridge.sent() if sent[:1] == b"P"}
+        deadly = {(device, command) for device, command in passed if command in DEADLY}
+        assert {device for device, command in deadly if command != 0x04} <= {RTC}
+        assert {command for device, command in deadly if device == RTC} <= {0x04, 0x83, 0x84}
+        assert {device for device, command in deadly if command == 0x04} <= {176, RTC}, "there it reads the year"
 
 
 def test_what_is_never_passed_is_no_matter_of_where_a_client_comes_from() -> None:

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.transport.tcp import SHARE
 from tests.support.in_process_gateway import Bridge
 
@@ -19,53 +18,44 @@ def shares(data: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("who", ["another program", "mount-gateway stop"])
-def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            first, *rest = shares(ARROWS)
-            bully.tell(first)
-            await asyncio.sleep(2.0)
-            assert bridge.controller.wanted.axes == {1}
-            other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
-            for share in rest:
-                await asyncio.sleep(0.05)
-                bully.tell(share)
-            await asyncio.sleep(4.0)
-            assert not bridge.controller.moving
-            assert not bridge.sim.slewing
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -> None:
+    async with Bridge("cge") as bridge:
+        bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        first, *rest = shares(ARROWS)
+        bully.tell(first)
+        await asyncio.sleep(2.0)
+        assert bridge.controller.wanted.axes == {1}
+        other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
+        for share in rest:
+            await asyncio.sleep(0.05)
+            bully.tell(share)
+        await asyncio.sleep(4.0)
+        assert not bridge.controller.moving
+        assert not bridge.sim.slewing
+        assert bridge.sim.tracking
 
 
-def test_whoever_has_caught_up_moves_the_mount_again() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            bully.tell(shares(ARROWS)[0])
-            await asyncio.sleep(1.0)
-            other.tell(b":Q#")
-            bully.tell(b":Me#")  # the rest of what it had sent
-            await asyncio.sleep(3.0)
-            assert not bridge.controller.moving
-            bully.tell(b":Me#")
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {1}
-
-    run(program())
+async def test_whoever_has_caught_up_moves_the_mount_again() -> None:
+    async with Bridge("cge") as bridge:
+        bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        bully.tell(shares(ARROWS)[0])
+        await asyncio.sleep(1.0)
+        other.tell(b":Q#")
+        bully.tell(b":Me#")  # the rest of what it had sent
+        await asyncio.sleep(3.0)
+        assert not bridge.controller.moving
+        bully.tell(b":Me#")
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {1}
 
 
-def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            client.tell(b":GR#" * (SHARE // 4))
-            await asyncio.sleep(30.0)
-            other.tell(b":Q#")
-            await asyncio.sleep(30.0)
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {1}
-
-    run(program())
+async def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
+    async with Bridge("cge") as bridge:
+        client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        client.tell(b":GR#" * (SHARE // 4))
+        await asyncio.sleep(30.0)
+        other.tell(b":Q#")
+        await asyncio.sleep(30.0)
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {1}

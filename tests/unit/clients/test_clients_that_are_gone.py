@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge
@@ -27,69 +26,57 @@ async def flood(visitor: Any, data: bytes, seconds: float) -> None:
         await asyncio.sleep(PAUSE)
 
 
-def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            bully = bridge.client("10.0.0.1")
-            await flood(bully, ARROWS, 0.9)
-            assert bridge.controller.wanted.axes == {1}, "for a second it is as good as new"
-            await flood(bully, ARROWS, 7.0)
-            for _ in range(3):
-                await flood(bully, ARROWS, 1.0)
-                assert not bridge.controller.moving
-            said = [entry.note for entry in bridge.entries if "sends faster" in entry.note]
-            assert len(said) == 1
-
-    run(program())
-
-
-def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            await flood(gone, b":GR#" * 20_000, 2.0)
-            other.tell(b":RM#:Mn#")
-            await flood(gone, b":GR#" * 2000, 0.5)
-            gone.heard = b""
-            gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * SHARE)[:SHARE])
-            await asyncio.sleep(1.0)
-            assert gone.heard.startswith(b"111Stopped.#")
-            assert gone.heard.endswith(b"#")
-            assert bridge.controller.wanted.axes == {2}
-            gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
-            await asyncio.sleep(2.0)
+async def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() -> None:
+    async with Bridge("cge") as bridge:
+        bully = bridge.client("10.0.0.1")
+        await flood(bully, ARROWS, 0.9)
+        assert bridge.controller.wanted.axes == {1}, "for a second it is as good as new"
+        await flood(bully, ARROWS, 7.0)
+        for _ in range(3):
+            await flood(bully, ARROWS, 1.0)
             assert not bridge.controller.moving
-
-    run(program())
-
-
-def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client("10.0.0.1")
-            await flood(client, b":GR#" * 10_000, 3.0)
-            for _ in range(12):
-                client.tell(b":GR#:Me#")
-                await asyncio.sleep(0.1)
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(20.0)
-            assert bridge.controller.wanted.axes == {1}
-            client.tell(b":Q#")
-
-    run(program())
+        said = [entry.note for entry in bridge.entries if "sends faster" in entry.note]
+        assert len(said) == 1
 
 
-def test_who_sends_no_more_holds_no_arrow() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client("10.0.0.1")
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(1.0)
-            client.guest.peer_closed()
-            await asyncio.sleep(7.0)
-            assert not bridge.controller.moving
+async def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
+    async with Bridge("cge") as bridge:
+        gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        await flood(gone, b":GR#" * 20_000, 2.0)
+        other.tell(b":RM#:Mn#")
+        await flood(gone, b":GR#" * 2000, 0.5)
+        gone.heard = b""
+        gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * SHARE)[:SHARE])
+        await asyncio.sleep(1.0)
+        assert gone.heard.startswith(b"111Stopped.#")
+        assert gone.heard.endswith(b"#")
+        assert bridge.controller.wanted.axes == {2}
+        gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
+        await asyncio.sleep(2.0)
+        assert not bridge.controller.moving
 
-    run(program())
+
+async def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client("10.0.0.1")
+        await flood(client, b":GR#" * 10_000, 3.0)
+        for _ in range(12):
+            client.tell(b":GR#:Me#")
+            await asyncio.sleep(0.1)
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(20.0)
+        assert bridge.controller.wanted.axes == {1}
+        client.tell(b":Q#")
+
+
+async def test_who_sends_no_more_holds_no_arrow() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client("10.0.0.1")
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(1.0)
+        client.guest.peer_closed()
+        await asyncio.sleep(7.0)
+        assert not bridge.controller.moving
 
 
 # --- the whole --------------------------------------------------------------------------------------------------------

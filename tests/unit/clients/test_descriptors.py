@@ -14,7 +14,6 @@ import pytest
 
 from gateway.app.gateway import Gateway
 from gateway.core.errors import MappingError
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar import counting
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.system import file_limits
@@ -85,7 +84,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
     serve(program, "lx200@tcp://127.0.0.1:0")
 
 
-def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     counting.rate_tables.cache_clear()
 
     async def nothing_opens(function: Any, *arguments: Any) -> Any:
@@ -94,46 +93,40 @@ def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatc
     def no_table(protocol: CommandSet, name: str) -> Any:
         raise MappingError(name, "[file]", os.strerror(errno.EMFILE))
 
-    async def program() -> None:
-        async with Bridge(state=tmp_path, in_thread=nothing_opens) as bridge:
-            monkeypatch.setattr(CommandSet, "extra", no_table)
-            client = bridge.client()
-            for _ in range(3):
-                client.tell(b":RM#:Mn#")
-                await asyncio.sleep(2.0)
-                assert bridge.controller.wanted.axes == {2}
-                client.tell(b":Qn#")
-                await asyncio.sleep(8.0)
-                assert bridge.controller.wanted.axes == set()
-            assert (
-                len(
-                    [
-                        words
-                        for words in bridge.warned
-                        if "motion marker" in words or "written" in words or "state file" in words
-                    ]
-                )
-                == 1
-            )
-            assert not any("internal error" in entry.note for entry in bridge.entries)
-
-    run(program())
-
-
-def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
+    async with Bridge(state=tmp_path, in_thread=nothing_opens) as bridge:
+        monkeypatch.setattr(CommandSet, "extra", no_table)
+        client = bridge.client()
+        for _ in range(3):
+            client.tell(b":RM#:Mn#")
             await asyncio.sleep(2.0)
-
-            async def defect(*_: Any) -> Any:
-                raise ValueError("broken")
-
-            monkeypatch.setattr(bridge.controller.admission, "admit", defect)
-            client.tell(b":Mn#")
-            await asyncio.sleep(3.0)
-            assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
+            assert bridge.controller.wanted.axes == {2}
+            client.tell(b":Qn#")
+            await asyncio.sleep(8.0)
             assert bridge.controller.wanted.axes == set()
+        assert (
+            len(
+                [
+                    words
+                    for words in bridge.warned
+                    if "motion marker" in words or "written" in words or "state file" in words
+                ]
+            )
+            == 1
+        )
+        assert not any("internal error" in entry.note for entry in bridge.entries)
 
-    run(program())
+
+async def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+
+        async def defect(*_: Any) -> Any:
+            raise ValueError("broken")
+
+        monkeypatch.setattr(bridge.controller.admission, "admit", defect)
+        client.tell(b":Mn#")
+        await asyncio.sleep(3.0)
+        assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
+        assert bridge.controller.wanted.axes == set()

@@ -173,24 +173,21 @@ def test_hammered_stops_leave_room_for_reads() -> None:
     flooded(b":Q#", read, presented="lx200", surface="autostar")
 
 
-def test_the_newer_goto_wins_whatever_the_protocol_and_both_see_it() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge, _SecondFace(bridge) as celestron:
-            meade = bridge.client("10.0.0.1")
-            assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), until=b"110") == b"110"
+async def test_the_newer_goto_wins_whatever_the_protocol_and_both_see_it() -> None:
+    async with Bridge() as bridge, _SecondFace(bridge) as celestron:
+        meade = bridge.client("10.0.0.1")
+        assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), until=b"110") == b"110"
+        await asyncio.sleep(1)
+        assert await celestron.ask(b"L") == b"1#"
+        ra, dec = up(bridge, -30.0)
+        assert await celestron.ask(precise(b"r", ra, dec)) == b"#"
+        assert await meade.ask(b":D#") == b"\x7f#"
+        while await celestron.ask(b"L") == b"1#":
             await asyncio.sleep(1)
-            assert await celestron.ask(b"L") == b"1#"
-            ra, dec = up(bridge, -30.0)
-            assert await celestron.ask(precise(b"r", ra, dec)) == b"#"
-            assert await meade.ask(b":D#") == b"\x7f#"
-            while await celestron.ask(b"L") == b"1#":
-                await asyncio.sleep(1)
-            assert await meade.ask(b":D#") == b"#"
-            seen = equatorial(await celestron.ask(b"e"))
-            assert (seen.ra, seen.dec) == pytest.approx((ra, dec), abs=0.02)
-            assert (await meade.ask(b":GR#"))[:5] == _hours(seen.ra)[:5]
-
-    run(program())
+        assert await meade.ask(b":D#") == b"#"
+        seen = equatorial(await celestron.ask(b"e"))
+        assert (seen.ra, seen.dec) == pytest.approx((ra, dec), abs=0.02)
+        assert (await meade.ask(b":GR#"))[:5] == _hours(seen.ra)[:5]
 
 
 def _hours(degrees: float) -> bytes:
@@ -347,7 +344,7 @@ def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> N
     serve(program, "lx200@tcp://127.0.0.1:0")
 
 
-def test_what_a_client_costs_in_memory_is_bounded() -> None:
+async def test_what_a_client_costs_in_memory_is_bounded() -> None:
     """Half commands, names, drafts, timers, repeated questions: everything that a connection can leave behind."""
     noise = (
         b":Sr05:3"
@@ -357,27 +354,23 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
             for word in (b"SMabc", b"SL12:00:00", b"SyGP", b"Sr05:34:32", b"GR", b"GD", b"GA", b"D", b"GVP")
         )
     )
+    async with Bridge() as bridge:
+        bridge.wire_log.sinks.clear()
+        client = bridge.client()
 
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.wire_log.sinks.clear()
-            client = bridge.client()
+        async def make() -> None:
+            for number in range(MEMORY):
+                client.tell(noise + b":Sz%03d#" % number)
+                await asyncio.sleep(0.05)
+            client.heard = b""
+            gc.collect()
 
-            async def make() -> None:
-                for number in range(MEMORY):
-                    client.tell(noise + b":Sz%03d#" % number)
-                    await asyncio.sleep(0.05)
-                client.heard = b""
-                gc.collect()
-
+        await make()
+        tracemalloc.start()
+        kept = []
+        for _ in range(5):
             await make()
-            tracemalloc.start()
-            kept = []
-            for _ in range(5):
-                await make()
-                kept.append(tracemalloc.get_traced_memory()[0])
-            tracemalloc.stop()
-            # What a client leaves behind adds up in every round; growing caches, and what threads load, only in some.
-            assert min(after - before for before, after in itertools.pairwise(kept)) < 300 * MEMORY
-
-    run(program())
+            kept.append(tracemalloc.get_traced_memory()[0])
+        tracemalloc.stop()
+        # What a client leaves behind adds up in every round; growing caches, and what threads load, only in some.
+        assert min(after - before for before, after in itertools.pairwise(kept)) < 300 * MEMORY

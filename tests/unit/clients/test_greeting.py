@@ -202,34 +202,23 @@ def test_what_waits_is_bounded() -> None:
                 assert len(beginning._waiting) <= longest
 
 
-def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
+async def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
     """Half an ``H`` is dropped after a second of quiet, although it might have become HEAD."""
-
-    async def program() -> None:
-        async with Bridge(presented="nexstar", surface="6-8se") as bridge:
-            caller = Caller(bridge.acceptor)
-            caller.tell(b"HE")
-            await asyncio.sleep(3.0)
-            assert await caller.ask(b"Kx") == b"x#"
-
-    run(program())
+    async with Bridge(presented="nexstar", surface="6-8se") as bridge:
+        caller = Caller(bridge.acceptor)
+        caller.tell(b"HE")
+        await asyncio.sleep(3.0)
+        assert await caller.ask(b"Kx") == b"x#"
 
 
-def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line() -> None:
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {1}
-
-    run(program())
+async def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line() -> None:
+    async with Bridge() as bridge:
+        Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {1}
 
 
-def test_on_a_serial_line_nobody_is_a_stranger() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            assert re.fullmatch(rb"\d\d:\d\d:\d\d#", await client.ask(b"GET / HTTP/1.1\r\nHost: scope\r\n\r\n#:GR#"))
-
-    run(program())
+async def test_on_a_serial_line_nobody_is_a_stranger() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        assert re.fullmatch(rb"\d\d:\d\d:\d\d#", await client.ask(b"GET / HTTP/1.1\r\nHost: scope\r\n\r\n#:GR#"))

@@ -9,7 +9,6 @@ from typing import Any
 from gateway.clients.commands.command_processor import Pushes
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.wants import Subscription
 
 
@@ -48,55 +47,43 @@ def told(value: Any) -> bytes:
     return b"%d" % value
 
 
-def test_at_its_interval_each_for_itself() -> None:
-    async def program() -> None:
-        client = Client(Subscription(Position(), 0.5, told), Subscription(Slewing(), 2.0, lambda value: b"s"))
-        await asyncio.sleep(2.1)
-        assert [at for at, data in client.heard if data != b"s"] == [0.0, 0.5, 1.0, 1.5, 2.0]
-        assert [at for at, data in client.heard if data == b"s"] == [0.0, 2.0]
-        client.pushes.close()
-        await asyncio.sleep(2.0)
-        assert len(client.heard) == 7
-        assert all(task.cancelled() for task in client.tasks)
-
-    run(program())
+async def test_at_its_interval_each_for_itself() -> None:
+    client = Client(Subscription(Position(), 0.5, told), Subscription(Slewing(), 2.0, lambda value: b"s"))
+    await asyncio.sleep(2.1)
+    assert [at for at, data in client.heard if data != b"s"] == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert [at for at, data in client.heard if data == b"s"] == [0.0, 2.0]
+    client.pushes.close()
+    await asyncio.sleep(2.0)
+    assert len(client.heard) == 7
+    assert all(task.cancelled() for task in client.tasks)
 
 
-def test_on_change_alone() -> None:
-    async def program() -> None:
-        client = Client(Subscription(Position(), 0.25, told, changes=True))
-        await asyncio.sleep(2.1)
-        assert client.heard == [(0.0, b"0"), (1.0, b"1"), (2.0, b"2")]
-        client.pushes.close()
-
-    run(program())
+async def test_on_change_alone() -> None:
+    client = Client(Subscription(Position(), 0.25, told, changes=True))
+    await asyncio.sleep(2.1)
+    assert client.heard == [(0.0, b"0"), (1.0, b"1"), (2.0, b"2")]
+    client.pushes.close()
 
 
-def test_who_does_not_read_gets_the_newest_when_he_does() -> None:
-    async def program() -> None:
-        client = Client(Subscription(Position(), 0.5, told))
-        await asyncio.sleep(0.1)
-        client.waiting = 24
-        await asyncio.sleep(5.0)
-        assert len(client.heard) == 1, "nothing is piled up"
-        client.waiting = 0
-        await asyncio.sleep(0.5)
-        assert client.heard[1:] == [(5.5, b"5")]
-        client.pushes.close()
-
-    run(program())
+async def test_who_does_not_read_gets_the_newest_when_he_does() -> None:
+    client = Client(Subscription(Position(), 0.5, told))
+    await asyncio.sleep(0.1)
+    client.waiting = 24
+    await asyncio.sleep(5.0)
+    assert len(client.heard) == 1, "nothing is piled up"
+    client.waiting = 0
+    await asyncio.sleep(0.5)
+    assert client.heard[1:] == [(5.5, b"5")]
+    client.pushes.close()
 
 
-def test_what_the_mount_cannot_tell_is_passed_over_and_a_slow_answer_is_not_made_up_for() -> None:
-    async def program() -> None:
-        client = Client(Subscription(Position(), 0.5, told), takes=0.7)
-        client.down = True
-        await asyncio.sleep(3.0)
-        assert client.heard == []
-        client.down = False
-        await asyncio.sleep(3.0)
-        times = [at for at, _ in client.heard]
-        assert [round(later - at, 3) for at, later in pairwise(times)] == [0.7] * (len(times) - 1)
-        client.pushes.close()
-
-    run(program())
+async def test_what_the_mount_cannot_tell_is_passed_over_and_a_slow_answer_is_not_made_up_for() -> None:
+    client = Client(Subscription(Position(), 0.5, told), takes=0.7)
+    client.down = True
+    await asyncio.sleep(3.0)
+    assert client.heard == []
+    client.down = False
+    await asyncio.sleep(3.0)
+    times = [at for at, _ in client.heard]
+    assert [round(later - at, 3) for at, later in pairwise(times)] == [0.7] * (len(times) - 1)
+    client.pushes.close()

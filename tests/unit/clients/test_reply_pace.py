@@ -14,7 +14,6 @@ import pytest
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.reply_pace import AS_HARDWARE, paced
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.transport.handler import Connected
 from tests.support.process import Running
@@ -85,45 +84,36 @@ async def paced_echo(seconds: float) -> tuple[Any, Echo, list[tuple[float, bytes
     return paced(accept, seconds)(connected), made[0], heard, rates
 
 
-def test_a_reply_waits_and_its_command_does_not() -> None:
-    async def line() -> None:
-        port, echo, heard, _ = await paced_echo(0.006)
-        now = asyncio.get_running_loop().time
-        began = now()
-        port.feed(b":GR#")
-        assert echo.acted == [began] and not heard and not port.answered
-        await asyncio.sleep(0.02)
-        assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.answered
-
-    run(line())
+async def test_a_reply_waits_and_its_command_does_not() -> None:
+    port, echo, heard, _ = await paced_echo(0.006)
+    now = asyncio.get_running_loop().time
+    began = now()
+    port.feed(b":GR#")
+    assert echo.acted == [began] and not heard and not port.answered
+    await asyncio.sleep(0.02)
+    assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.answered
 
 
-def test_a_burst_waits_once_and_a_stream_does_not_starve() -> None:
-    async def line() -> None:
-        port, _, heard, _ = await paced_echo(0.006)
-        began = asyncio.get_running_loop().time()
-        for _ in range(20):
-            port.feed(b"a")
-            await asyncio.sleep(0.001)
-        await asyncio.sleep(0.02)
-        assert b"".join(data for _, data in heard) == b"a" * 20
-        assert heard[0][0] - began == pytest.approx(0.006) and heard[-1][0] - began < 0.0265
-        assert len(heard) < 10
-
-    run(line())
+async def test_a_burst_waits_once_and_a_stream_does_not_starve() -> None:
+    port, _, heard, _ = await paced_echo(0.006)
+    began = asyncio.get_running_loop().time()
+    for _ in range(20):
+        port.feed(b"a")
+        await asyncio.sleep(0.001)
+    await asyncio.sleep(0.02)
+    assert b"".join(data for _, data in heard) == b"a" * 20
+    assert heard[0][0] - began == pytest.approx(0.006) and heard[-1][0] - began < 0.0265
+    assert len(heard) < 10
 
 
-def test_a_baud_rate_changes_after_its_acknowledgement_and_nobody_hears_what_is_left() -> None:
-    async def line() -> None:
-        port, _, heard, rates = await paced_echo(0.006)
-        port.feed(b"B")
-        assert [data for _, data in heard] == [b"1"] and rates == [19200]
-        port.feed(b"late")
-        port.close()
-        await asyncio.sleep(0.02)
-        assert len(heard) == 1
-
-    run(line())
+async def test_a_baud_rate_changes_after_its_acknowledgement_and_nobody_hears_what_is_left() -> None:
+    port, _, heard, rates = await paced_echo(0.006)
+    port.feed(b"B")
+    assert [data for _, data in heard] == [b"1"] and rates == [19200]
+    port.feed(b"late")
+    port.close()
+    await asyncio.sleep(0.02)
+    assert len(heard) == 1
 
 
 def test_no_pace_is_no_handler_in_between() -> None:

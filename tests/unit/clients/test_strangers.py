@@ -9,7 +9,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import Bridge
@@ -46,70 +45,59 @@ async def own(mount: str, surface: str) -> set[bytes]:
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-def test_nothing_of_a_stranger_reaches_the_mount(mount: str, surface: str, transport: str, way: str) -> None:
-    async def program() -> None:
-        allowed = await own(mount, surface) | (MAY_ASK[mount] if way == "byte by byte" else set())
-        settings = {"hibernate": True}
-        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, config=settings) as bridge:
-            strangers = GREETINGS if transport == "rfc2217" else {**GREETINGS, "Telnet": TELNET}
-            for number, (name, data) in enumerate(strangers.items()):
-                before, said = len(bridge.sent()), len(notes(bridge))
-                caller = Caller(bridge.acceptor, transport, number=50000 + number)
-                if way == "whole":
-                    caller.tell(data)
-                else:
-                    await caller.dribble((b"", b"#", b"\n", b"\r\n")[number % 4] + data, PAUSES)
-                await asyncio.sleep(0.5)
-                assert caller.gone, name
-                told = [note for note in notes(bridge)[said:] if "sends" in note]
-                assert len(told) == 1 and "the connection is closed" in told[0], (name, told)
-                assert set(bridge.sent()[before:]) <= allowed, (name, bridge.sent()[before:])
-                assert not bridge.sim.slewing and not bridge.sim.asleep, name
-                if way == "whole":
-                    assert caller.heard.startswith(b"HTTP/1.1 400 ") if name in HTTP else True, name
-                    assert caller.heard == b"" or name in HTTP or b"HTTP" in caller.heard, name
-            friend = Caller(bridge.acceptor, transport)
-            assert await friend.ask(QUESTION[surface])
-
-    run(program())
+async def test_nothing_of_a_stranger_reaches_the_mount(mount: str, surface: str, transport: str, way: str) -> None:
+    allowed = await own(mount, surface) | (MAY_ASK[mount] if way == "byte by byte" else set())
+    settings = {"hibernate": True}
+    async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, config=settings) as bridge:
+        strangers = GREETINGS if transport == "rfc2217" else {**GREETINGS, "Telnet": TELNET}
+        for number, (name, data) in enumerate(strangers.items()):
+            before, said = len(bridge.sent()), len(notes(bridge))
+            caller = Caller(bridge.acceptor, transport, number=50000 + number)
+            if way == "whole":
+                caller.tell(data)
+            else:
+                await caller.dribble((b"", b"#", b"\n", b"\r\n")[number % 4] + data, PAUSES)
+            await asyncio.sleep(0.5)
+            assert caller.gone, name
+            told = [note for note in notes(bridge)[said:] if "sends" in note]
+            assert len(told) == 1 and "the connection is closed" in told[0], (name, told)
+            assert set(bridge.sent()[before:]) <= allowed, (name, bridge.sent()[before:])
+            assert not bridge.sim.slewing and not bridge.sim.asleep, name
+            if way == "whole":
+                assert caller.heard.startswith(b"HTTP/1.1 400 ") if name in HTTP else True, name
+                assert caller.heard == b"" or name in HTTP or b"HTTP" in caller.heard, name
+        friend = Caller(bridge.acceptor, transport)
+        assert await friend.ask(QUESTION[surface])
 
 
 # --- what a stranger leaves behind ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("gone", "seconds"), [(True, 8), (False, 34)])
-def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int) -> None:
+async def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int) -> None:
     """A web page that asks again and again must not keep an arrow going whose program is gone, or has died."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            mover = Caller(bridge.acceptor)
-            mover.tell(b":RS#:Me#")
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {1}
-            if gone:
-                mover.close()
-            for number in range(seconds // 2):
-                Caller(bridge.acceptor, number=50001 + number).tell(GREETINGS["a visit"])
-                await asyncio.sleep(2.0)
-            assert bridge.controller.wanted.axes == set()
-
-    run(program())
+    async with Bridge() as bridge:
+        mover = Caller(bridge.acceptor)
+        mover.tell(b":RS#:Me#")
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {1}
+        if gone:
+            mover.close()
+        for number in range(seconds // 2):
+            Caller(bridge.acceptor, number=50001 + number).tell(GREETINGS["a visit"])
+            await asyncio.sleep(2.0)
+        assert bridge.controller.wanted.axes == set()
 
 
-def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
+async def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
     """What a program keeps for its next connection is kept for a minute, whoever calls meanwhile."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            first = Caller(bridge.acceptor)
-            assert await first.ask(b":Sr05:34:32#") == b"1"
-            first.close()
-            await asyncio.sleep(40.0)
-            for name in ("a visit", "TLS"):
-                Caller(bridge.acceptor).tell(GREETINGS[name])
-            assert len(bridge.acceptor.present_hosts()) == 0
-            await asyncio.sleep(30.0)
-            assert await Caller(bridge.acceptor).ask(b":Gr#") != b"05:34:32#"
-
-    run(program())
+    async with Bridge() as bridge:
+        first = Caller(bridge.acceptor)
+        assert await first.ask(b":Sr05:34:32#") == b"1"
+        first.close()
+        await asyncio.sleep(40.0)
+        for name in ("a visit", "TLS"):
+            Caller(bridge.acceptor).tell(GREETINGS[name])
+        assert len(bridge.acceptor.present_hosts()) == 0
+        await asyncio.sleep(30.0)
+        assert await Caller(bridge.acceptor).ask(b":Gr#") != b"05:34:32#"

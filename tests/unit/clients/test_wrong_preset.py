@@ -9,7 +9,6 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.clients.wrong_preset import advice
-from gateway.diagnostics.virtual_time import run
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
@@ -46,20 +45,17 @@ def _listening(bridge: Bridge) -> list[str]:
     ],
 )
 @pytest.mark.parametrize("trusted", [False, True])
-def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            told = _listening(bridge)
-            caller = Caller(bridge.acceptor, trusted=trusted)
+async def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> None:
+    async with Bridge() as bridge:
+        told = _listening(bridge)
+        caller = Caller(bridge.acceptor, trusted=trusted)
+        caller.tell(said)
+        await asyncio.sleep(2.9)
+        assert told == []
+        for _ in range(5):
+            await asyncio.sleep(1.0)
             caller.tell(said)
-            await asyncio.sleep(2.9)
-            assert told == []
-            for _ in range(5):
-                await asyncio.sleep(1.0)
-                caller.tell(said)
-            assert told == [NEXSTAR_ON_LX200.format(shown)]
-
-    run(play())
+        assert told == [NEXSTAR_ON_LX200.format(shown)]
 
 
 @pytest.mark.parametrize(
@@ -72,16 +68,13 @@ def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> 
         (b":GVP#:GR#", ":GVP#"),
     ],
 )
-def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
-            told = _listening(bridge)
-            caller = Caller(bridge.acceptor)
-            caller.tell(said)
-            await asyncio.sleep(3.1)
-            assert told == [LX200_ON_NEXSTAR.format(shown)]
-
-    run(play())
+async def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+        told = _listening(bridge)
+        caller = Caller(bridge.acceptor)
+        caller.tell(said)
+        await asyncio.sleep(3.1)
+        assert told == [LX200_ON_NEXSTAR.format(shown)]
 
 
 @pytest.mark.parametrize(
@@ -91,76 +84,60 @@ def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
         b":XX#", b"\r\n",
     ],
 )  # fmt: skip
-def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            told = _listening(bridge)
-            Caller(bridge.acceptor).tell(said)
-            await asyncio.sleep(10.0)
-            assert told == []
-
-    run(play())
+async def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
+    async with Bridge() as bridge:
+        told = _listening(bridge)
+        Caller(bridge.acceptor).tell(said)
+        await asyncio.sleep(10.0)
+        assert told == []
 
 
-def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
+async def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
     """Stellarium Mobile opens every LX200 connection so."""
-
-    async def play() -> None:
-        async with Bridge() as bridge:
-            told = _listening(bridge)
-            for number in range(3):
-                caller = Caller(bridge.acceptor, number=50000 + number)
-                caller.tell(b"Ka")
-                await asyncio.sleep(2.0)
-                assert await caller.ask(b":GR#") != b""
-                await asyncio.sleep(5.0)
-                caller.close()
-            assert told == []
-
-    run(play())
-
-
-def test_it_may_go_on_in_another_connection() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            told = _listening(bridge)
-            first = Caller(bridge.acceptor)
-            first.tell(b"Ka")
-            first.close()
-            await asyncio.sleep(1.0)
-            assert await Caller(bridge.acceptor, number=50001).ask(b":GR#") != b""
+    async with Bridge() as bridge:
+        told = _listening(bridge)
+        for number in range(3):
+            caller = Caller(bridge.acceptor, number=50000 + number)
+            caller.tell(b"Ka")
+            await asyncio.sleep(2.0)
+            assert await caller.ask(b":GR#") != b""
             await asyncio.sleep(5.0)
-            assert told == []
-
-    run(play())
-
-
-def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            told = _listening(bridge)
-            for number in range(60):
-                caller = Caller(bridge.acceptor, number=50000 + number)
-                caller.tell(b"V")
-                await asyncio.sleep(1.0)
-                caller.close()
-                await asyncio.sleep(1.0)
-            assert told == [NEXSTAR_ON_LX200.format("V")]
-
-    run(play())
+            caller.close()
+        assert told == []
 
 
-def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            _listening(bridge)
-            for _ in range(3):
-                Caller(bridge.acceptor).tell(b"Ka")
-                await asyncio.sleep(4.0)
-            lately = mount_state(bridge.controller).drawn().lately
-            assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
+async def test_it_may_go_on_in_another_connection() -> None:
+    async with Bridge() as bridge:
+        told = _listening(bridge)
+        first = Caller(bridge.acceptor)
+        first.tell(b"Ka")
+        first.close()
+        await asyncio.sleep(1.0)
+        assert await Caller(bridge.acceptor, number=50001).ask(b":GR#") != b""
+        await asyncio.sleep(5.0)
+        assert told == []
 
-    run(play())
+
+async def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
+    async with Bridge() as bridge:
+        told = _listening(bridge)
+        for number in range(60):
+            caller = Caller(bridge.acceptor, number=50000 + number)
+            caller.tell(b"V")
+            await asyncio.sleep(1.0)
+            caller.close()
+            await asyncio.sleep(1.0)
+        assert told == [NEXSTAR_ON_LX200.format("V")]
+
+
+async def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
+    async with Bridge() as bridge:
+        _listening(bridge)
+        for _ in range(3):
+            Caller(bridge.acceptor).tell(b"Ka")
+            await asyncio.sleep(4.0)
+        lately = mount_state(bridge.controller).drawn().lately
+        assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
 
 
 def test_a_place_beside_a_surface() -> None:

@@ -7,24 +7,20 @@ from typing import Any
 
 from gateway.console.mounts import _surface_argument
 from gateway.console.shown.publisher import ConnectedPrograms
-from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
 from tests.support.each import each
 
 
-def test_programs_are_shown_with_what_they_speak() -> None:
-    async def program() -> None:
-        async with AnyBridge() as bridge:
-            gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], acceptors=[bridge.any])
-            shown = ConnectedPrograms(gateway)
-            bridge.wire_log.sinks.append(shown.put)
-            assert list(shown.connections(0.0)) == []
-            for said in (b":GR#", b"e"):
-                await bridge.call().ask(said)
-            told = sorted((one["surface"], one["last"]) for one in shown.connections(1.0))
-            assert told == [("lx200@tcp://127.0.0.1:4040", ":GR#"), ("nexstar@tcp://127.0.0.1:4040", "e")]
-
-    run(program())
+async def test_programs_are_shown_with_what_they_speak() -> None:
+    async with AnyBridge() as bridge:
+        gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], acceptors=[bridge.any])
+        shown = ConnectedPrograms(gateway)
+        bridge.wire_log.sinks.append(shown.put)
+        assert list(shown.connections(0.0)) == []
+        for said in (b":GR#", b"e"):
+            await bridge.call().ask(said)
+        told = sorted((one["surface"], one["last"]) for one in shown.connections(1.0))
+        assert told == [("lx200@tcp://127.0.0.1:4040", ":GR#"), ("nexstar@tcp://127.0.0.1:4040", "e")]
 
 
 @each(("surface", "command", "face"), [

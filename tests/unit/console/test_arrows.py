@@ -85,24 +85,20 @@ def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
 
 @pytest.mark.parametrize("delay", [0.0, *DELAYS])
 @pytest.mark.parametrize("gap", [0.1, 0.2])
-def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
+async def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
     """A tap, and before its answer has come the same arrow is pressed again, held, and let go."""
-
-    async def program() -> None:
-        async with opened(scripts, delay) as (own, [page]):
-            page.press("north")
-            await asyncio.sleep(0.08)
-            page.lift()
-            await asyncio.sleep(gap)
-            page.press("north")
-            await asyncio.sleep(3.0)
-            assert moving(own.sim)
-            page.lift()
-            await asyncio.sleep(delay + 1.0)
-            assert not moving(own.sim)
-            assert page.words == [] and refusals(own) == []
-
-    run(program())
+    async with opened(scripts, delay) as (own, [page]):
+        page.press("north")
+        await asyncio.sleep(0.08)
+        page.lift()
+        await asyncio.sleep(gap)
+        page.press("north")
+        await asyncio.sleep(3.0)
+        assert moving(own.sim)
+        page.lift()
+        await asyncio.sleep(delay + 1.0)
+        assert not moving(own.sim)
+        assert page.words == [] and refusals(own) == []
 
 
 def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
@@ -121,78 +117,64 @@ def test_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:
     assert not outcome.run_away and outcome.moved > 1.0, outcome
 
 
-def test_frozen_network_ends_the_motion(scripts: Node) -> None:
-    async def program() -> None:
-        async with opened(scripts) as (own, [page]):
-            page.press("north")
-            await asyncio.sleep(2.0)
-            page.freeze()
-            began = asyncio.get_running_loop().time()
-            while moving(own.sim):
-                await asyncio.sleep(0.05)
-            assert asyncio.get_running_loop().time() - began <= FROZEN + 0.1
-
-    run(program())
+async def test_frozen_network_ends_the_motion(scripts: Node) -> None:
+    async with opened(scripts) as (own, [page]):
+        page.press("north")
+        await asyncio.sleep(2.0)
+        page.freeze()
+        began = asyncio.get_running_loop().time()
+        while moving(own.sim):
+            await asyncio.sleep(0.05)
+        assert asyncio.get_running_loop().time() - began <= FROZEN + 0.1
 
 
 @pytest.mark.parametrize("first_releases", [True, False])
-def test_the_release_of_one_page_leaves_the_arrow_of_another_alone(scripts: Node, first_releases: bool) -> None:
+async def test_the_release_of_one_page_leaves_the_arrow_of_another_alone(scripts: Node, first_releases: bool) -> None:
     """Both hold the same arrow; whoever lets go, the other still holds it."""
-
-    async def program() -> None:
-        async with opened(scripts, pages=2) as (own, pages):
-            for page in pages:
-                page.press("east")
-                await asyncio.sleep(1.5)
-            one, other = pages if first_releases else reversed(pages)
-            one.lift()
-            await asyncio.sleep(2.0)
-            assert moving(own.sim)
-            assert 1 in own.controller.wanted.by_hand
-            other.lift()
-            await asyncio.sleep(1.2)
-            assert not moving(own.sim)
-            assert [*one.words, *other.words] == []
-
-    run(program())
+    async with opened(scripts, pages=2) as (own, pages):
+        for page in pages:
+            page.press("east")
+            await asyncio.sleep(1.5)
+        one, other = pages if first_releases else reversed(pages)
+        one.lift()
+        await asyncio.sleep(2.0)
+        assert moving(own.sim)
+        assert 1 in own.controller.wanted.by_hand
+        other.lift()
+        await asyncio.sleep(1.2)
+        assert not moving(own.sim)
+        assert [*one.words, *other.words] == []
 
 
 @pytest.mark.parametrize("end", [b":Q#", b":Sr02:00:00#:Sd+40*00:00#:MS#"])
-def test_what_has_ended_an_arrow_is_not_undone_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
+async def test_what_has_ended_an_arrow_is_not_undone_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
     """A stop or a goto of another program: neither another rate nor the release of a second page begins a motion."""
-
-    async def program() -> None:
-        async with opened(scripts, pages=2) as (own, [page, other]):
-            page.press("north")
-            other.press("north")
-            await asyncio.sleep(2.0)
-            own.client("10.0.0.1").tell(end)
-            await asyncio.sleep(1.5)
-            page.do("rate", 9)
-            other.lift()
-            await asyncio.sleep(8.0)
-            assert not own.controller.wanted.by_hand
-            page.press("south", 2)  # a new press counts
-            await asyncio.sleep(3.0)
-            assert own.controller.wanted.by_hand
-
-    run(program())
+    async with opened(scripts, pages=2) as (own, [page, other]):
+        page.press("north")
+        other.press("north")
+        await asyncio.sleep(2.0)
+        own.client("10.0.0.1").tell(end)
+        await asyncio.sleep(1.5)
+        page.do("rate", 9)
+        other.lift()
+        await asyncio.sleep(8.0)
+        assert not own.controller.wanted.by_hand
+        page.press("south", 2)  # a new press counts
+        await asyncio.sleep(3.0)
+        assert own.controller.wanted.by_hand
 
 
-def test_another_rate_while_held_is_taken(scripts: Node) -> None:
-    async def program() -> None:
-        async with opened(scripts, 0.15) as (own, [page]):
-            page.press("north")
-            await asyncio.sleep(1.5)
-            page.do("rate", 9)
-            await asyncio.sleep(1.5)
-            [motion] = own.controller.wanted.by_hand.values()
-            assert motion.rate.key == 9
-            page.lift()
-            await asyncio.sleep(1.5)
-            assert not moving(own.sim)
-
-    run(program())
+async def test_another_rate_while_held_is_taken(scripts: Node) -> None:
+    async with opened(scripts, 0.15) as (own, [page]):
+        page.press("north")
+        await asyncio.sleep(1.5)
+        page.do("rate", 9)
+        await asyncio.sleep(1.5)
+        [motion] = own.controller.wanted.by_hand.values()
+        assert motion.rate.key == 9
+        page.lift()
+        await asyncio.sleep(1.5)
+        assert not moving(own.sim)
 
 
 class _Nobody:
@@ -203,57 +185,48 @@ class _Nobody:
         """Drop what the page is sent."""
 
 
-def test_beat_halts_an_arrow_that_it_does_not_name() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.1) as own:
-            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
-            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
-            session.take('{"do":"jog","direction":"east","rate":7,"press":2}')
-            await asyncio.sleep(2.0)
-            assert own.controller.wanted.axes == {1, 2}
-            session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":2}]}')
-            await asyncio.sleep(0.5)
-            assert own.controller.wanted.axes == {1}
-            session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":1}]}')
-            await asyncio.sleep(0.5)
-            assert not own.controller.wanted.axes
-            session.take('{"do":"jog","direction":"east","rate":7,"press":2}')  # an old one
-            await asyncio.sleep(1.0)
-            assert not own.controller.wanted.axes
-
-    run(program())
+async def test_beat_halts_an_arrow_that_it_does_not_name() -> None:
+    async with stage("lx200", "cpc", 0.1) as own:
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+        session.take('{"do":"jog","direction":"east","rate":7,"press":2}')
+        await asyncio.sleep(2.0)
+        assert own.controller.wanted.axes == {1, 2}
+        session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":2}]}')
+        await asyncio.sleep(0.5)
+        assert own.controller.wanted.axes == {1}
+        session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":1}]}')
+        await asyncio.sleep(0.5)
+        assert not own.controller.wanted.axes
+        session.take('{"do":"jog","direction":"east","rate":7,"press":2}')  # an old one
+        await asyncio.sleep(1.0)
+        assert not own.controller.wanted.axes
 
 
-def test_beat_leaves_a_released_tap_alone() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            axes = Axes(own)
-            await axes.begin()
-            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
-            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
-            await asyncio.sleep(0.1)
-            session.take('{"do":"let_go","direction":"north","press":1}')
-            session.take('{"do":"beat","held":[]}')
-            await asyncio.sleep(3.0)
-            assert abs(axes.moved) > 0.02
-            assert not moving(own.sim)
-
-    run(program())
+async def test_beat_leaves_a_released_tap_alone() -> None:
+    async with stage("lx200", "cpc", 0.3) as own:
+        axes = Axes(own)
+        await axes.begin()
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+        await asyncio.sleep(0.1)
+        session.take('{"do":"let_go","direction":"north","press":1}')
+        session.take('{"do":"beat","held":[]}')
+        await asyncio.sleep(3.0)
+        assert abs(axes.moved) > 0.02
+        assert not moving(own.sim)
 
 
-def test_lost_page_cancels_a_press_that_has_not_begun() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            axes = Axes(own)
-            await axes.begin()
-            session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
-            shown = asyncio.ensure_future(session.run())
-            await asyncio.sleep(0.0)
-            session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
-            await asyncio.sleep(0.1)
-            shown.cancel()
-            await asyncio.sleep(3.0)
-            assert abs(axes.moved) < 0.003
-            assert not own.controller.wanted.by_hand
-
-    run(program())
+async def test_lost_page_cancels_a_press_that_has_not_begun() -> None:
+    async with stage("lx200", "cpc", 0.3) as own:
+        axes = Axes(own)
+        await axes.begin()
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        shown = asyncio.ensure_future(session.run())
+        await asyncio.sleep(0.0)
+        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+        await asyncio.sleep(0.1)
+        shown.cancel()
+        await asyncio.sleep(3.0)
+        assert abs(axes.moved) < 0.003
+        assert not own.controller.wanted.by_hand

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from gateway.app.gateway import Gateway
 from gateway.cli.serve.console_and_broker import http_surfaces
 from tests.unit.console.test_server import at_port
 
+pytestmark = pytest.mark.real_time
 PATIENCE = 60.0
 API = "api/v1/telescope/"
 #: Near the pole: it is up at any hour.
@@ -49,31 +49,25 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
             await gateway.close()
 
 
-def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, mounts=2) as (gateways, ask):
-            devices = (await ask("GET", "management/v1/configureddevices"))["Value"]
-            assert [one["DeviceName"].split(":")[0] for one in devices] == ["pier 0", "pier 1"]
-            assert len({one["UniqueID"] for one in devices}) == 2
-            assert [one["DeviceNumber"] for one in devices] == [0, 1]
-            assert (await ask("PUT", f"{API}1/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0
-            assert (await ask("GET", f"{API}1/slewing"))["Value"] is True
-            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-            assert gateways[1].state().programs == ("127.0.0.1",)
-            assert len(gateways[0].names()) == 1, "it is no port of its own"
-            assert await ask("GET", f"{API}2/slewing") == 400
-
-    asyncio.run(work())
+async def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
+    async with opened(tmp_path, mounts=2) as (gateways, ask):
+        devices = (await ask("GET", "management/v1/configureddevices"))["Value"]
+        assert [one["DeviceName"].split(":")[0] for one in devices] == ["pier 0", "pier 1"]
+        assert len({one["UniqueID"] for one in devices}) == 2
+        assert [one["DeviceNumber"] for one in devices] == [0, 1]
+        assert (await ask("PUT", f"{API}1/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0
+        assert (await ask("GET", f"{API}1/slewing"))["Value"] is True
+        assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
+        assert gateways[1].state().programs == ("127.0.0.1",)
+        assert len(gateways[0].names()) == 1, "it is no port of its own"
+        assert await ask("GET", f"{API}2/slewing") == 400
 
 
 @pytest.mark.parametrize("rules", [{"pin": "4711"}, {"read_only": True}, {"read_only": ["127.0.0.0/8"]}])
-def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[str, Any]) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, **rules) as (_, ask):
-            assert (await ask("GET", f"{API}0/declination"))["ErrorNumber"] == 0
-            assert (await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0x40B
-            assert (await ask("PUT", f"{API}0/tracking", data={"Tracking": "false"}))["ErrorNumber"] == 0x40B
-            assert (await ask("PUT", f"{API}0/abortslew"))["ErrorNumber"] == 0, "a stop is never refused"
-            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
-
-    asyncio.run(work())
+async def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[str, Any]) -> None:
+    async with opened(tmp_path, **rules) as (_, ask):
+        assert (await ask("GET", f"{API}0/declination"))["ErrorNumber"] == 0
+        assert (await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0x40B
+        assert (await ask("PUT", f"{API}0/tracking", data={"Tracking": "false"}))["ErrorNumber"] == 0x40B
+        assert (await ask("PUT", f"{API}0/abortslew"))["ErrorNumber"] == 0, "a stop is never refused"
+        assert (await ask("GET", f"{API}0/slewing"))["Value"] is False

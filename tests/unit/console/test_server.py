@@ -24,6 +24,7 @@ from gateway.console.server import LONGEST, MOST_PAGES
 from gateway.transport.room import KEPT
 from gateway.transport.web_server import WebServer
 
+pytestmark = pytest.mark.real_time
 PATIENCE = 60.0
 
 
@@ -127,101 +128,77 @@ OTHERS: list[tuple[dict[str, str], str]] = [
 ]
 
 
-def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            for headers, path in OTHERS:
-                async with there.http.get(there.where + path, headers=headers) as response:
-                    assert response.status == 403, (headers, path)
-
-    play(work())
+async def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        for headers, path in OTHERS:
+            async with there.http.get(there.where + path, headers=headers) as response:
+                assert response.status == 403, (headers, path)
 
 
-def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.http.get(there.where) as response:
-            policy = response.headers["Content-Security-Policy"]
-            assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy and "unsafe" not in policy
-            assert response.headers["X-Frame-Options"] == "DENY"
-            assert "Access-Control-Allow-Origin" not in response.headers
-            assert "Set-Cookie" not in response.headers
-
-    play(work())
+async def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.http.get(there.where) as response:
+        policy = response.headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy and "unsafe" not in policy
+        assert response.headers["X-Frame-Options"] == "DENY"
+        assert "Access-Control-Allow-Origin" not in response.headers
+        assert "Set-Cookie" not in response.headers
 
 
-def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            for path in ("nothing", "../server.py", "%2e%2e/server.py", "js/../../server.py", "recording/0/x"):
-                async with there.http.get(f"{there.where}{path}") as response:
-                    assert response.status in (403, 404), path
-
-    play(work())
+async def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        for path in ("nothing", "../server.py", "%2e%2e/server.py", "js/../../server.py", "recording/0/x"):
+            async with there.http.get(f"{there.where}{path}") as response:
+                assert response.status in (403, 404), path
 
 
-def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, {"allow": ["192.0.2.0/24"]}) as there:
-            for _ in range(3):
-                async with there.http.get(there.where) as response:
-                    assert response.status == 403
-            assert len(told(there.gateway)) == 1 and "not in the console's allow" in told(there.gateway)[0]
-
-    play(work())
+async def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
+    async with opened(tmp_path, {"allow": ["192.0.2.0/24"]}) as there:
+        for _ in range(3):
+            async with there.http.get(there.where) as response:
+                assert response.status == 403
+        assert len(told(there.gateway)) == 1 and "not in the console's allow" in told(there.gateway)[0]
 
 
-def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            for name in ("pier.example", "other.example"):  # not repeated: a flood of names would hide all else
-                async with there.http.get(there.where, headers={"Host": name}) as response:
-                    assert response.status == 403
-            assert len(told(there.gateway)) == 1 and "not in names" in told(there.gateway)[0]
-
-    play(work())
+async def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        for name in ("pier.example", "other.example"):  # not repeated: a flood of names would hide all else
+            async with there.http.get(there.where, headers={"Host": name}) as response:
+                assert response.status == 403
+        assert len(told(there.gateway)) == 1 and "not in names" in told(there.gateway)[0]
 
 
-def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            async with there.page() as page:
-                with contextlib.suppress(ConnectionError):
-                    await page.ws.send_str("x" * (LONGEST * 640))
-                async with asyncio.timeout(PATIENCE):
-                    while (await page.ws.receive()).type is aiohttp.WSMsgType.TEXT:
-                        pass
-            async with there.page() as page:
-                assert (await page.ask("look_up", name="Vega"))["name"] == "Vega"
-
-    play(work())
+async def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        async with there.page() as page:
+            with contextlib.suppress(ConnectionError):
+                await page.ws.send_str("x" * (LONGEST * 640))
+            async with asyncio.timeout(PATIENCE):
+                while (await page.ws.receive()).type is aiohttp.WSMsgType.TEXT:
+                    pass
+        async with there.page() as page:
+            assert (await page.ask("look_up", name="Vega"))["name"] == "Vega"
 
 
 ODD = ("", "{", "[]", "null", '{"do":"fly","id":99}', '{"do":"jog","id":99}', "\x00", '"' * 99,
        '{"do":"goto","id":99,"ra":1e999,"dec":0}', '{"do":"stop","mount":-9}')  # fmt: skip
 
 
-def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            for text in ODD:
-                async with there.page() as page:
-                    await page.ws.send_str(text)
-                    assert (await page.ask("look_up", name="Vega"))["ok"], text
-
-    play(work())
+async def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        for text in ODD:
+            async with there.page() as page:
+                await page.ws.send_str(text)
+                assert (await page.ask("look_up", name="Vega"))["ok"], text
 
 
-def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            for do, fields in (
-                ("fly", {}), ("site", {"latitude": 95.0, "longitude": 0.0}), ("look_up", {"name": "x" * 300}),
-                ("stop", {"mount": -9}), ("jog", {"direction": "up"}),
-            ):  # fmt: skip
-                answer = await page.ask(do, **fields)
-                assert not answer["ok"] and "does not understand" in answer["words"], do
-
-    play(work())
+async def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        for do, fields in (
+            ("fly", {}), ("site", {"latitude": 95.0, "longitude": 0.0}), ("look_up", {"name": "x" * 300}),
+            ("stop", {"mount": -9}), ("jog", {"direction": "up"}),
+        ):  # fmt: skip
+            answer = await page.ask(do, **fields)
+            assert not answer["ok"] and "does not understand" in answer["words"], do
 
 
 def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
@@ -248,227 +225,186 @@ def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
 # --- what a page sees and does --------------------------------------------------------------------------------------
 
 
-def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            start = page.mount["position"]
-            goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}
-            answer = await page.ask("goto", **goal, j2000=True)
-            assert answer["ok"], answer
-            await page.until(lambda: page.mount["slewing"] and page.mount["target"])
-            assert page.mount["target"]["dec2000"] == pytest.approx(goal["dec"], abs=0.01)
-            await page.until(lambda: not page.mount["slewing"])
-            await page.until(lambda: abs(page.mount["position"]["dec2000"] - goal["dec"]) < 0.05)
-
-    play(work())
+async def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        start = page.mount["position"]
+        goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}
+        answer = await page.ask("goto", **goal, j2000=True)
+        assert answer["ok"], answer
+        await page.until(lambda: page.mount["slewing"] and page.mount["target"])
+        assert page.mount["target"]["dec2000"] == pytest.approx(goal["dec"], abs=0.01)
+        await page.until(lambda: not page.mount["slewing"])
+        await page.until(lambda: abs(page.mount["position"]["dec2000"] - goal["dec"]) < 0.05)
 
 
-def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            below = {"ra": page.mount["position"]["ra2000"], "dec": -80.0}
-            asked = await page.ask("ask", **below, j2000=True)
-            assert asked["may"] is False and "below the horizon" in asked["why"]
-            answer = await page.ask("goto", **below)
-            assert not answer["ok"] and "below the horizon" in answer["words"]
-            await page.until(lambda: any("below" in line for line in page.mount["lately"]))
-
-    play(work())
+async def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        below = {"ra": page.mount["position"]["ra2000"], "dec": -80.0}
+        asked = await page.ask("ask", **below, j2000=True)
+        assert asked["may"] is False and "below the horizon" in asked["why"]
+        answer = await page.ask("goto", **below)
+        assert not answer["ok"] and "below the horizon" in answer["words"]
+        await page.until(lambda: any("below" in line for line in page.mount["lately"]))
 
 
 @pytest.mark.parametrize("how", ["closed", "silent", "cut off"])
-def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as watcher, there.page() as page:
-            await page.ask("jog", direction="east", rate=7)
-            await watcher.until(lambda: watcher.mount["by_hand"])
-            if how == "closed":
-                await page.ws.close()
-            elif how == "cut off":
-                assert page.ws._response.connection is not None
-                page.ws._response.connection.transport.abort()
-            loop = asyncio.get_running_loop()
-            began = loop.time()
-            await watcher.until(lambda: not watcher.mount["by_hand"])
-            assert loop.time() - began < 3.5
-
-    play(work())
+async def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
+    async with opened(tmp_path) as there, there.page() as watcher, there.page() as page:
+        await page.ask("jog", direction="east", rate=7)
+        await watcher.until(lambda: watcher.mount["by_hand"])
+        if how == "closed":
+            await page.ws.close()
+        elif how == "cut off":
+            assert page.ws._response.connection is not None
+            page.ws._response.connection.transport.abort()
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        await watcher.until(lambda: not watcher.mount["by_hand"])
+        assert loop.time() - began < 3.5
 
 
-def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            await page.ask("jog", direction="west", rate=2, press=1)
-            loop = asyncio.get_running_loop()
-            began = loop.time()
-            while loop.time() < began + 2.2:
-                await page.ws.send_str('{"do":"beat","held":[{"mount":0,"direction":"west","press":1}]}')
-                await page.take()
-            assert page.mount["by_hand"]
-
-    play(work())
+async def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        await page.ask("jog", direction="west", rate=2, press=1)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        while loop.time() < began + 2.2:
+            await page.ws.send_str('{"do":"beat","held":[{"mount":0,"direction":"west","press":1}]}')
+            await page.take()
+        assert page.mount["by_hand"]
 
 
-def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            await page.ask("jog", direction="north", rate=5)
-            stopped = await page.ask("stop")
-            assert stopped["ok"] and stopped["words"] == "stopped"
-            await page.until(lambda: not page.mount["by_hand"])
-            assert (await page.ask("hold"))["words"] == "stopped and held"
-            await page.until(lambda: page.mount["held"])
-            refused = await page.ask("jog", direction="north", rate=5)
-            assert not refused["ok"] and "held" in refused["words"]
-            assert (await page.ask("release"))["ok"]
-            await page.until(lambda: not page.mount["held"])
-
-    play(work())
+async def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        await page.ask("jog", direction="north", rate=5)
+        stopped = await page.ask("stop")
+        assert stopped["ok"] and stopped["words"] == "stopped"
+        await page.until(lambda: not page.mount["by_hand"])
+        assert (await page.ask("hold"))["words"] == "stopped and held"
+        await page.until(lambda: page.mount["held"])
+        refused = await page.ask("jog", direction="north", rate=5)
+        assert not refused["ok"] and "held" in refused["words"]
+        assert (await page.ask("release"))["ok"]
+        await page.until(lambda: not page.mount["held"])
 
 
-def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            assert (await page.ask("track", on=False))["ok"]
-            await page.until(lambda: page.mount["tracks"] is False)
-            assert (await page.ask("track", on=True))["ok"]
-            await page.until(lambda: page.mount["tracks"])
-            assert (await page.ask("time", unix=1768514400.0, offset=1.0))["ok"]
-            assert (await page.ask("site", latitude=48.1, longitude=11.6))["ok"]
-
-    play(work())
+async def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        assert (await page.ask("track", on=False))["ok"]
+        await page.until(lambda: page.mount["tracks"] is False)
+        assert (await page.ask("track", on=True))["ok"]
+        await page.until(lambda: page.mount["tracks"])
+        assert (await page.ask("time", unix=1768514400.0, offset=1.0))["ok"]
+        assert (await page.ask("site", latitude=48.1, longitude=11.6))["ok"]
 
 
-def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, lowest=10.0, hour_angle_limit=3.0) as there, there.page() as page:
-            low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
-            for wider in ({"lowest": 5.0}, {"highest": 80.0, "hour_angle": 60.0}):
-                refused = await page.ask("narrow", **wider)
-                assert not refused["ok"] and "10° to 90°, no more than 3 h" in refused["words"]
-            assert not (await page.ask("narrow", lowest=60.0, highest=60.0))["ok"]
-            assert (await page.ask("narrow", lowest=80.0))["ok"]
-            refused = await page.ask("goto", **low)
-            assert not refused["ok"] and "narrowed the limits" in refused["words"]
-            await page.until(
-                lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"].startswith("altitude 10")
-            )
-            assert "altitude 80° to 90°" in page.mount["allowed"]
-            assert (await page.ask("narrow", sun=30.0, hour_angle=15.0))["words"] == (
-                "allowed now: altitude 10° to 90°, no nearer to the Sun than 30°, no more than 1 h past the meridian"
-            )
-            assert there.gateway.controller.suns.limit == 30.0
-            assert (await page.ask("narrow"))["ok"] and (await page.ask("goto", **low))["ok"]
-            await page.until(lambda: not page.mount["limits"]["by_page"])
-
-    play(work())
+async def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
+    async with opened(tmp_path, lowest=10.0, hour_angle_limit=3.0) as there, there.page() as page:
+        low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
+        for wider in ({"lowest": 5.0}, {"highest": 80.0, "hour_angle": 60.0}):
+            refused = await page.ask("narrow", **wider)
+            assert not refused["ok"] and "10° to 90°, no more than 3 h" in refused["words"]
+        assert not (await page.ask("narrow", lowest=60.0, highest=60.0))["ok"]
+        assert (await page.ask("narrow", lowest=80.0))["ok"]
+        refused = await page.ask("goto", **low)
+        assert not refused["ok"] and "narrowed the limits" in refused["words"]
+        await page.until(lambda: page.mount["limits"]["by_page"] and page.mount["own_limits"].startswith("altitude 10"))
+        assert "altitude 80° to 90°" in page.mount["allowed"]
+        assert (await page.ask("narrow", sun=30.0, hour_angle=15.0))["words"] == (
+            "allowed now: altitude 10° to 90°, no nearer to the Sun than 30°, no more than 1 h past the meridian"
+        )
+        assert there.gateway.controller.suns.limit == 30.0
+        assert (await page.ask("narrow"))["ok"] and (await page.ask("goto", **low))["ok"]
+        await page.until(lambda: not page.mount["limits"]["by_page"])
 
 
-def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, at="nexstar:cge@sim") as there, there.page() as page:
-            offered = {"Goto", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate"}
-            assert offered == set(page.mount["can"]), "it has no home position"
-            assert (await page.ask("track", on=True, rate="lunar"))["ok"]
-            told = json.loads((await page.ask("look"))["words"])
-            assert told["pier"] in ("E", "W") and told["drive"] == pytest.approx(0.9763, abs=0.001)
-            await page.until(lambda: page.mount["pier"] == told["pier"])
-            assert (await page.ask("guide_rate", rate=0.75))["ok"]
-            await page.until(lambda: page.mount["guides"] == [0.75, 0.75])
-            assert (await page.ask("guide", direction="n", ms=500))["ok"]
-            assert not (await page.ask("guide", direction="n", ms=99999))["ok"]
-
-    play(work())
+async def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
+    async with opened(tmp_path, at="nexstar:cge@sim") as there, there.page() as page:
+        offered = {"Goto", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate"}
+        assert offered == set(page.mount["can"]), "it has no home position"
+        assert (await page.ask("track", on=True, rate="lunar"))["ok"]
+        told = json.loads((await page.ask("look"))["words"])
+        assert told["pier"] in ("E", "W") and told["drive"] == pytest.approx(0.9763, abs=0.001)
+        await page.until(lambda: page.mount["pier"] == told["pier"])
+        assert (await page.ask("guide_rate", rate=0.75))["ok"]
+        await page.until(lambda: page.mount["guides"] == [0.75, 0.75])
+        assert (await page.ask("guide", direction="n", ms=500))["ok"]
+        assert not (await page.ask("guide", direction="n", ms=99999))["ok"]
 
 
-def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
-            refused = await page.ask("park")
-            assert not refused["ok"] and "pin" in refused["words"]
-            assert (await page.ask("stop"))["ok"]
-            assert not (await page.ask("pin", pin="4712"))["ok"]
-            assert (await page.ask("pin", pin="4711"))["ok"]
-            assert (await page.ask("jog", direction="north", rate=3))["ok"]
-
-    play(work())
+async def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path: Path) -> None:
+    async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
+        refused = await page.ask("park")
+        assert not refused["ok"] and "pin" in refused["words"]
+        assert (await page.ask("stop"))["ok"]
+        assert not (await page.ask("pin", pin="4712"))["ok"]
+        assert (await page.ask("pin", pin="4711"))["ok"]
+        assert (await page.ask("jog", direction="north", rate=3))["ok"]
 
 
-def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
-            notes: list[str] = []
-            there.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
-            answers = [await page.ask("pin", pin="0000") for _ in range(6)]
-            assert [answer["words"] for answer in answers[:5]] == ["this is not the pin"] * 5
-            assert "wait 60 s" in answers[5]["words"]
-            assert not (await page.ask("pin", pin="4711"))["ok"]
-            assert (await page.ask("stop"))["ok"]
-            assert sum("wrong pin from 127.0.0.1" in note for note in notes) == 5
-
-    play(work())
+async def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> None:
+    async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
+        notes: list[str] = []
+        there.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
+        answers = [await page.ask("pin", pin="0000") for _ in range(6)]
+        assert [answer["words"] for answer in answers[:5]] == ["this is not the pin"] * 5
+        assert "wait 60 s" in answers[5]["words"]
+        assert not (await page.ask("pin", pin="4711"))["ok"]
+        assert (await page.ask("stop"))["ok"]
+        assert sum("wrong pin from 127.0.0.1" in note for note in notes) == 5
 
 
-def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
-            reader, writer = await asyncio.open_connection(host, int(port))
-            writer.write(b":GR#")
-            await reader.readuntil(b"#")
-            await page.ws.send_str('{"do":"talk","on":true}')  # of a program that was there before
-            await page.ask("search")
-            writer.write(b"<i>#rubbish#:GR#:<b>x</b>#")
-            await reader.readuntil(b"#")
-            await page.until(lambda: any("<b>" in row["data"] for row in page.rows))
-            asked = next(row for row in page.rows if row["data"] == ":GR#" and row["arrow"] == ">")
-            answered = next(row for row in page.rows if row["side"] == asked["side"] and row["arrow"] == "<")
-            assert asked["pair"] == answered["pair"]
-            assert asked["words"] and answered["words"] and not {asked["kind"], answered["kind"]} & {"no"}
-            assert {row["surface"] for row in page.rows if row["side"] == asked["side"]} == {"lx200:autostar"}
-            assert not any("nexstar" in row["words"] for row in page.rows if row["side"] == asked["side"])
-            await page.until(lambda: page.mount["programs"])
-            assert page.mount["programs"][0]["surface"].startswith("lx200:")
-            writer.close()
-
-    play(work())
+async def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(b":GR#")
+        await reader.readuntil(b"#")
+        await page.ws.send_str('{"do":"talk","on":true}')  # of a program that was there before
+        await page.ask("search")
+        writer.write(b"<i>#rubbish#:GR#:<b>x</b>#")
+        await reader.readuntil(b"#")
+        await page.until(lambda: any("<b>" in row["data"] for row in page.rows))
+        asked = next(row for row in page.rows if row["data"] == ":GR#" and row["arrow"] == ">")
+        answered = next(row for row in page.rows if row["side"] == asked["side"] and row["arrow"] == "<")
+        assert asked["pair"] == answered["pair"]
+        assert asked["words"] and answered["words"] and not {asked["kind"], answered["kind"]} & {"no"}
+        assert {row["surface"] for row in page.rows if row["side"] == asked["side"]} == {"lx200:autostar"}
+        assert not any("nexstar" in row["words"] for row in page.rows if row["side"] == asked["side"])
+        await page.until(lambda: page.mount["programs"])
+        assert page.mount["programs"][0]["surface"].startswith("lx200:")
+        writer.close()
 
 
-def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as page:
-            assert (await page.ask("record", on=True))["ok"]
-            await page.until(lambda: page.recordings and page.recordings[0])
-            assert not (await page.ask("record", on=True))["ok"]
-            await page.ask("jog", direction="north", rate=4)
-            await page.ask("stop")
-            answer = await page.ask("record", on=False)
-            assert answer["ok"], answer
-            path = f"{there.where}{answer['download'][1:]}?token={await there.token()}"
-            async with there.http.get(path) as response:
-                assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
-                assert (await response.text()).startswith("# mount-gateway")
-            assert not (await page.ask("record", on=False))["ok"]
-            path = f"{there.where}{answer['report'][1:]}?token={await there.token()}"
-            async with there.http.get(path) as response:
-                assert response.status == 200 and response.content_type == "text/html", await response.text()
-                assert "attachment" in response.headers["Content-Disposition"]
-
-    play(work())
+async def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there, there.page() as page:
+        assert (await page.ask("record", on=True))["ok"]
+        await page.until(lambda: page.recordings and page.recordings[0])
+        assert not (await page.ask("record", on=True))["ok"]
+        await page.ask("jog", direction="north", rate=4)
+        await page.ask("stop")
+        answer = await page.ask("record", on=False)
+        assert answer["ok"], answer
+        path = f"{there.where}{answer['download'][1:]}?token={await there.token()}"
+        async with there.http.get(path) as response:
+            assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
+            assert (await response.text()).startswith("# mount-gateway")
+        assert not (await page.ask("record", on=False))["ok"]
+        path = f"{there.where}{answer['report'][1:]}?token={await there.token()}"
+        async with there.http.get(path) as response:
+            assert response.status == 200 and response.content_type == "text/html", await response.text()
+            assert "attachment" in response.headers["Content-Disposition"]
 
 
-def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with opened(tmp_path) as there:
-            _, writer = await asyncio.open_connection("127.0.0.1", urlsplit(there.where).port, limit=1024)
-            key = "dGhlIHNhbXBsZSBub25jZQ=="
-            writer.write(
-                f"GET /socket?token={await there.token()} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
-                f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
-            )
-            async with there.page() as page:
-                for _ in range(5):
-                    assert (await page.ask("look_up", name="Vega"))["ok"]
-            writer.close()
-
-    play(work())
+async def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
+    async with opened(tmp_path) as there:
+        _, writer = await asyncio.open_connection("127.0.0.1", urlsplit(there.where).port, limit=1024)
+        key = "dGhlIHNhbXBsZSBub25jZQ=="
+        writer.write(
+            f"GET /socket?token={await there.token()} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
+            f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        async with there.page() as page:
+            for _ in range(5):
+                assert (await page.ask("look_up", name="Vega"))["ok"]
+        writer.close()

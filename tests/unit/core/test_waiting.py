@@ -13,37 +13,31 @@ from gateway.core.waiting import TimedEvent, result_of, shared_result
 from gateway.diagnostics.virtual_time import run
 
 
-def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> None:
-    async def program() -> None:
-        event, loop = TimedEvent(), asyncio.get_running_loop()
-        began = loop.time()
-        loop.call_later(2.0, event.set)
-        answers = await asyncio.gather(event.wait(), event.within(5.0), event.within(1.0))
-        assert (answers, loop.time() - began) == ([True, True, False], 2.0)
-        assert await event.within(0.0)
-        await event.wait()
-        event.clear()
-        assert not await event.within(0.0)
-        assert not await event.within(-1.0)
-        assert loop.time() - began == 2.0
-
-    run(program())
+async def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> None:
+    event, loop = TimedEvent(), asyncio.get_running_loop()
+    began = loop.time()
+    loop.call_later(2.0, event.set)
+    answers = await asyncio.gather(event.wait(), event.within(5.0), event.within(1.0))
+    assert (answers, loop.time() - began) == ([True, True, False], 2.0)
+    assert await event.within(0.0)
+    await event.wait()
+    event.clear()
+    assert not await event.within(0.0)
+    assert not await event.within(-1.0)
+    assert loop.time() - began == 2.0
 
 
-def test_who_gives_up_is_told_nothing() -> None:
-    async def program() -> None:
-        event = TimedEvent()
-        waiting = [asyncio.create_task(event.within(9.0)), asyncio.create_task(event.wait())]
-        await asyncio.sleep(1.0)
-        for task in waiting:
-            task.cancel()
-        event.set()
-        for task in waiting:
-            with pytest.raises(asyncio.CancelledError):
-                await task
-        assert not event._waiters
-
-    run(program())
+async def test_who_gives_up_is_told_nothing() -> None:
+    event = TimedEvent()
+    waiting = [asyncio.create_task(event.within(9.0)), asyncio.create_task(event.wait())]
+    await asyncio.sleep(1.0)
+    for task in waiting:
+        task.cancel()
+    event.set()
+    for task in waiting:
+        with pytest.raises(asyncio.CancelledError):
+            await task
+    assert not event._waiters
 
 
 def played(play: Callable[[asyncio.Future[str]], Coroutine[Any, Any, None]]) -> list[object]:
@@ -101,32 +95,26 @@ def test_a_result_and_an_end_are_passed_on() -> None:
     assert played(play) == []
 
 
-def test_a_failure_reaches_all_who_share_it_and_one_who_gives_up_harms_nobody() -> None:
-    async def program() -> None:
-        async def fail() -> None:
-            await asyncio.sleep(1)
-            raise ValueError("no")
+async def test_a_failure_reaches_all_who_share_it_and_one_who_gives_up_harms_nobody() -> None:
+    async def fail() -> None:
+        await asyncio.sleep(1)
+        raise ValueError("no")
 
-        task = asyncio.ensure_future(fail())
-        waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(10)]
-        await asyncio.sleep(0.5)
-        waiting[0].cancel()
-        outcomes = await asyncio.gather(*waiting, return_exceptions=True)
-        assert isinstance(outcomes[0], asyncio.CancelledError)
-        assert all(isinstance(outcome, ValueError) for outcome in outcomes[1:])
-        with pytest.raises(ValueError, match="no"):
-            await shared_result(task)  # it is over: nothing to wait for
-
-    run(program())
+    task = asyncio.ensure_future(fail())
+    waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(10)]
+    await asyncio.sleep(0.5)
+    waiting[0].cancel()
+    outcomes = await asyncio.gather(*waiting, return_exceptions=True)
+    assert isinstance(outcomes[0], asyncio.CancelledError)
+    assert all(isinstance(outcome, ValueError) for outcome in outcomes[1:])
+    with pytest.raises(ValueError, match="no"):
+        await shared_result(task)  # it is over: nothing to wait for
 
 
-def test_shared_work_that_was_cancelled_is_no_answer_and_who_waited_for_it_goes_on() -> None:
-    async def program() -> None:
-        task = asyncio.get_running_loop().create_task(asyncio.sleep(100.0))
-        waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(3)]
-        await asyncio.sleep(0.1)
-        task.cancel()
-        outcomes = await asyncio.gather(*waiting, return_exceptions=True)
-        assert [type(outcome) for outcome in outcomes] == [NoAnswer] * 3
-
-    run(program())
+async def test_shared_work_that_was_cancelled_is_no_answer_and_who_waited_for_it_goes_on() -> None:
+    task = asyncio.get_running_loop().create_task(asyncio.sleep(100.0))
+    waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(3)]
+    await asyncio.sleep(0.1)
+    task.cancel()
+    outcomes = await asyncio.gather(*waiting, return_exceptions=True)
+    assert [type(outcome) for outcome in outcomes] == [NoAnswer] * 3

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.core.errors import Fault
 from gateway.diagnostics.metrics import Counts, Histogram
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
@@ -19,61 +18,49 @@ def test_a_histogram_counts_what_is_no_more_than_each_bound() -> None:
     assert histogram.buckets() == [("0.1", 2.0), ("1.0", 3.0), ("+Inf", 4.0)] and histogram.sum == pytest.approx(7.65)
 
 
-def test_exchanges_and_the_time_of_answers_are_counted() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            counts = Counts(bridge.controller)
-            before = bridge.controller.line.answers
-            await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
-            assert counts.exchanges >= bridge.controller.line.answers - before > 0
-            assert sum(counts.answering.counts) == counts.exchanges - sum(counts.faults.values())
-            counts.close()
-            seen = counts.exchanges
-            await bridge.client().ask(b":Q#:GR#", until=b"#")
-            assert counts.exchanges == seen and counts.stops == 0
-
-    run(program())
+async def test_exchanges_and_the_time_of_answers_are_counted() -> None:
+    async with Bridge() as bridge:
+        counts = Counts(bridge.controller)
+        before = bridge.controller.line.answers
+        await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
+        assert counts.exchanges >= bridge.controller.line.answers - before > 0
+        assert sum(counts.answering.counts) == counts.exchanges - sum(counts.faults.values())
+        counts.close()
+        seen = counts.exchanges
+        await bridge.client().ask(b":Q#:GR#", until=b"#")
+        assert counts.exchanges == seen and counts.stops == 0
 
 
-def test_stops_are_counted_with_the_time_until_they_were_acknowledged() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            counts = Counts(bridge.controller)
-            await bridge.controller.stop()
-            await asyncio.sleep(100.0)
-            await bridge.controller.stop()
-            assert counts.stops == 2 and sum(counts.stopping.counts) == 2
-            assert 0.0 < counts.stopping.sum < 2.0
-
-    run(program())
+async def test_stops_are_counted_with_the_time_until_they_were_acknowledged() -> None:
+    async with Bridge() as bridge:
+        counts = Counts(bridge.controller)
+        await bridge.controller.stop()
+        await asyncio.sleep(100.0)
+        await bridge.controller.stop()
+        assert counts.stops == 2 and sum(counts.stopping.counts) == 2
+        assert 0.0 < counts.stopping.sum < 2.0
 
 
-def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            counts = Counts(bridge.controller)
-            with monkeypatch.context() as patch:
-                patch.setattr(bridge.controller.line.wire, "write", lambda data: None)
-                with pytest.raises(Fault):
-                    await bridge.controller.stop()
-            assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
-
-    run(program())
+async def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with Bridge() as bridge:
+        counts = Counts(bridge.controller)
+        with monkeypatch.context() as patch:
+            patch.setattr(bridge.controller.line.wire, "write", lambda data: None)
+            with pytest.raises(Fault):
+                await bridge.controller.stop()
+        assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
 
 
-def test_every_refusal_is_counted_once_from_the_first_one_on() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client, log = bridge.client(), bridge.wire_log
-            assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusals == 1  # the value
-            assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusals == 4
-            assert (await client.ask(b":MS#")).startswith(b"1") and log.refusals == 5  # no target
-            said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
-            assert said.startswith(b"111") and log.refusals == 6  # the limits
-            client.tell(b":F9#")  # without a reply
-            await asyncio.sleep(1.0)
-            assert log.refusals == 7
-            assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", until=b"#")
-            assert log.refusals == 7
-
-    run(program())
+async def test_every_refusal_is_counted_once_from_the_first_one_on() -> None:
+    async with Bridge() as bridge:
+        client, log = bridge.client(), bridge.wire_log
+        assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusals == 1  # the value
+        assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusals == 4
+        assert (await client.ask(b":MS#")).startswith(b"1") and log.refusals == 5  # no target
+        said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
+        assert said.startswith(b"111") and log.refusals == 6  # the limits
+        client.tell(b":F9#")  # without a reply
+        await asyncio.sleep(1.0)
+        assert log.refusals == 7
+        assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", until=b"#")
+        assert log.refusals == 7

@@ -16,6 +16,7 @@ from gateway.fleet.topics import EVENTS, MqttMessage, Outbox, Received
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
+pytestmark = pytest.mark.real_time
 HERE, GONE = (
     MqttMessage("a/availability", b"online", retain=True),
     MqttMessage("a/availability", b"offline", retain=True),
@@ -58,107 +59,82 @@ def state(payload: bytes) -> MqttMessage:
     return MqttMessage("a/state", payload, retain=True, newest=True)
 
 
-def test_it_says_that_it_is_there_and_that_it_goes() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            assert there.broker.wills == [GONE] and there.told == [(True, "")]
-            assert there.broker.subscribed == ["a/command"]
-        assert there.broker.payloads("a/availability") == [b"online", b"offline"]
-
-    play(work())
+async def test_it_says_that_it_is_there_and_that_it_goes() -> None:
+    async with linked() as there:
+        assert there.broker.wills == [GONE] and there.told == [(True, "")]
+        assert there.broker.subscribed == ["a/command"]
+    assert there.broker.payloads("a/availability") == [b"online", b"offline"]
 
 
-def test_what_comes_is_heard_on_the_own_loop() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            there.broker.say("a/command", b"stop", True)
-            await until(lambda: there.heard)
-            assert there.heard == [Received("a/command", b"stop", True)]
-
-    play(work())
+async def test_what_comes_is_heard_on_the_own_loop() -> None:
+    async with linked() as there:
+        there.broker.say("a/command", b"stop", True)
+        await until(lambda: there.heard)
+        assert there.heard == [Received("a/command", b"stop", True)]
 
 
-def test_after_a_loss_the_newest_state_is_told_again() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            there.link.publish(state(b"1"))
-            await until(lambda: there.broker.payloads("a/state") == [b"1"])
-            there.broker.down = OSError(111, "Connection refused")
-            there.broker.lose()
-            await until(lambda: len(there.told) > 2)
-            assert there.told[1:3] == [(False, "the connection is lost"), (False, "Connection refused")]
-            there.link.publish(state(b"2"))
-            there.link.publish(state(b"3"))
-            there.broker.down = None
-            await until(lambda: there.told[-1][0])
-            await until(lambda: there.broker.payloads("a/state") == [b"1", b"3"])
-            assert there.broker.payloads("a/availability") == [b"online", b"online"]
-
-    play(work())
+async def test_after_a_loss_the_newest_state_is_told_again() -> None:
+    async with linked() as there:
+        there.link.publish(state(b"1"))
+        await until(lambda: there.broker.payloads("a/state") == [b"1"])
+        there.broker.down = OSError(111, "Connection refused")
+        there.broker.lose()
+        await until(lambda: len(there.told) > 2)
+        assert there.told[1:3] == [(False, "the connection is lost"), (False, "Connection refused")]
+        there.link.publish(state(b"2"))
+        there.link.publish(state(b"3"))
+        there.broker.down = None
+        await until(lambda: there.told[-1][0])
+        await until(lambda: there.broker.payloads("a/state") == [b"1", b"3"])
+        assert there.broker.payloads("a/availability") == [b"online", b"online"]
 
 
-def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            there.link.publish(state(b"1"))
-            await until(lambda: there.broker.payloads("a/state") == [b"1"])
-            there.broker.lose()
-            await until(lambda: there.broker.payloads("a/state") == [b"1", b"1"])
-
-    play(work())
+async def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
+    async with linked() as there:
+        there.link.publish(state(b"1"))
+        await until(lambda: there.broker.payloads("a/state") == [b"1"])
+        there.broker.lose()
+        await until(lambda: there.broker.payloads("a/state") == [b"1", b"1"])
 
 
-def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            there.broker.mute = True
-            for number in range(1000):
-                there.link.publish(state(b"%d" % number))
-                there.link.publish(MqttMessage("a/event", b"%d" % number))
-            await asyncio.sleep(0)
-            there.broker.mute = False
-            await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
-            assert there.broker.payloads("a/state")[-1] == b"999" and len(there.broker.payloads("a/state")) < 20
-            assert len(there.broker.payloads("a/event")) <= EVENTS + links.AT_A_TIME
-
-    play(work())
+async def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
+    async with linked() as there:
+        there.broker.mute = True
+        for number in range(1000):
+            there.link.publish(state(b"%d" % number))
+            there.link.publish(MqttMessage("a/event", b"%d" % number))
+        await asyncio.sleep(0)
+        there.broker.mute = False
+        await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
+        assert there.broker.payloads("a/state")[-1] == b"999" and len(there.broker.payloads("a/state")) < 20
+        assert len(there.broker.payloads("a/event")) <= EVENTS + links.AT_A_TIME
 
 
-def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
-    async def work() -> None:
-        async with linked(flood=5) as there:
-            there.broker.say("a/command", b"stop", times=50)
-            await until(lambda: (False, "it sent more than 5 messages in a second")
-                        in there.told)  # fmt: skip
-            assert len(there.heard) == 5
-            await until(lambda: there.told[-1] == (True, ""))
-
-    play(work())
+async def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
+    async with linked(flood=5) as there:
+        there.broker.say("a/command", b"stop", times=50)
+        await until(lambda: (False, "it sent more than 5 messages in a second")
+                    in there.told)  # fmt: skip
+        assert len(there.heard) == 5
+        await until(lambda: there.told[-1] == (True, ""))
 
 
-def test_of_a_message_that_is_too_long_the_beginning_arrives_and_a_stop_beside_it() -> None:
-    async def work() -> None:
-        async with linked() as there:
-            there.broker.say("a/command", b"x" * (2 * LARGEST))
-            there.broker.say("a/command", b"stop")
-            await until(lambda: len(there.heard) == 2)
-            assert [message.payload for message in there.heard] == [b"x" * (LARGEST + 1), b"stop"]
-            assert there.told == [(True, "")], "the link stays, and a stop is not lost"
-
-    play(work())
+async def test_of_a_message_that_is_too_long_the_beginning_arrives_and_a_stop_beside_it() -> None:
+    async with linked() as there:
+        there.broker.say("a/command", b"x" * (2 * LARGEST))
+        there.broker.say("a/command", b"stop")
+        await until(lambda: len(there.heard) == 2)
+        assert [message.payload for message in there.heard] == [b"x" * (LARGEST + 1), b"stop"]
+        assert there.told == [(True, "")], "the link stays, and a stop is not lost"
 
 
-def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "CLOSE_TIMEOUT", 0.05)
-
-    async def work() -> None:
-        async with linked() as there:
-            there.broker.mute = True
-            async with asyncio.timeout(60.0):
-                await there.link.close()
-            there.broker.mute = False
-
-    play(work())
+    async with linked() as there:
+        there.broker.mute = True
+        async with asyncio.timeout(60.0):
+            await there.link.close()
+        there.broker.mute = False
 
 
 @each(

@@ -17,6 +17,8 @@ from gateway.fleet.overview import server as servers
 from gateway.fleet.overview.server import Overview
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
+pytestmark = pytest.mark.real_time
+
 
 class There:
     """An overview, its broker, and a browser that has its page."""
@@ -55,21 +57,18 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> None:
-    async def work() -> None:
-        async with opened() as there:
-            text = await (await there.get("")).text()
-            needed = re.findall(r'(?:href|src)="([^"]+)"', text)
-            assert [name.rpartition("/")[2] for name in needed] == ["icon.svg", "all.js"]
-            for name in needed:
-                assert (await there.get(name)).status == 200
-            assert (await there.get("js/core/dom.js")).status == 200
-            for other in ("server.py", "js/main.js", "../server.py", "%2e%2e/server.py"):
-                assert (await there.get(other)).status == 404
-            policy = (await there.get("")).headers["Content-Security-Policy"]
-            assert "default-src 'none'" in policy and "unsafe" not in policy
-
-    play(work())
+async def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> None:
+    async with opened() as there:
+        text = await (await there.get("")).text()
+        needed = re.findall(r'(?:href|src)="([^"]+)"', text)
+        assert [name.rpartition("/")[2] for name in needed] == ["icon.svg", "all.js"]
+        for name in needed:
+            assert (await there.get(name)).status == 200
+        assert (await there.get("js/core/dom.js")).status == 200
+        for other in ("server.py", "js/main.js", "../server.py", "%2e%2e/server.py"):
+            assert (await there.get(other)).status == 404
+        policy = (await there.get("")).headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy and "unsafe" not in policy
 
 
 def test_mounts_are_shown() -> None:
@@ -95,35 +94,28 @@ def test_mounts_are_shown() -> None:
 @pytest.mark.parametrize(
     ("body", "topic"), [({}, "club/all/command"), ({"gateway": "pier", "mount": "east"}, "club/pier/east/command")]
 )
-def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, str], topic: str) -> None:
-    async def work() -> None:
-        async with opened() as there:
-            there.broker.passes_on = True
-            assert await there.stop(body) == (200, {"sent": True, "words": "stop sent"})
-            [message] = there.broker.published
-            assert (message.topic, message.payload, message.retain) == (topic, b"stop", False)
-
-    play(work())
+async def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, str], topic: str) -> None:
+    async with opened() as there:
+        there.broker.passes_on = True
+        assert await there.stop(body) == (200, {"sent": True, "words": "stop sent"})
+        [message] = there.broker.published
+        assert (message.topic, message.payload, message.retain) == (topic, b"stop", False)
 
 
-def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(servers, "ECHO_TIMEOUT", 0.05)
-
-    async def work() -> None:
-        async with opened() as there:
-            code, told = await there.stop({})
-            assert code == 200 and told["sent"] is False and "has not passed it on" in told["words"]
-            there.broker.down = OSError(111, "Connection refused")
-            there.broker.lose()
-            await until(lambda: False in there.told)
-            published = len(there.broker.published)
-            code, told = await there.stop({})
-            assert told["sent"] is False and "STOP WAS NOT SENT" in told["words"]
-            there.broker.down = None
-            await until(lambda: there.told[-1])
-            assert len(there.broker.published) == published, "it is not sent later, when nobody expects it"
-
-    play(work())
+    async with opened() as there:
+        code, told = await there.stop({})
+        assert code == 200 and told["sent"] is False and "has not passed it on" in told["words"]
+        there.broker.down = OSError(111, "Connection refused")
+        there.broker.lose()
+        await until(lambda: False in there.told)
+        published = len(there.broker.published)
+        code, told = await there.stop({})
+        assert told["sent"] is False and "STOP WAS NOT SENT" in told["words"]
+        there.broker.down = None
+        await until(lambda: there.told[-1])
+        assert len(there.broker.published) == published, "it is not sent later, when nobody expects it"
 
 
 @pytest.mark.parametrize(
@@ -131,12 +123,9 @@ def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch
     [b"", b"[]", {"gateway": "a"}, {"mount": "a"}, {"gateway": "a/b", "mount": "c"}, {"gateway": "#", "mount": "+"},
      {"gateway": "a", "mount": "b", "order": "park"}],
 )  # fmt: skip
-def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
-    async def work() -> None:
-        async with opened() as there:
-            assert (await there.stop(body))[0] == 400 and not there.broker.published
-
-    play(work())
+async def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
+    async with opened() as there:
+        assert (await there.stop(body))[0] == 400 and not there.broker.published
 
 
 @pytest.mark.parametrize(
@@ -148,10 +137,7 @@ def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
         {"Sec-Fetch-Site": "cross-site"},
     ],
 )
-def test_a_page_of_somebody_else_sees_nothing_and_stops_nothing(headers: dict[str, str]) -> None:
-    async def work() -> None:
-        async with opened() as there:
-            assert (await there.get("fleet.json", **headers)).status == 403
-            assert (await there.stop({}, **headers))[0] == 403 and not there.broker.published
-
-    play(work())
+async def test_a_page_of_somebody_else_sees_nothing_and_stops_nothing(headers: dict[str, str]) -> None:
+    async with opened() as there:
+        assert (await there.get("fleet.json", **headers)).status == 403
+        assert (await there.stop({}, **headers))[0] == 403 and not there.broker.published

@@ -18,6 +18,7 @@ from gateway.fleet import station as stations
 from gateway.fleet.station import Station
 from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
 
+pytestmark = pytest.mark.real_time
 STATE, EVENT, COMMAND = (f"mount-gateway/pier/mount/{what}" for what in ("state", "event", "command"))
 
 
@@ -64,17 +65,14 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-def test_a_mount_is_shown_with_what_is_known_of_it(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            told = there.state
-            assert {"ra_hours", "dec_degrees", "altitude_degrees", "azimuth_degrees", "tracking", "moving", "aligned",
-                    "online", "model", "line", "programs", "time"} <= set(told)  # fmt: skip
-            assert told["online"] is told["tracking"] is told["aligned"] is True and told["moving"] is False
-            assert 0.0 <= told["ra_hours"] < 24.0 and told["model"] == "6-8se" and told["programs"] == 0
-            assert all(message.retain for message in there.broker.published if message.topic == STATE)
-
-    play(work())
+async def test_a_mount_is_shown_with_what_is_known_of_it(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        told = there.state
+        assert {"ra_hours", "dec_degrees", "altitude_degrees", "azimuth_degrees", "tracking", "moving", "aligned",
+                "online", "model", "line", "programs", "time"} <= set(told)  # fmt: skip
+        assert told["online"] is told["tracking"] is told["aligned"] is True and told["moving"] is False
+        assert 0.0 <= told["ra_hours"] < 24.0 and told["model"] == "6-8se" and told["programs"] == 0
+        assert all(message.retain for message in there.broker.published if message.topic == STATE)
 
 
 def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,39 +94,30 @@ def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypa
     play(work())
 
 
-def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path, name="east", prefix="club/domes", id="two") as there:
-            await until(lambda: there.broker.payloads("club/domes/two/east/state"))
-            assert there.broker.wills[0] is not None and there.broker.wills[0].topic == "club/domes/two/availability"
-            assert "club/domes/all/command" in there.broker.subscribed
-
-    play(work())
+async def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
+    async with shown(tmp_path, name="east", prefix="club/domes", id="two") as there:
+        await until(lambda: there.broker.payloads("club/domes/two/east/state"))
+        assert there.broker.wills[0] is not None and there.broker.wills[0].topic == "club/domes/two/availability"
+        assert "club/domes/all/command" in there.broker.subscribed
 
 
 @pytest.mark.parametrize("topic", [COMMAND, "mount-gateway/all/command"])
-def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            there.broker.say(COMMAND, b"park")
-            await until(lambda: there.state["moving"])
-            there.broker.say(topic, b"stop")
-            await until(lambda: "stop: stopped" in there.happened("done"))
-            await until(lambda: there.state["moving"] is False)
-            assert there.happened("done")[0] == "park: it goes to its park position"
-
-    play(work())
+async def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
+    async with shown(tmp_path) as there:
+        there.broker.say(COMMAND, b"park")
+        await until(lambda: there.state["moving"])
+        there.broker.say(topic, b"stop")
+        await until(lambda: "stop: stopped" in there.happened("done"))
+        await until(lambda: there.state["moving"] is False)
+        assert there.happened("done")[0] == "park: it goes to its park position"
 
 
-def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            before = there.gateway.controller.stops
-            there.broker.say("mount-gateway/all/command", b"stop", times=200)
-            await until(lambda: len(there.happened("done")) == 2)
-            assert there.gateway.controller.stops == before + 2
-
-    play(work())
+async def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        before = there.gateway.controller.stops
+        there.broker.say("mount-gateway/all/command", b"stop", times=200)
+        await until(lambda: len(there.happened("done")) == 2)
+        assert there.gateway.controller.stops == before + 2
 
 
 @pytest.mark.parametrize(
@@ -146,97 +135,79 @@ def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: P
         ("mount-gateway/all/command", b"park", False, "park: the only order for all mounts together is stop"),
     ],
 )
-def test_what_is_not_obeyed_is_refused_in_words(
+async def test_what_is_not_obeyed_is_refused_in_words(
     tmp_path: Path, topic: str, payload: bytes, retain: bool, why: str
 ) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            before = there.gateway.controller.stops
-            there.broker.say(topic, payload, retain)
-            await until(lambda: there.happened("refused"))
-            assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
-            assert there.gateway.controller.stops == before and not there.happened("done")
-            assert why in there.gateway.wire_log.recent[-1].text
-
-    play(work())
+    async with shown(tmp_path) as there:
+        before = there.gateway.controller.stops
+        there.broker.say(topic, payload, retain)
+        await until(lambda: there.happened("refused"))
+        assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
+        assert there.gateway.controller.stops == before and not there.happened("done")
+        assert why in there.gateway.wire_log.recent[-1].text
 
 
-def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path, orders=["goto"]) as there:
-            there.broker.say(COMMAND, b"goto Acrux")  # never rises at the simulated site
-            await until(lambda: there.happened("failed"))
-            assert "below the horizon" in there.happened("failed")[0]
-            there.broker.say(COMMAND, b"goto Vegaa")
-            await until(lambda: len(there.happened("failed")) == 2)
-            assert "there is no object 'Vegaa'" in there.happened("failed")[1]
-
-    play(work())
+async def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: Path) -> None:
+    async with shown(tmp_path, orders=["goto"]) as there:
+        there.broker.say(COMMAND, b"goto Acrux")  # never rises at the simulated site
+        await until(lambda: there.happened("failed"))
+        assert "below the horizon" in there.happened("failed")[0]
+        there.broker.say(COMMAND, b"goto Vegaa")
+        await until(lambda: len(there.happened("failed")) == 2)
+        assert "there is no object 'Vegaa'" in there.happened("failed")[1]
 
 
-def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            topic, broker = "mount-gateway/pier/gateway", there.broker
-            [own] = broker.payloads(topic)
-            other = json.dumps({"instance": "other", "host": "dome", "process": 7}).encode()
-            broker.say(topic, own)
-            broker.say(topic, other.replace(b"other", b"earlier"), retain=True)  # of an earlier run, as far as is known
-            broker.say(topic, b"[] no JSON")
-            broker.say(topic, other)
-            broker.say(topic, other)
-            await until(lambda: len(broker.payloads(topic)) == 2)
-            broker.say(COMMAND, b"park")
-            await until(lambda: there.happened("refused"))
-            assert "another gateway (dome, process 7)" in there.happened("refused")[0]
-            broker.say(COMMAND, b"stop")
-            await until(lambda: "stop: stopped" in there.happened("done"))
-            assert broker.payloads(topic) == [own, own], "the other one is answered once"
-            assert [words for words in there.said if "another gateway" in words] == [there.station.presence.conflict]
+async def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        topic, broker = "mount-gateway/pier/gateway", there.broker
+        [own] = broker.payloads(topic)
+        other = json.dumps({"instance": "other", "host": "dome", "process": 7}).encode()
+        broker.say(topic, own)
+        broker.say(topic, other.replace(b"other", b"earlier"), retain=True)  # of an earlier run, as far as is known
+        broker.say(topic, b"[] no JSON")
+        broker.say(topic, other)
+        broker.say(topic, other)
+        await until(lambda: len(broker.payloads(topic)) == 2)
+        broker.say(COMMAND, b"park")
+        await until(lambda: there.happened("refused"))
+        assert "another gateway (dome, process 7)" in there.happened("refused")[0]
+        broker.say(COMMAND, b"stop")
+        await until(lambda: "stop: stopped" in there.happened("done"))
+        assert broker.payloads(topic) == [own, own], "the other one is answered once"
+        assert [words for words in there.said if "another gateway" in words] == [there.station.presence.conflict]
 
-            broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
-            await until(lambda: broker.payloads("mount-gateway/pier/availability") == [b"online"] * 2)
-            broker.say(COMMAND, b"park")
-            await until(lambda: "park: it goes to its park position" in there.happened("done"))
-
-    play(work())
+        broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
+        await until(lambda: broker.payloads("mount-gateway/pier/availability") == [b"online"] * 2)
+        broker.say(COMMAND, b"park")
+        await until(lambda: "park: it goes to its park position" in there.happened("done"))
 
 
-def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            there.broker.down = OSError(111, "Connection refused")
-            there.broker.lose()
-            await until(lambda: len(there.broker.wills) > 3)
-            there.broker.down = None
-            await until(lambda: len(there.said) == 3)
-            assert there.said[0] == "ready broker mqtt://broker.invalid:1883 as mount-gateway/pier"
-            assert "are not affected" in there.said[1] and there.said[2].endswith("is connected again")
-
-    play(work())
+async def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        there.broker.down = OSError(111, "Connection refused")
+        there.broker.lose()
+        await until(lambda: len(there.broker.wills) > 3)
+        there.broker.down = None
+        await until(lambda: len(there.said) == 3)
+        assert there.said[0] == "ready broker mqtt://broker.invalid:1883 as mount-gateway/pier"
+        assert "are not affected" in there.said[1] and there.said[2].endswith("is connected again")
 
 
-def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path) as there:
-            topic = "homeassistant/device/mount-gateway_pier_mount/config"
-            await until(lambda: b"6-8se" in b"".join(there.broker.payloads(topic)))
-            told = json.loads(there.broker.payloads(topic)[-1])
-            assert told["state_topic"] == STATE and told["device"]["model"] == "6-8se"
-            parts = told["components"]
-            assert {"ra_hours", "online", "stop", "park", "wake"} <= set(parts) and "home" not in parts
-            assert parts["stop"]["command_topic"] == COMMAND and parts["stop"]["payload_press"] == "stop"
-            ids = [part["unique_id"] for part in parts.values()]
-            assert len(set(ids)) == len(ids)
-            for key, part in parts.items():
-                assert part["platform"] == "button" or key in there.state
-
-    play(work())
+async def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        topic = "homeassistant/device/mount-gateway_pier_mount/config"
+        await until(lambda: b"6-8se" in b"".join(there.broker.payloads(topic)))
+        told = json.loads(there.broker.payloads(topic)[-1])
+        assert told["state_topic"] == STATE and told["device"]["model"] == "6-8se"
+        parts = told["components"]
+        assert {"ra_hours", "online", "stop", "park", "wake"} <= set(parts) and "home" not in parts
+        assert parts["stop"]["command_topic"] == COMMAND and parts["stop"]["payload_press"] == "stop"
+        ids = [part["unique_id"] for part in parts.values()]
+        assert len(set(ids)) == len(ids)
+        for key, part in parts.items():
+            assert part["platform"] == "button" or key in there.state
 
 
-def test_home_assistant_is_told_nothing_where_it_is_off(tmp_path: Path) -> None:
-    async def work() -> None:
-        async with shown(tmp_path, home_assistant="off") as there:
-            assert not [one.topic for one in there.broker.published if "config" in one.topic]
-
-    play(work())
+async def test_home_assistant_is_told_nothing_where_it_is_off(tmp_path: Path) -> None:
+    async with shown(tmp_path, home_assistant="off") as there:
+        assert not [one.topic for one in there.broker.published if "config" in one.topic]

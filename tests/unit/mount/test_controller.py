@@ -12,93 +12,71 @@ from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
 
-def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_the_status_in_twelve() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            await asyncio.sleep(20)
-            before = len(bridge.sent())
-            await asyncio.sleep(60)
-            asked = bridge.sent()[before:]
-            assert 1 <= asked.count(b"e") <= 12
-            assert 6 <= asked.count(b"w") <= 12, "its owner may set the site at its keys"
-            status = asked.count(b"t") + asked.count(b"J")
-            assert len(asked) - status <= 24 and asked.count(b"t") <= 6 and status <= 12
-
-    run(program())
+async def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_the_status_in_twelve() -> None:
+    async with Bridge() as bridge:
+        await asyncio.sleep(20)
+        before = len(bridge.sent())
+        await asyncio.sleep(60)
+        asked = bridge.sent()[before:]
+        assert 1 <= asked.count(b"e") <= 12
+        assert 6 <= asked.count(b"w") <= 12, "its owner may set the site at its keys"
+        status = asked.count(b"t") + asked.count(b"J")
+        assert len(asked) - status <= 24 and asked.count(b"t") <= 6 and status <= 12
 
 
-def test_reads_asked_at_the_same_time_share_one_exchange() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.3) as bridge:
-            await asyncio.sleep(10)
-            before = bridge.sent().count(b"e")
-            answers = await asyncio.gather(*(bridge.controller.answer(Position()) for _ in range(50)))
-            assert len(set(map(id, answers))) == 1
-            assert bridge.sent().count(b"e") <= before + 1
-
-    run(program())
+async def test_reads_asked_at_the_same_time_share_one_exchange() -> None:
+    async with Bridge(latency=0.3) as bridge:
+        await asyncio.sleep(10)
+        before = bridge.sent().count(b"e")
+        answers = await asyncio.gather(*(bridge.controller.answer(Position()) for _ in range(50)))
+        assert len(set(map(id, answers))) == 1
+        assert bridge.sent().count(b"e") <= before + 1
 
 
-def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.2) as bridge:
-            client = bridge.client()
-            await client.ask(b":GR#")
-            for _ in range(40):
-                await asyncio.sleep(0.25)
-                client.heard = b""
-                client.tell(b":GR#")
-                assert client.heard.endswith(b"#"), "answered within the call that brought the bytes"
-
-    run(program())
+async def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
+    async with Bridge(latency=0.2) as bridge:
+        client = bridge.client()
+        await client.ask(b":GR#")
+        for _ in range(40):
+            await asyncio.sleep(0.25)
+            client.heard = b""
+            client.tell(b":GR#")
+            assert client.heard.endswith(b"#"), "answered within the call that brought the bytes"
 
 
 @pytest.mark.safety_line(8)
-def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
-    async def program() -> None:
-        async with Bridge(aligned=False) as bridge:
-            reply = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b".#")
-            assert reply == b"111Mount not aligned.#"
-
-    run(program())
+async def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
+    async with Bridge(aligned=False) as bridge:
+        reply = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b".#")
+        assert reply == b"111Mount not aligned.#"
 
 
 @each("mount", ["6-8se", "cge"])
 @each("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
-def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
+async def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
     """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
-
-    async def program() -> None:
-        async with Bridge(mount, aligned=False) as bridge:
-            reply = await bridge.client().ask(asked, 3.0, until=b"111")
-            await asyncio.sleep(3.0)
-            assert not [sent for sent in bridge.sent() if sent[:1] in b"sSbB"]
-            assert not bridge.sim.slewing
-            assert reply == {b"C": b"11#", b"M": b"111", b"h": b""}[asked.split(b":")[-1][:1]]
-            assert any("Mount not aligned" in entry.note for entry in bridge.entries)
-
-    run(program())
+    async with Bridge(mount, aligned=False) as bridge:
+        reply = await bridge.client().ask(asked, 3.0, until=b"111")
+        await asyncio.sleep(3.0)
+        assert not [sent for sent in bridge.sent() if sent[:1] in b"sSbB"]
+        assert not bridge.sim.slewing
+        assert reply == {b"C": b"11#", b"M": b"111", b"h": b""}[asked.split(b":")[-1][:1]]
+        assert any("Mount not aligned" in entry.note for entry in bridge.entries)
 
 
-def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=False, config={"unaligned": "allow"}) as bridge:
-            assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", until=b"110") == b"110"
-            assert bridge.sim.slewing
-            assert await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#") == b"11#"
-
-    run(program())
+async def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
+    async with Bridge("6-8se", aligned=False, config={"unaligned": "allow"}) as bridge:
+        assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", until=b"110") == b"110"
+        assert bridge.sim.slewing
+        assert await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#") == b"11#"
 
 
 @pytest.mark.safety_line(8)
-def test_a_meade_is_aligned_by_its_first_sync_at_any_distance() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
-            await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#")
-            await asyncio.sleep(2.0)
-            assert bridge.sim.aligned
-
-    run(program())
+async def test_a_meade_is_aligned_by_its_first_sync_at_any_distance() -> None:
+    async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
+        await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.aligned
 
 
 def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> None:
@@ -124,49 +102,40 @@ def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> N
         run(program(aligned))
 
 
-def test_the_first_look_at_the_bars_while_another_program_starts_a_goto() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.1) as bridge:
-            one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            assert await other.ask(b":GR#")
-            one.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
-            await asyncio.sleep(0.01)
-            assert await other.ask(b":D#") == b"\x7f#"
-            assert await other.ask(b":GR#")
-
-    run(program())
+async def test_the_first_look_at_the_bars_while_another_program_starts_a_goto() -> None:
+    async with Bridge(latency=0.1) as bridge:
+        one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        assert await other.ask(b":GR#")
+        one.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+        await asyncio.sleep(0.01)
+        assert await other.ask(b":D#") == b"\x7f#"
+        assert await other.ask(b":GR#")
 
 
-def test_half_a_command_is_not_passed_by() -> None:
-    async def program() -> None:
-        async with Bridge(presented="nexstar", surface="6-8se") as bridge:
-            client = bridge.client()
-            assert len(await client.ask(b"e")) == 18
-            assert len(await client.ask(b"e")) == 18
-            client.tell(b"K")
-            assert await client.ask(b"e") == b"e#"
-
-    run(program())
+async def test_half_a_command_is_not_passed_by() -> None:
+    async with Bridge(presented="nexstar", surface="6-8se") as bridge:
+        client = bridge.client()
+        assert len(await client.ask(b"e")) == 18
+        assert len(await client.ask(b"e")) == 18
+        client.tell(b"K")
+        assert await client.ask(b"e") == b"e#"
 
 
-def test_a_defect_in_a_driver_costs_one_operation() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            good = bridge.driver.handlers["pointing.position"]
+async def test_a_defect_in_a_driver_costs_one_operation() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        good = bridge.driver.handlers["pointing.position"]
 
-            def broken(mount: object, operation: object) -> object:
-                raise KeyError("a defect")
+        def broken(mount: object, operation: object) -> object:
+            raise KeyError("a defect")
 
-            await client.ask(b":GR#")
-            bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": broken}
-            for _ in range(20):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert any("please report" in entry.note for entry in bridge.entries)
-            bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": good}
-            await asyncio.sleep(2)
-            assert len(await client.ask(b":GR#")) == 9
-            assert await client.ask(b":GVP#") == b"Autostar#"
-
-    run(program())
+        await client.ask(b":GR#")
+        bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": broken}
+        for _ in range(20):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert any("please report" in entry.note for entry in bridge.entries)
+        bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": good}
+        await asyncio.sleep(2)
+        assert len(await client.ask(b":GR#")) == 9
+        assert await client.ask(b":GVP#") == b"Autostar#"

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from gateway.core.about import RELEASED
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import SiteClock
 from gateway.system import computer_clock
 from gateway.system.computer_clock import Kernel, board_without_clock, synchronised
@@ -74,10 +73,7 @@ def test_the_owner_decides_then_the_date_and_the_kernel(choice: str, now: float,
     assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts(now) is doubtful
 
 
-def test_the_key_reaches_the_mount() -> None:
-    async def program() -> None:
-        for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
-            async with Bridge("cge", config={"computer_clock": choice}) as bridge:
-                assert bridge.site_clock.doubts(bridge.host()) is doubtful
-
-    run(program())
+async def test_the_key_reaches_the_mount() -> None:
+    for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
+        async with Bridge("cge", config={"computer_clock": choice}) as bridge:
+            assert bridge.site_clock.doubts(bridge.host()) is doubtful

@@ -53,27 +53,24 @@ class Cable:
         os.close(self._other)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("follows", [True, False])
-def test_baud_rate_changes_after_the_answer_and_stays_if_the_program_follows(
+async def test_baud_rate_changes_after_the_answer_and_stays_if_the_program_follows(
     follows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(baud, "TRIAL", 1.0)
-
-    async def program() -> None:
-        cable = Cable()
-        async with Bridge(latency=0.0) as bridge:
-            port = await SerialPort.open(cable.name, bridge.acceptor.accept)
-            assert cable.rate() == 9600
-            assert await cable.ask(b":SB4#") == b"1"
-            assert await cable.until(19200)
-            os.write(cable.end, b":GVP#" if follows else b"\xf8\x87\x0f")  # what the wrong rate makes of it
-            await asyncio.sleep(1.2)
-            assert await cable.until(19200 if follows else 9600)
-            assert await cable.ask(b":GVP#") not in (b"", b"1")
-            await port.close()
-        cable.close()
-
-    asyncio.run(program())
+    cable = Cable()
+    async with Bridge(latency=0.0) as bridge:
+        port = await SerialPort.open(cable.name, bridge.acceptor.accept)
+        assert cable.rate() == 9600
+        assert await cable.ask(b":SB4#") == b"1"
+        assert await cable.until(19200)
+        os.write(cable.end, b":GVP#" if follows else b"\xf8\x87\x0f")  # what the wrong rate makes of it
+        await asyncio.sleep(1.2)
+        assert await cable.until(19200 if follows else 9600)
+        assert await cable.ask(b":GVP#") not in (b"", b"1")
+        await port.close()
+    cable.close()
 
 
 def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
@@ -100,11 +97,8 @@ def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
     run(program())
 
 
-def test_change_of_baud_rate_is_acknowledged_without_a_serial_port() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            assert await client.ask(b":SB1#") == b"1"
-            assert await client.ask(b":GVP#") == b"Autostar#"
-
-    run(program())
+async def test_change_of_baud_rate_is_acknowledged_without_a_serial_port() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        assert await client.ask(b":SB1#") == b"1"
+        assert await client.ask(b":GVP#") == b"Autostar#"

@@ -18,36 +18,30 @@ from tests.support.simulated_meade import Clock
 BYTE = 10.0 / 9600.0
 
 
-def test_bytes_arrive_one_after_the_other() -> None:
-    async def program() -> None:
-        loop = asyncio.get_running_loop()
-        began, heard = loop.time(), []
-        pace = SerialPace(9600, lambda data: heard.append((data, loop.time() - began)))
-        pace.send(b"ab")
-        await asyncio.sleep(1.5 * BYTE)
-        pace.send(b"c")  # behind those that are on the line
-        await asyncio.sleep(10 * BYTE)
-        pace.send(b"d")  # on an idle one
-        await asyncio.sleep(2 * BYTE)
-        assert [data for data, _ in heard] == [b"a", b"b", b"c", b"d"]
-        assert [at for _, at in heard] == pytest.approx([BYTE, 2 * BYTE, 3 * BYTE, 12.5 * BYTE])
-
-    run(program())
+async def test_bytes_arrive_one_after_the_other() -> None:
+    loop = asyncio.get_running_loop()
+    began, heard = loop.time(), []
+    pace = SerialPace(9600, lambda data: heard.append((data, loop.time() - began)))
+    pace.send(b"ab")
+    await asyncio.sleep(1.5 * BYTE)
+    pace.send(b"c")  # behind those that are on the line
+    await asyncio.sleep(10 * BYTE)
+    pace.send(b"d")  # on an idle one
+    await asyncio.sleep(2 * BYTE)
+    assert [data for data, _ in heard] == [b"a", b"b", b"c", b"d"]
+    assert [at for _, at in heard] == pytest.approx([BYTE, 2 * BYTE, 3 * BYTE, 12.5 * BYTE])
 
 
-def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
-    async def program() -> None:
-        heard: list[bytes] = []
-        pace = SerialPace(9600, heard.append)
-        pace.send(b"x" * (2 * MAX_BYTES))
-        await asyncio.sleep((MAX_BYTES + 1) * BYTE)
-        assert len(b"".join(heard)) == MAX_BYTES
-        pace.send(b"gone")
-        pace.close()
-        await asyncio.sleep(1.0)
-        assert b"gone" not in b"".join(heard)
-
-    run(program())
+async def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
+    heard: list[bytes] = []
+    pace = SerialPace(9600, heard.append)
+    pace.send(b"x" * (2 * MAX_BYTES))
+    await asyncio.sleep((MAX_BYTES + 1) * BYTE)
+    assert len(b"".join(heard)) == MAX_BYTES
+    pace.send(b"gone")
+    pace.close()
+    await asyncio.sleep(1.0)
+    assert b"gone" not in b"".join(heard)
 
 
 @pytest.mark.parametrize(

@@ -285,35 +285,32 @@ def test_windows_has_none_and_imports_all() -> None:
     assert "no pseudo-terminals on this system" in said.stdout
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
-def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) -> None:
+async def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) -> None:
     """What the flood has left on either side of the terminal is gone: answers nobody read, and those still to come."""
-
-    async def program() -> None:
-        book: list[str] = []
-        port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))
-        for turn in range(3):
-            flood = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-            for _ in range(60):
-                with contextlib.suppress(BlockingIOError):
-                    os.write(flood, b"?" * 4096)
-                await asyncio.sleep(0)
+    book: list[str] = []
+    port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))
+    for turn in range(3):
+        flood = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        for _ in range(60):
             with contextlib.suppress(BlockingIOError):
                 os.write(flood, b"?" * 4096)
-            os.close(flood)
-            while book.count("leaves") <= 2 * turn:
-                await asyncio.sleep(0.005)
-            late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-            os.write(late, b"?")
-            heard = b""
-            for _ in range(20):
-                with contextlib.suppress(BlockingIOError):
-                    heard += os.read(late, 65536)
-                await asyncio.sleep(0.005)
-            assert heard == b"!"
-            os.close(late)
-            while book.count("leaves") <= 2 * turn + 1:
-                await asyncio.sleep(0.005)
-        await port.close()
-
-    asyncio.run(program())
+            await asyncio.sleep(0)
+        with contextlib.suppress(BlockingIOError):
+            os.write(flood, b"?" * 4096)
+        os.close(flood)
+        while book.count("leaves") <= 2 * turn:
+            await asyncio.sleep(0.005)
+        late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        os.write(late, b"?")
+        heard = b""
+        for _ in range(20):
+            with contextlib.suppress(BlockingIOError):
+                heard += os.read(late, 65536)
+            await asyncio.sleep(0.005)
+        assert heard == b"!"
+        os.close(late)
+        while book.count("leaves") <= 2 * turn + 1:
+            await asyncio.sleep(0.005)
+    await port.close()

@@ -93,21 +93,19 @@ def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("serial.rfc2217.time", SimpleNamespace(sleep=lambda seconds: time.sleep(seconds / 50)))
 
 
+@pytest.mark.real_time
 @PYSERIAL
 @pytest.mark.usefixtures("_brisk")
-def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
-    async def main() -> None:
-        port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
-        try:
-            assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
-            async with asyncio.timeout(60):
-                heard, rest = await asyncio.to_thread(session, port.where)
-        finally:
-            await port.close()
-        assert heard == EVERY_BYTE
-        assert rest == [True, True, True, False, b"end"]
-
-    asyncio.run(main())
+async def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
+    port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
+    try:
+        assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
+        async with asyncio.timeout(60):
+            heard, rest = await asyncio.to_thread(session, port.where)
+    finally:
+        await port.close()
+    assert heard == EVERY_BYTE
+    assert rest == [True, True, True, False, b"end"]
 
 
 @PYSERIAL

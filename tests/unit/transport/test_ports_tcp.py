@@ -18,6 +18,8 @@ from gateway.transport.listening import split_address
 from gateway.transport.tcp import TcpPort
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
+pytestmark = pytest.mark.real_time
+
 
 async def echo_at(where: str) -> TcpPort:
     port = await open_port(where, lambda connected: Echo(connected.write))
@@ -48,59 +50,49 @@ IPV6 = pytest.mark.skipif(not has_ipv6(), reason="this computer has no IPv6")
 
 @IPV6
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-def test_ipv6(scheme: str) -> None:
-    async def main() -> None:
-        port = await echo_at(f"{scheme}://[::1]:0")
-        assert port.where.startswith(f"{scheme}://[::1]:")
-        assert await reaches("::1", port)
-        await port.close()
-        both = await echo_at(f"{scheme}://[::]:0")
-        assert await reaches("::1", both) and await reaches("127.0.0.1", both)
-        await both.close()
-
-    asyncio.run(main())
+async def test_ipv6(scheme: str) -> None:
+    port = await echo_at(f"{scheme}://[::1]:0")
+    assert port.where.startswith(f"{scheme}://[::1]:")
+    assert await reaches("::1", port)
+    await port.close()
+    both = await echo_at(f"{scheme}://[::]:0")
+    assert await reaches("::1", both) and await reaches("127.0.0.1", both)
+    await both.close()
 
 
-def test_a_port_is_free_again_at_once() -> None:
+async def test_a_port_is_free_again_at_once() -> None:
     """Connections that were closed from this side linger in the system; they must not hold the port."""
-
-    async def main() -> None:
-        port = await echo_at("tcp://127.0.0.1:0")
-        client = socket.create_connection(("127.0.0.1", split_address(port.where)[1]))
-        while not port.connections:
-            await asyncio.sleep(0)
-        where = port.where
-        await port.close()
-        again = await echo_at(where)
-        assert again.where == where
-        with pytest.raises(UserError, match="the port is in use"):
-            await echo_at(where)
-        client.close()
-        await again.close()
-
-    asyncio.run(main())
+    port = await echo_at("tcp://127.0.0.1:0")
+    client = socket.create_connection(("127.0.0.1", split_address(port.where)[1]))
+    while not port.connections:
+        await asyncio.sleep(0)
+    where = port.where
+    await port.close()
+    again = await echo_at(where)
+    assert again.where == where
+    with pytest.raises(UserError, match="the port is in use"):
+        await echo_at(where)
+    client.close()
+    await again.close()
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the system does not show its timers")
-def test_a_connection_is_asked_whether_it_lives() -> None:
-    async def main() -> None:
-        port = await echo_at("tcp://127.0.0.1:0")
-        reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.where)[1])
-        writer.write(b"?")
-        await reader.readexactly(1)
-        (connection,) = port.connections
-        stream = connection._transport.get_extra_info("socket")
-        tcp = socket.IPPROTO_TCP
-        assert stream.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
-        assert stream.getsockopt(tcp, socket.TCP_NODELAY) == 1
-        silent = stream.getsockopt(tcp, socket.TCP_KEEPIDLE) + stream.getsockopt(
-            tcp, socket.TCP_KEEPINTVL
-        ) * stream.getsockopt(tcp, socket.TCP_KEEPCNT)
-        assert silent <= 60 and stream.getsockopt(tcp, socket.TCP_USER_TIMEOUT) <= 60_000
-        writer.close()
-        await port.close()
-
-    asyncio.run(main())
+async def test_a_connection_is_asked_whether_it_lives() -> None:
+    port = await echo_at("tcp://127.0.0.1:0")
+    reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.where)[1])
+    writer.write(b"?")
+    await reader.readexactly(1)
+    (connection,) = port.connections
+    stream = connection._transport.get_extra_info("socket")
+    tcp = socket.IPPROTO_TCP
+    assert stream.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+    assert stream.getsockopt(tcp, socket.TCP_NODELAY) == 1
+    silent = stream.getsockopt(tcp, socket.TCP_KEEPIDLE) + stream.getsockopt(
+        tcp, socket.TCP_KEEPINTVL
+    ) * stream.getsockopt(tcp, socket.TCP_KEEPCNT)
+    assert silent <= 60 and stream.getsockopt(tcp, socket.TCP_USER_TIMEOUT) <= 60_000
+    writer.close()
+    await port.close()
 
 
 @pytest.mark.parametrize("where", ["tcp://::1:4030", "rfc2217://127.0.0.1", "rfc2217://:70000", "tcp://[::1:4030"])

@@ -232,51 +232,43 @@ async def _answered(server: WebServer, host: str) -> bytes:
 # --- before it is loaded ----------------------------------------------------------------------------------------------
 
 
-def test_the_first_byte_wants_the_application_and_nothing_is_lost_until_it_is_there() -> None:
-    async def program() -> None:
-        site = Site()
-        server = WebServer(site.load)
-        line = Line(server)
-        await asyncio.sleep(1.0)
-        assert not site.wanted, "somebody who only connects loads nothing"
-        line.says(GET[:9])
-        await asyncio.sleep(1.0)
-        assert site.wanted
-        line.says(GET[9:])
-        site.loaded.set()
-        await asyncio.sleep(1.0)
-        assert line.heard.endswith(b"done")
-        await server.close()
-        assert line.is_closing()
-
-    run(program())
+async def test_the_first_byte_wants_the_application_and_nothing_is_lost_until_it_is_there() -> None:
+    site = Site()
+    server = WebServer(site.load)
+    line = Line(server)
+    await asyncio.sleep(1.0)
+    assert not site.wanted, "somebody who only connects loads nothing"
+    line.says(GET[:9])
+    await asyncio.sleep(1.0)
+    assert site.wanted
+    line.says(GET[9:])
+    site.loaded.set()
+    await asyncio.sleep(1.0)
+    assert line.heard.endswith(b"done")
+    await server.close()
+    assert line.is_closing()
 
 
 @each(("why", "told"), [("none", b"404"), ("ends", b"404"), ("too much", b"503"), ("too late", b"503")])
-def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
-    async def program() -> None:
-        server = WebServer(None if why == "none" else Site().load)
-        line = Line(server, sent=GET)
-        if why == "too much":
-            line.says(bytes(MAX_BYTES))
-        elif why == "ends":
-            await server.close()
-        await asyncio.sleep(1.0 if why != "too late" else WHOLE)
-        assert line.heard.startswith(b"HTTP/1.1 " + told) and line.is_closing()
+async def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
+    server = WebServer(None if why == "none" else Site().load)
+    line = Line(server, sent=GET)
+    if why == "too much":
+        line.says(bytes(MAX_BYTES))
+    elif why == "ends":
         await server.close()
+    await asyncio.sleep(1.0 if why != "too late" else WHOLE)
+    assert line.heard.startswith(b"HTTP/1.1 " + told) and line.is_closing()
+    await server.close()
 
-    run(program())
 
-
-def test_the_next_free_port_is_taken_and_none_is_an_error() -> None:
-    async def program() -> None:
-        server = WebServer()
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"
-            port = await server.listen(where, others=50)
-            assert number < split_address(port.where)[1] <= number + 50
-            with pytest.raises(UserError, match="in use"):
-                await server.listen(where)
-        await server.close()
-
-    asyncio.run(program())
+@pytest.mark.real_time
+async def test_the_next_free_port_is_taken_and_none_is_an_error() -> None:
+    server = WebServer()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"
+        port = await server.listen(where, others=50)
+        assert number < split_address(port.where)[1] <= number + 50
+        with pytest.raises(UserError, match="in use"):
+            await server.listen(where)
+    await server.close()

@@ -13,7 +13,6 @@ from gateway.app.config.describing import find_key
 from gateway.app.config.programs import first_bytes, open_needs, programs, with_needs
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support.each import each
 from tests.support.fake_gateway import FakeGateway
@@ -94,96 +93,76 @@ def test_starry_night_begins_in_low_precision() -> None:
     assert Talk(precision=given.precision).send(b":GR#") == b"12:34.9#"
 
 
-def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
-    async def story() -> None:
-        built, entries = gateway()
-        mobile, other = built.connect(), built.connect()
-        assert [await mobile.ask(data) for data in MOBILE] == [b"", b"", b"P"]
-        of_date, j2000 = await other.ask(b":GR#"), await mobile.ask(b"#:GR#")
-        assert of_date == b"12:34:56#"
-        assert j2000 == b"12:33:40#"  # 26.2 years of 3.07 + 1.34 sin(ra) tan(dec) = 2.87 s back
-        assert [entry.note for entry in entries if "applying its profile" in entry.note] == [
-            "recognised client Stellarium Mobile PLUS: applying its profile"
-        ]
-        assert await mobile.ask(b"#:Sr05:34:32#") == b"1"
-        assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
-        assert await mobile.ask(b"#:MS#") == b"0"
-        target = built.mount.asked[-1]
-        sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
-        assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
-
-    run(story())
+async def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
+    built, entries = gateway()
+    mobile, other = built.connect(), built.connect()
+    assert [await mobile.ask(data) for data in MOBILE] == [b"", b"", b"P"]
+    of_date, j2000 = await other.ask(b":GR#"), await mobile.ask(b"#:GR#")
+    assert of_date == b"12:34:56#"
+    assert j2000 == b"12:33:40#"  # 26.2 years of 3.07 + 1.34 sin(ra) tan(dec) = 2.87 s back
+    assert [entry.note for entry in entries if "applying its profile" in entry.note] == [
+        "recognised client Stellarium Mobile PLUS: applying its profile"
+    ]
+    assert await mobile.ask(b"#:Sr05:34:32#") == b"1"
+    assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
+    assert await mobile.ask(b"#:MS#") == b"0"
+    target = built.mount.asked[-1]
+    sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
+    assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
 
 
-def test_programs_that_release_arrows_by_a_full_stop_are_known() -> None:
-    async def story() -> None:
-        built, _ = gateway()
-        mobile, other = built.connect(), built.connect()
-        for data in MOBILE:
-            await mobile.ask(data)
-        await other.ask(b":GR#")
-        by_stop = [one.guest.client.releases.by_stop for one in (mobile, other)]
-        assert by_stop == [True, False]
-        for client, stops in (("skysafari", True), ("indi", False)):
-            assert (
-                make_surface(Endpoint("lx200", "-"), SurfaceConfig(at=TCP, client=client), Limits()).stops_arrows
-                is stops
-            )
-
-    run(story())
+async def test_programs_that_release_arrows_by_a_full_stop_are_known() -> None:
+    built, _ = gateway()
+    mobile, other = built.connect(), built.connect()
+    for data in MOBILE:
+        await mobile.ask(data)
+    await other.ask(b":GR#")
+    by_stop = [one.guest.client.releases.by_stop for one in (mobile, other)]
+    assert by_stop == [True, False]
+    for client, stops in (("skysafari", True), ("indi", False)):
+        assert (
+            make_surface(Endpoint("lx200", "-"), SurfaceConfig(at=TCP, client=client), Limits()).stops_arrows is stops
+        )
 
 
-def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
-    async def story() -> None:
-        built, _ = gateway()
+async def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
+    built, _ = gateway()
+    connection = built.connect()
+    assert await connection.dribble(b"".join(MOBILE), 0.01) == b"P"
+    assert await connection.ask(b"#:GR#") != b"12:34:56#"
+
+
+async def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
+    built, _ = gateway()
+    stellarium, other = built.connect(), built.connect()
+    for data in DESKTOP:
+        assert await stellarium.ask(data)
+    for connection, text in ((stellarium, CLEAN), (other, GENUINE)):
+        for data in (b":Sr12:34:00#", b":Sd+45*12:00#"):
+            assert await connection.ask(data) == b"1"
+        assert await connection.ask(b":CM#") == text
+
+
+async def test_an_explicit_key_beats_recognition() -> None:
+    for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
+        built, _ = gateway(**keys)
         connection = built.connect()
-        assert await connection.dribble(b"".join(MOBILE), 0.01) == b"P"
-        assert await connection.ask(b"#:GR#") != b"12:34:56#"
-
-    run(story())
-
-
-def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
-    async def story() -> None:
-        built, _ = gateway()
-        stellarium, other = built.connect(), built.connect()
-        for data in DESKTOP:
-            assert await stellarium.ask(data)
-        for connection, text in ((stellarium, CLEAN), (other, GENUINE)):
-            for data in (b":Sr12:34:00#", b":Sd+45*12:00#"):
-                assert await connection.ask(data) == b"1"
-            assert await connection.ask(b":CM#") == text
-
-    run(story())
-
-
-def test_an_explicit_key_beats_recognition() -> None:
-    async def story() -> None:
-        for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
-            built, _ = gateway(**keys)
-            connection = built.connect()
-            for data in MOBILE:
-                await connection.ask(data)
-            assert await connection.ask(b"#:GR#") == b"12:34:56#", keys
-
-    run(story())
+        for data in MOBILE:
+            await connection.ask(data)
+        assert await connection.ask(b"#:GR#") == b"12:34:56#", keys
 
 
 @each("path", files("lx200-*.txt"))
-def test_only_the_right_program_is_recognised(path: Path) -> None:
+async def test_only_the_right_program_is_recognised(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
-
-    async def story() -> None:
-        built, entries = gateway()
-        connection = built.connect()
-        for line in read(path).lines:
-            if line.mark == ">":
-                await connection.ask(line.data)
-        notes = [entry.note for entry in entries if "applying its profile" in entry.note]
-        expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1, "lx200-indi-autostar": 1}
-        assert len(notes) == expected.get(path.stem, 0)
-
-    run(story())
+    built, entries = gateway()
+    connection = built.connect()
+    for line in read(path).lines:
+        if line.mark == ">":
+            await connection.ask(line.data)
+    notes = [entry.note for entry in entries if "applying its profile" in entry.note]
+    expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1, "lx200-indi-autostar": 1}
+    assert len(notes) == expected.get(path.stem, 0)
 
 
 def test_nobody_is_recognised_where_connections_do_not_end() -> None:
@@ -192,14 +171,11 @@ def test_nobody_is_recognised_where_connections_do_not_end() -> None:
         assert first_bytes(SurfaceConfig(at=at)) == {}
 
 
-def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
-    async def story() -> None:
-        built, entries = gateway()
-        for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
-            connection = built.connect(host)
-            for data in (b":XY12#", b":XY12#", b":Q#", b":GR#"):
-                await connection.ask(data)
-        notes = [entry for entry in entries if entry.arrow == "!"]
-        assert len(notes) == 2 and all(":XY12#" in entry.note for entry in notes)
-
-    run(story())
+async def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
+    built, entries = gateway()
+    for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
+        connection = built.connect(host)
+        for data in (b":XY12#", b":XY12#", b":Q#", b":GR#"):
+            await connection.ask(data)
+    notes = [entry for entry in entries if entry.arrow == "!"]
+    assert len(notes) == 2 and all(":XY12#" in entry.note for entry in notes)

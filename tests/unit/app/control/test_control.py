@@ -19,6 +19,7 @@ from gateway.core import requests
 from gateway.core.errors import NoAnswer
 from gateway.core.requests import Answer
 
+pytestmark = pytest.mark.real_time
 STOPPED = Answer("done", "stopped")
 Work = Callable[[requests.Request], Awaitable[Answer]]
 
@@ -142,27 +143,24 @@ def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch:
     assert _asked(tmp_path, slow) == STOPPED
 
 
-def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
-    async def program() -> None:
-        served = Control([tmp_path], "m", "m", _good)
-        await served.open()
-        [(_, endpoint)] = read_endpoints(tmp_path)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            for data in (
-                b"",
-                b"\0" * 3000,
-                b"stop",
-                b" ",
-                b"x" * 60_000,
-                seal("guessed", "1", "ask stop"),
-                seal(endpoint.secret, "1", "stop"),
-                seal(endpoint.secret, "", ""),
-            ):
-                stranger.sendto(data, ("127.0.0.1", endpoint.port))
-        assert await ask(endpoint, requests.StopRequest(), 60.0) == STOPPED
-        await served.close()
-
-    asyncio.run(program())
+async def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
+    served = Control([tmp_path], "m", "m", _good)
+    await served.open()
+    [(_, endpoint)] = read_endpoints(tmp_path)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for data in (
+            b"",
+            b"\0" * 3000,
+            b"stop",
+            b" ",
+            b"x" * 60_000,
+            seal("guessed", "1", "ask stop"),
+            seal(endpoint.secret, "1", "stop"),
+            seal(endpoint.secret, "", ""),
+        ):
+            stranger.sendto(data, ("127.0.0.1", endpoint.port))
+    assert await ask(endpoint, requests.StopRequest(), 60.0) == STOPPED
+    await served.close()
 
 
 def test_a_seal_is_of_a_secret_a_number_and_a_text() -> None:
@@ -204,39 +202,33 @@ def _nobodys_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
-    async def program() -> None:
-        endpoint = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
-        stale = tmp_path / "lx200@COM3.77.control"
-        (tmp_path / "garbage.control").write_bytes(b"{")
-        (tmp_path / "deep.control").write_bytes(b"[" * 60_000)
-        (tmp_path / "folder.control").mkdir()
-        (tmp_path / "link.control").symlink_to("/dev/zero")
-        if hasattr(os, "mkfifo"):
-            os.mkfifo(tmp_path / "pipe.control")
-        stale.write_bytes(msgspec.json.encode(endpoint))
-        assert read_endpoints(tmp_path) == [(stale, endpoint)]
-        assert await ask(endpoint, requests.StopRequest(), 60.0) is None
-        served = Control([tmp_path], "nexstar@sim", "nexstar@sim", _good)
-        await served.open()
-        assert not stale.exists()
-        assert [found.mount for _, found in read_endpoints(tmp_path)] == ["nexstar@sim"]
-        await served.close()
-
-    asyncio.run(program())
+async def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
+    endpoint = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
+    stale = tmp_path / "lx200@COM3.77.control"
+    (tmp_path / "garbage.control").write_bytes(b"{")
+    (tmp_path / "deep.control").write_bytes(b"[" * 60_000)
+    (tmp_path / "folder.control").mkdir()
+    (tmp_path / "link.control").symlink_to("/dev/zero")
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.control")
+    stale.write_bytes(msgspec.json.encode(endpoint))
+    assert read_endpoints(tmp_path) == [(stale, endpoint)]
+    assert await ask(endpoint, requests.StopRequest(), 60.0) is None
+    served = Control([tmp_path], "nexstar@sim", "nexstar@sim", _good)
+    await served.open()
+    assert not stale.exists()
+    assert [found.mount for _, found in read_endpoints(tmp_path)] == ["nexstar@sim"]
+    await served.close()
 
 
-def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> None:
-    async def program() -> None:
-        (tmp_path / "full").write_text("")
-        served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
-        await served.open()
-        [(_, endpoint)] = read_endpoints(tmp_path)
-        assert (endpoint.state, await ask(endpoint, requests.StopRequest(), 60.0)) == (str(tmp_path / "full"), STOPPED)
-        await served.close()
-        nowhere = Control([tmp_path / "full"], "m", "m", _good)
-        with pytest.raises(OSError, match="Not a directory"):
-            await nowhere.open()
-        await nowhere.close()
-
-    asyncio.run(program())
+async def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> None:
+    (tmp_path / "full").write_text("")
+    served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
+    await served.open()
+    [(_, endpoint)] = read_endpoints(tmp_path)
+    assert (endpoint.state, await ask(endpoint, requests.StopRequest(), 60.0)) == (str(tmp_path / "full"), STOPPED)
+    await served.close()
+    nowhere = Control([tmp_path / "full"], "m", "m", _good)
+    with pytest.raises(OSError, match="Not a directory"):
+        await nowhere.open()
+    await nowhere.close()

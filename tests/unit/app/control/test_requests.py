@@ -62,266 +62,216 @@ def moves(bridge: Any) -> bool:
     return truth_of(bridge.sim).moving
 
 
-def test_a_goto_arrives_and_says_so() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            assert await owner.wish(requests.GotoRequest(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
-            state = await owner.see()
-            assert "05:34:32 +22°00'50\"" in state.wanted[0] and "mount-gateway goto" in state.wanted[0]
-            assert state.look.slewing
-            assert (await owner.outcome("g")).startswith("done it is there: 05:34:3")
-            assert not (await owner.see()).wanted
-
-    run(program())
+async def test_a_goto_arrives_and_says_so() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        assert await owner.wish(requests.GotoRequest(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
+        state = await owner.see()
+        assert "05:34:32 +22°00'50\"" in state.wanted[0] and "mount-gateway goto" in state.wanted[0]
+        assert state.look.slewing
+        assert (await owner.outcome("g")).startswith("done it is there: 05:34:3")
+        assert not (await owner.see()).wanted
 
 
-def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
     async def at_once(function: Any, *arguments: Any) -> Any:
         return function(*arguments)  # virtual time waits for no thread
 
     monkeypatch.setattr(asyncio, "to_thread", at_once)
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            take = Owner(bridge).request_handler.take
-            answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
-            assert answer.done and answer.text.startswith("it goes to 04:37:")
-            low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
-            assert low.text.startswith("Canopus is below the horizon (-")
-            unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
-            assert not unknown.done and "did you mean Aldebaran" in unknown.text
-
-    run(program())
+    async with Bridge() as bridge:
+        take = Owner(bridge).request_handler.take
+        answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
+        assert answer.done and answer.text.startswith("it goes to 04:37:")
+        low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
+        assert low.text.startswith("Canopus is below the horizon (-")
+        unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
+        assert not unknown.done and "did you mean Aldebaran" in unknown.text
 
 
-def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
-            await owner.wish(requests.GotoRequest(requests.Spot(10.0, -80.0), who="a page"))
-            await owner.wish(requests.CancelRequest("g"))
-            for _ in range(3):  # the first presses, the others keep it alive
-                await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="p", who="a page"))
-            await owner.wish(requests.ReleaseKeyRequest(number="p", who="a page"))
-            for silent in (requests.StateRequest(), requests.ReadSlowRequest(), requests.ProgressRequest("g")):
-                await owner.wish(silent)
-            said = [(entry.side, entry.arrow, entry.note) for entry in bridge.entries if entry.arrow in "*!"]
-            asked = [entry for entry in said if entry[0] == "a page"]
-            assert [(arrow, note.partition(":")[0]) for _, arrow, note in asked] == [
-                ("*", "Goto"),
-                ("!", "Goto"),
-                ("*", "Cancel"),
-                ("*", "Arrow"),
-                ("*", "Release of an arrow"),
-            ], asked
-
-    run(program())
+async def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
+        await owner.wish(requests.GotoRequest(requests.Spot(10.0, -80.0), who="a page"))
+        await owner.wish(requests.CancelRequest("g"))
+        for _ in range(3):  # the first presses, the others keep it alive
+            await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="p", who="a page"))
+        await owner.wish(requests.ReleaseKeyRequest(number="p", who="a page"))
+        for silent in (requests.StateRequest(), requests.ReadSlowRequest(), requests.ProgressRequest("g")):
+            await owner.wish(silent)
+        said = [(entry.side, entry.arrow, entry.note) for entry in bridge.entries if entry.arrow in "*!"]
+        asked = [entry for entry in said if entry[0] == "a page"]
+        assert [(arrow, note.partition(":")[0]) for _, arrow, note in asked] == [
+            ("*", "Goto"),
+            ("!", "Goto"),
+            ("*", "Cancel"),
+            ("*", "Arrow"),
+            ("*", "Release of an arrow"),
+        ], asked
 
 
-def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
-    async def program() -> None:
-        async with Bridge(config={"lowest": 15.0}) as bridge:
-            owner = Owner(bridge)
-            answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
-            assert answer.startswith("failed ") and "altitude, 15°" in answer
-            assert not moves(bridge)
-            far = await owner.wish(requests.SyncRequest(requests.Spot(200.0, 40.0), number="s"))
-            assert far.startswith("failed Sync refused: ")
-            told = (await owner.see()).lately[-1]
-            assert ": Sync refused: " in told and "Sync: " not in told
-            assert "up to 15°" in far
-            lately = (await owner.see()).lately
-            assert any("mount-gateway goto: Goto: " in words for words in lately)
-            await asyncio.sleep(70)
-            assert (await owner.see()).lately == ()
-
-    run(program())
+async def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
+    async with Bridge(config={"lowest": 15.0}) as bridge:
+        owner = Owner(bridge)
+        answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
+        assert answer.startswith("failed ") and "altitude, 15°" in answer
+        assert not moves(bridge)
+        far = await owner.wish(requests.SyncRequest(requests.Spot(200.0, 40.0), number="s"))
+        assert far.startswith("failed Sync refused: ")
+        told = (await owner.see()).lately[-1]
+        assert ": Sync refused: " in told and "Sync: " not in told
+        assert "up to 15°" in far
+        lately = (await owner.see()).lately
+        assert any("mount-gateway goto: Goto: " in words for words in lately)
+        await asyncio.sleep(70)
+        assert (await owner.see()).lately == ()
 
 
-def test_what_a_program_was_refused_is_told_without_a_log() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.wire_log.sinks.clear()
-            client = bridge.client("192.168.1.23")
-            for _ in range(2):
-                await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
-            state = await Owner(bridge).see()
-            [refused] = [words.partition(" ago, ")[2] for words in state.lately]
-            assert refused.startswith("192.168.1.23: Goto: ") and "(2 times)" in refused
-            assert state.programs == ("192.168.1.23",)
-            crowd = msgspec.structs.replace(state, programs=("10.0.0.2", "192.168.1.23", "10.0.0.2"))
-            assert any("10.0.0.2 (2 times), 192.168.1.23" in line for line in lines(crowd))
-            bridge.wire_log.sinks.append(bridge.entries.append)
-
-    run(program())
+async def test_what_a_program_was_refused_is_told_without_a_log() -> None:
+    async with Bridge() as bridge:
+        bridge.wire_log.sinks.clear()
+        client = bridge.client("192.168.1.23")
+        for _ in range(2):
+            await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
+        state = await Owner(bridge).see()
+        [refused] = [words.partition(" ago, ")[2] for words in state.lately]
+        assert refused.startswith("192.168.1.23: Goto: ") and "(2 times)" in refused
+        assert state.programs == ("192.168.1.23",)
+        crowd = msgspec.structs.replace(state, programs=("10.0.0.2", "192.168.1.23", "10.0.0.2"))
+        assert any("10.0.0.2 (2 times), 192.168.1.23" in line for line in lines(crowd))
+        bridge.wire_log.sinks.append(bridge.entries.append)
 
 
-def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(NORTH))
-            await asyncio.sleep(1.5)
-            assert moves(bridge)
-            assert any(words.startswith("an arrow up, asked for") for words in (await owner.see()).wanted)
-            assert await wish == "done it was moved north for 3.0 s"
-            await asyncio.sleep(1)
-            assert not moves(bridge)
-
-    run(program())
+async def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        wish = asyncio.ensure_future(owner.wish(NORTH))
+        await asyncio.sleep(1.5)
+        assert moves(bridge)
+        assert any(words.startswith("an arrow up, asked for") for words in (await owner.see()).wanted)
+        assert await wish == "done it was moved north for 3.0 s"
+        await asyncio.sleep(1)
+        assert not moves(bridge)
 
 
-def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            await owner.wish(requests.ParkRequest(number="p"))
-            assert (await owner.outcome("p")).endswith("it is parked")
-            assert "it is not parked any more" in await owner.wish(NORTH)
-            assert "parked" not in await owner.wish(NORTH)
-
-    run(program())
+async def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        await owner.wish(requests.ParkRequest(number="p"))
+        assert (await owner.outcome("p")).endswith("it is parked")
+        assert "it is not parked any more" in await owner.wish(NORTH)
+        assert "parked" not in await owner.wish(NORTH)
 
 
-def test_no_move_is_longer_than_the_dead_man_lives() -> None:
-    async def program() -> None:
-        async with Bridge(config={"dead_man": 5.0}) as bridge:
-            answer = await Owner(bridge).wish(requests.MoveRequest(Direction.NORTH, 7, 6.0, number="m"))
-            assert answer.startswith("failed ") and "5 s (--dead-man)" in answer and "1 to 9" in answer
-            assert not moves(bridge)
-
-    run(program())
+async def test_no_move_is_longer_than_the_dead_man_lives() -> None:
+    async with Bridge(config={"dead_man": 5.0}) as bridge:
+        answer = await Owner(bridge).wish(requests.MoveRequest(Direction.NORTH, 7, 6.0, number="m"))
+        assert answer.startswith("failed ") and "5 s (--dead-man)" in answer and "1 to 9" in answer
+        assert not moves(bridge)
 
 
-def test_taken_back_it_ends_at_once() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
-            await asyncio.sleep(2)
-            assert (await owner.wish(requests.CancelRequest("m"))).startswith("done")
-            assert (await wish).startswith("done it was moved west for 1.")
-            await asyncio.sleep(2)
-            assert not moves(bridge)
-            await owner.wish(requests.GotoRequest(CRAB, number="g"))
-            await asyncio.sleep(2)
-            assert moves(bridge)
-            assert await owner.wish(requests.CancelRequest("g")) == "done the mount was stopped"
-            await asyncio.sleep(2)
-            assert not moves(bridge)
-
-    run(program())
+async def test_taken_back_it_ends_at_once() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
+        await asyncio.sleep(2)
+        assert (await owner.wish(requests.CancelRequest("m"))).startswith("done")
+        assert (await wish).startswith("done it was moved west for 1.")
+        await asyncio.sleep(2)
+        assert not moves(bridge)
+        await owner.wish(requests.GotoRequest(CRAB, number="g"))
+        await asyncio.sleep(2)
+        assert moves(bridge)
+        assert await owner.wish(requests.CancelRequest("g")) == "done the mount was stopped"
+        await asyncio.sleep(2)
+        assert not moves(bridge)
 
 
-def test_what_another_has_begun_since_is_not_ended() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.GotoRequest(CRAB, number="g"))
-            await asyncio.sleep(1)
-            assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
-            await asyncio.sleep(1)
-            assert (await owner.wish(requests.CancelRequest("g"))).startswith("done nothing ")
-            assert bridge.controller.slewing
-            assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
-
-    run(program())
+async def test_what_another_has_begun_since_is_not_ended() -> None:
+    async with Bridge() as bridge:
+        owner, client = Owner(bridge), bridge.client()
+        await owner.wish(requests.GotoRequest(CRAB, number="g"))
+        await asyncio.sleep(1)
+        assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
+        await asyncio.sleep(1)
+        assert (await owner.wish(requests.CancelRequest("g"))).startswith("done nothing ")
+        assert bridge.controller.slewing
+        assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
 
 
-def test_taken_back_before_it_came_it_is_not_begun() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            await owner.wish(requests.CancelRequest("g"))
-            assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("failed It was cancelled.")
-            await asyncio.sleep(2)
-            assert not moves(bridge)
-
-    run(program())
+async def test_taken_back_before_it_came_it_is_not_begun() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        await owner.wish(requests.CancelRequest("g"))
+        assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("failed It was cancelled.")
+        await asyncio.sleep(2)
+        assert not moves(bridge)
 
 
-def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner, client = Owner(bridge), bridge.client()
-            await owner.wish(requests.GotoRequest(CRAB, number="g"))
-            await asyncio.sleep(2)
-            client.tell(b":Q#")
-            assert (await owner.outcome("g")).startswith(
-                "failed it was stopped"
-            ) and "127.0.0.1" in await owner.outcome("g")
-            wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
-            await asyncio.sleep(2)
-            client.tell(b":Q#")
-            assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
-            assert "move: Move ended by a stop" in " ".join((await owner.see()).lately)
-
-    run(program())
+async def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
+    async with Bridge() as bridge:
+        owner, client = Owner(bridge), bridge.client()
+        await owner.wish(requests.GotoRequest(CRAB, number="g"))
+        await asyncio.sleep(2)
+        client.tell(b":Q#")
+        assert (await owner.outcome("g")).startswith("failed it was stopped") and "127.0.0.1" in await owner.outcome(
+            "g"
+        )
+        wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
+        await asyncio.sleep(2)
+        client.tell(b":Q#")
+        assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
+        assert "move: Move ended by a stop" in " ".join((await owner.see()).lately)
 
 
-def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
+async def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
     """Whoever holds it learns that it moves nothing any more, and must press anew."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner, client = Owner(bridge), bridge.client()
-            press = requests.PressRequest(Direction.NORTH, 7, number="p")
-            assert await owner.wish(press) == "done it is moved north"
-            client.tell(b":Q#")
-            await asyncio.sleep(2)
-            assert (await owner.wish(press)).startswith("failed Stopped.")
-            assert not moves(bridge)
-            assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
-
-    run(program())
+    async with Bridge() as bridge:
+        owner, client = Owner(bridge), bridge.client()
+        press = requests.PressRequest(Direction.NORTH, 7, number="p")
+        assert await owner.wish(press) == "done it is moved north"
+        client.tell(b":Q#")
+        await asyncio.sleep(2)
+        assert (await owner.wish(press)).startswith("failed Stopped.")
+        assert not moves(bridge)
+        assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
 
-def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.5) as bridge:
-            owner = Owner(bridge)
-            wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
-            while not bridge.controller.wanted.value.active:
-                await asyncio.sleep(0.05)
-            assert not [line for line in (await owner.see()).wanted if "not begun yet" in line]
-            assert (await wish).startswith("done")
-
-    run(program())
+async def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
+    async with Bridge(latency=0.5) as bridge:
+        owner = Owner(bridge)
+        wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
+        while not bridge.controller.wanted.value.active:
+            await asyncio.sleep(0.05)
+        assert not [line for line in (await owner.see()).wanted if "not begun yet" in line]
+        assert (await wish).startswith("done")
 
 
-def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
-    async def program() -> None:
-        async with Bridge(aligned=False) as bridge:
-            owner = Owner(bridge)
-            assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
-            bridge.controller.hold.on = True
-            assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
-            assert any("stop --release" in limit for limit in (await owner.see()).allowed)
-
-    run(program())
+async def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
+    async with Bridge(aligned=False) as bridge:
+        owner = Owner(bridge)
+        assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
+        bridge.controller.hold.on = True
+        assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
+        assert any("stop --release" in limit for limit in (await owner.see()).allowed)
 
 
-def test_everything_is_told_by_name() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge, "pier")
-            state = await owner.see()
-            assert state.look.age < 1.0
-            told = "\n".join(lines(state))
-            assert "  now       " in told
-            assert "tracking\n" in told and "none: no motion\n" in told
-            down = msgspec.structs.replace(state.look, state="down", reason="no such port")
-            told = "\n".join(lines(msgspec.structs.replace(state, look=down)))
-            assert " 0 s ago\n  orders" in told  # nobody knows whether it still tracks
-            assert "down: no such port" in told
-            assert (state.look.name, state.mount) == ("pier", "nexstar@sim")
-            assert state.found == "Celestron NexStar, 6-8se, version 4.21"
-            assert state.site == "45.0 N 10.0 E, told by the mount"
-            assert state.clock == "2026-01-15 22:00:01 UTC, told by the mount"
-
-    run(program())
+async def test_everything_is_told_by_name() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge, "pier")
+        state = await owner.see()
+        assert state.look.age < 1.0
+        told = "\n".join(lines(state))
+        assert "  now       " in told
+        assert "tracking\n" in told and "none: no motion\n" in told
+        down = msgspec.structs.replace(state.look, state="down", reason="no such port")
+        told = "\n".join(lines(msgspec.structs.replace(state, look=down)))
+        assert " 0 s ago\n  orders" in told  # nobody knows whether it still tracks
+        assert "down: no such port" in told
+        assert (state.look.name, state.mount) == ("pier", "nexstar@sim")
+        assert state.found == "Celestron NexStar, 6-8se, version 4.21"
+        assert state.site == "45.0 N 10.0 E, told by the mount"
+        assert state.clock == "2026-01-15 22:00:01 UTC, told by the mount"
 
 
 def test_a_site_that_another_contradicts_is_told_once() -> None:
@@ -354,34 +304,28 @@ def test_a_clock_that_is_off_is_told_with_both_times_and_how_to_set_each() -> No
     run(program())
 
 
-def test_a_meade_takes_the_same_wishes() -> None:
-    async def program() -> None:
-        sky = Sky()
-        exact_sky.load(sky)
-        async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
-            owner = Owner(bridge)
-            assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
-            assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("done it goes to 05:34:32")
-            assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-            assert (await owner.wish(requests.GotoRequest(requests.Body("Jupiter"), number="j"))).startswith(
-                "done it goes to 07:"
-            )
-            assert (await owner.wish(requests.CancelRequest("j"))) == "done the mount was stopped"
-            assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
-            assert await owner.outcome("p") == "done it is parked"
-
-    run(program())
+async def test_a_meade_takes_the_same_wishes() -> None:
+    sky = Sky()
+    exact_sky.load(sky)
+    async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
+        owner = Owner(bridge)
+        assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
+        assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("done it goes to 05:34:32")
+        assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
+        assert (await owner.wish(requests.GotoRequest(requests.Body("Jupiter"), number="j"))).startswith(
+            "done it goes to 07:"
+        )
+        assert (await owner.wish(requests.CancelRequest("j"))) == "done the mount was stopped"
+        assert (await owner.wish(requests.ParkRequest(number="p"))).startswith("done it goes to its park position")
+        assert await owner.outcome("p") == "done it is parked"
 
 
-def test_many_wishes_leave_nothing_behind() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            owner = Owner(bridge)
-            for number in range(200):
-                await owner.wish(requests.CancelRequest(str(number)))
-            await asyncio.sleep(61)
-            for number in range(200, 270):
-                await owner.wish(requests.CancelRequest(str(number)))
-            assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2
-
-    run(program())
+async def test_many_wishes_leave_nothing_behind() -> None:
+    async with Bridge() as bridge:
+        owner = Owner(bridge)
+        for number in range(200):
+            await owner.wish(requests.CancelRequest(str(number)))
+        await asyncio.sleep(61)
+        for number in range(200, 270):
+            await owner.wish(requests.CancelRequest(str(number)))
+        assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2

@@ -140,37 +140,31 @@ def test_a_site_that_is_written_wrongly_is_told_of(site: tuple[float, float], hi
     assert "look" in warned or not hint
 
 
-def test_at_the_end_it_says_how_the_mount_was_left() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            await client.ask(b":RS#:Mn#:GVP#")
-            await asyncio.sleep(2)
-            moved = bridge.controller.reconciler.busy
-            await bridge.controller.close()
-            told = last_message(bridge.controller, moved)
-            assert told is not None
-            assert (told.text, told.warns) == ("stopped the mount; tracking is on", False)
-            await asyncio.sleep(100)
-            told = last_message(bridge.controller, False)
-            assert told is not None
-            assert "tracking was on" in told.text
-
-    run(program())
+async def test_at_the_end_it_says_how_the_mount_was_left() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        await client.ask(b":RS#:Mn#:GVP#")
+        await asyncio.sleep(2)
+        moved = bridge.controller.reconciler.busy
+        await bridge.controller.close()
+        told = last_message(bridge.controller, moved)
+        assert told is not None
+        assert (told.text, told.warns) == ("stopped the mount; tracking is on", False)
+        await asyncio.sleep(100)
+        told = last_message(bridge.controller, False)
+        assert told is not None
+        assert "tracking was on" in told.text
 
 
-def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            reconciler = bridge.controller.reconciler
-            reconciler.want(replace(reconciler.wanted, owed=True))
-            told = last_message(bridge.controller, True)
-            assert told is not None
-            assert told.warns
-            assert "not acknowledged" in told.text
-            await bridge.controller.perform(AbortMotion())
-
-    run(program())
+async def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
+    async with Bridge() as bridge:
+        reconciler = bridge.controller.reconciler
+        reconciler.want(replace(reconciler.wanted, owed=True))
+        told = last_message(bridge.controller, True)
+        assert told is not None
+        assert told.warns
+        assert "not acknowledged" in told.text
+        await bridge.controller.perform(AbortMotion())
 
 
 def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None:

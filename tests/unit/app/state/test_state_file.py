@@ -160,14 +160,10 @@ def test_what_a_later_program_adds_is_no_reason_to_refuse(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"mount": 3}', b'{"mount": "", "baud": 1, "memory": {"version": 7}}'])
-def test_a_mark_that_cannot_be_read_is_a_mark_all_the_same(tmp_path: Path, content: bytes) -> None:
+async def test_a_mark_that_cannot_be_read_is_a_mark_all_the_same(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "nexstar@bridge.moving").write_bytes(content)
-
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            assert bridge.sent()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]
-
-    run(program())
+    async with Bridge(state=tmp_path) as bridge:
+        assert bridge.sent()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]
 
 
 @pytest.mark.parametrize("kind", ["a file in the way", "a directory in the way"])
@@ -260,43 +256,37 @@ def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monke
     }
 
 
-def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
+async def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
     async def slow(function: Any, *arguments: Any) -> Any:
         await asyncio.sleep(30)
         return function(*arguments)
 
-    async def program() -> None:
-        async with Bridge(state=tmp_path, in_thread=slow) as bridge:
-            client, began = bridge.client(), bridge.controller.now()
-            assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
-            client.tell(b":RM#:Mn#")
-            while not bridge.controller.wanted.axes:
-                await asyncio.sleep(0.001)
-            assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
-
-    run(program())
+    async with Bridge(state=tmp_path, in_thread=slow) as bridge:
+        client, began = bridge.client(), bridge.controller.now()
+        assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
+        client.tell(b":RM#:Mn#")
+        while not bridge.controller.wanted.axes:
+            await asyncio.sleep(0.001)
+        assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
 
 
 # --- two gateways -----------------------------------------------------------------------------------------------
 
 
-def test_two_gateways_never_share_a_file(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as first:
-            await first.client().ask(b":SMfirst#")
-            await asyncio.sleep(1)
-            async with Bridge(state=tmp_path) as second:
-                assert second.warned == []
-                assert second.store and "another mount-gateway (process" in second.store.other_gateway
-                client = second.client()
-                assert await client.ask(b":GM#") == b"first#", "it begins with what there is"
-                assert await client.ask(b":SMsecond#:GM#", until=b"d#") == b"1second#"
-                client.tell(b":Mn#")
-                await asyncio.sleep(2)
-                assert not list(tmp_path.glob("*.moving"))
-            assert first.warned == []
-        async with Bridge(state=tmp_path) as third:
-            assert await third.client().ask(b":GM#") == b"first#"
-            assert third.warned == []
-
-    run(program())
+async def test_two_gateways_never_share_a_file(tmp_path: Path) -> None:
+    async with Bridge(state=tmp_path) as first:
+        await first.client().ask(b":SMfirst#")
+        await asyncio.sleep(1)
+        async with Bridge(state=tmp_path) as second:
+            assert second.warned == []
+            assert second.store and "another mount-gateway (process" in second.store.other_gateway
+            client = second.client()
+            assert await client.ask(b":GM#") == b"first#", "it begins with what there is"
+            assert await client.ask(b":SMsecond#:GM#", until=b"d#") == b"1second#"
+            client.tell(b":Mn#")
+            await asyncio.sleep(2)
+            assert not list(tmp_path.glob("*.moving"))
+        assert first.warned == []
+    async with Bridge(state=tmp_path) as third:
+        assert await third.client().ask(b":GM#") == b"first#"
+        assert third.warned == []

@@ -14,7 +14,6 @@ import pytest
 from gateway.app.state.file import read_marker
 from gateway.astro.spherical import separation
 from gateway.core.operations import Tracking
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 NEXSTAR_STOP = {b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"}
@@ -38,66 +37,56 @@ def _mark(directory: Path) -> Path | None:
         ("cge", b":Mge1000#"),
     ],
 )
-def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, mount: str, motion: bytes) -> None:
-    async def program() -> None:
-        async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
-            seen: list[bool] = []
-            bridge.wire_log.sinks.append(
-                lambda entry: (
-                    seen.append(_mark(tmp_path) is not None)
-                    if entry.side == "mount" and entry.arrow == ">" and entry.data[:1] in b"rbP"
-                    else None
-                )
+async def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, mount: str, motion: bytes) -> None:
+    async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
+        seen: list[bool] = []
+        bridge.wire_log.sinks.append(
+            lambda entry: (
+                seen.append(_mark(tmp_path) is not None)
+                if entry.side == "mount" and entry.arrow == ">" and entry.data[:1] in b"rbP"
+                else None
             )
-            client = bridge.client()
-            await asyncio.sleep(1)
-            seen.clear()
-            assert _mark(tmp_path) is None
-            client.tell(motion)
-            await asyncio.sleep(0.7)
-            assert seen[0]
-            assert all(seen)
-            if motion[:2] in (b":R", b":M") and b"g" not in motion:
-                await asyncio.sleep(5)
-                assert _mark(tmp_path), "it stays as long as the motion"
-                client.tell(b":Q#")
-            await asyncio.sleep(60)
-            assert not bridge.controller.reconciler.busy
-            assert _mark(tmp_path) is None
-
-    run(program())
+        )
+        client = bridge.client()
+        await asyncio.sleep(1)
+        seen.clear()
+        assert _mark(tmp_path) is None
+        client.tell(motion)
+        await asyncio.sleep(0.7)
+        assert seen[0]
+        assert all(seen)
+        if motion[:2] in (b":R", b":M") and b"g" not in motion:
+            await asyncio.sleep(5)
+            assert _mark(tmp_path), "it stays as long as the motion"
+            client.tell(b":Q#")
+        await asyncio.sleep(60)
+        assert not bridge.controller.reconciler.busy
+        assert _mark(tmp_path) is None
 
 
 @pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir, Path.touch])
-def test_a_mark_that_cannot_be_read_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
+async def test_a_mark_that_cannot_be_read_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
     """The mount is stopped; a pipe is replaced by the next mark, and a folder is told once more."""
+    kind(mark := tmp_path / "nexstar@bridge.moving")
+    async with Bridge(state=tmp_path) as bridge:
+        told = bridge.warned[0]
+        assert told.startswith(f"nexstar@bridge: the motion marker {mark} cannot be read, as if")
+        assert told.endswith("stopped first")
+        assert NEXSTAR_STOP & set(bridge.sent())
+        bridge.client().tell(b":RC#:Mn#")
+        await asyncio.sleep(1)
+        assert mark.is_file() or "Is a directory" in bridge.warned[-1]
 
-    async def program() -> None:
-        kind(mark := tmp_path / "nexstar@bridge.moving")
-        async with Bridge(state=tmp_path) as bridge:
-            told = bridge.warned[0]
-            assert told.startswith(f"nexstar@bridge: the motion marker {mark} cannot be read, as if")
-            assert told.endswith("stopped first")
-            assert NEXSTAR_STOP & set(bridge.sent())
-            bridge.client().tell(b":RC#:Mn#")
+
+async def test_what_does_not_move_the_mount_leaves_no_mark(tmp_path: Path) -> None:
+    async with Bridge(state=tmp_path) as bridge:
+        for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#"):
+            bridge.client().tell(command)
             await asyncio.sleep(1)
-            assert mark.is_file() or "Is a directory" in bridge.warned[-1]
-
-    run(program())
+            assert _mark(tmp_path) is None, command
 
 
-def test_what_does_not_move_the_mount_leaves_no_mark(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#"):
-                bridge.client().tell(command)
-                await asyncio.sleep(1)
-                assert _mark(tmp_path) is None, command
-
-    run(program())
-
-
-def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
+async def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
     writes = 0
 
     async def counting(function: Any, *arguments: Any) -> Any:
@@ -105,15 +94,12 @@ def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
         writes += 1
         return function(*arguments)
 
-    async def program() -> None:
-        async with Bridge("cge", state=tmp_path, in_thread=counting) as bridge:
-            client = bridge.client()
-            for number in range(100):
-                client.tell(b":Mg%c0200#" % b"nesw"[number % 4])
-                await asyncio.sleep(2)
-            assert writes <= 3
-
-    run(program())
+    async with Bridge("cge", state=tmp_path, in_thread=counting) as bridge:
+        client = bridge.client()
+        for number in range(100):
+            client.tell(b":Mg%c0200#" % b"nesw"[number % 4])
+            await asyncio.sleep(2)
+        assert writes <= 3
 
 
 @pytest.mark.parametrize(
@@ -125,52 +111,46 @@ def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
         ("nexstar-gps", "1.6", b":RS#:Mn#"),
     ],
 )
-def test_after_a_kill_the_stop_comes_before_identification(
+async def test_after_a_kill_the_stop_comes_before_identification(
     tmp_path: Path, mount: str, version: str | None, motion: bytes
 ) -> None:
-    async def program() -> None:
-        kinds: dict[str, Any] = {
-            "mount": mount,
-            "version": version,
-            "state": tmp_path,
-            "config": {"mode": "alt-az"} if version else {},
-        }
-        async with Bridge(**kinds) as first:
-            before = first.sim.tracking
-            first.client().tell(motion)
+    kinds: dict[str, Any] = {
+        "mount": mount,
+        "version": version,
+        "state": tmp_path,
+        "config": {"mode": "alt-az"} if version else {},
+    }
+    async with Bridge(**kinds) as first:
+        before = first.sim.tracking
+        first.client().tell(motion)
+        await asyncio.sleep(2)
+        assert not first.sim.tracking
+        await first.kill()
+        assert _mark(tmp_path)
+        assert await _moves(first)
+        async with Bridge(on=first, **kinds) as second:
+            assert second.sent()[0] == b"Kx"
+            assert set(second.sent()[1:4]) == NEXSTAR_STOP
+            assert b"V" not in second.sent()[:4]
+            assert not await _moves(second)
             await asyncio.sleep(2)
-            assert not first.sim.tracking
-            await first.kill()
-            assert _mark(tmp_path)
-            assert await _moves(first)
-            async with Bridge(on=first, **kinds) as second:
-                assert second.sent()[0] == b"Kx"
-                assert set(second.sent()[1:4]) == NEXSTAR_STOP
-                assert b"V" not in second.sent()[:4]
-                assert not await _moves(second)
-                await asyncio.sleep(2)
-                assert second.sim.tracking == before, "tracking is what it was before the motion"
-                await asyncio.sleep(7)
-                assert _mark(tmp_path) is None
-
-    run(program())
+            assert second.sim.tracking == before, "tracking is what it was before the motion"
+            await asyncio.sleep(7)
+            assert _mark(tmp_path) is None
 
 
-def test_a_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge("cge", state=tmp_path) as first:
-            first.client().tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            await first.kill()
-            first.sim.aligned = False
-            first.sim.track(0)
-            async with Bridge("cge", state=tmp_path, on=first) as second:
-                assert set(second.sent()[1:4]) == NEXSTAR_STOP
-                await asyncio.sleep(3)
-                assert not [sent for sent in second.sent() if sent[:1] == b"T"]
-                assert not second.sim.tracking
-
-    run(program())
+async def test_a_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
+    async with Bridge("cge", state=tmp_path) as first:
+        first.client().tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        await first.kill()
+        first.sim.aligned = False
+        first.sim.track(0)
+        async with Bridge("cge", state=tmp_path, on=first) as second:
+            assert set(second.sent()[1:4]) == NEXSTAR_STOP
+            await asyncio.sleep(3)
+            assert not [sent for sent in second.sent() if sent[:1] == b"T"]
+            assert not second.sim.tracking
 
 
 async def _moves(bridge: Bridge) -> bool:
@@ -183,63 +163,53 @@ async def _moves(bridge: Bridge) -> bool:
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16", "autostar", "lx200gps"])
 @pytest.mark.parametrize("motion", [b"P\2\x10\x24\x09\0\0\0", b"r3B78EC00,0FA79E00"])
-def test_a_meade_is_stopped_by_its_first_command(tmp_path: Path, mount: str, motion: bytes) -> None:
-    async def program() -> None:
-        kinds: dict[str, Any] = {
-            "driven": "lx200",
-            "presented": "nexstar",
-            "mount": mount,
-            "surface": None,
-            "state": tmp_path,
-        }
-        async with Bridge(**kinds) as first:
-            await first.client().ask(motion)
-            await asyncio.sleep(1)
-            assert await _moves(first)
-            await first.kill()
-            assert _mark(tmp_path)
-            async with Bridge(on=first, **kinds) as second:
-                assert second.sent()[0] == b":Q#"
-                assert not await _moves(second)
-                await asyncio.sleep(8)
-                assert _mark(tmp_path) is None
-
-    run(program())
-
-
-def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
-    """The line is dead when the gateway ends: whoever comes next must stop the mount."""
-
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            bridge.client().tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
+async def test_a_meade_is_stopped_by_its_first_command(tmp_path: Path, mount: str, motion: bytes) -> None:
+    kinds: dict[str, Any] = {
+        "driven": "lx200",
+        "presented": "nexstar",
+        "mount": mount,
+        "surface": None,
+        "state": tmp_path,
+    }
+    async with Bridge(**kinds) as first:
+        await first.client().ask(motion)
+        await asyncio.sleep(1)
+        assert await _moves(first)
+        await first.kill()
         assert _mark(tmp_path)
-        async with Bridge(state=tmp_path, on=bridge) as after:
-            assert set(after.sent()[1:4]) == NEXSTAR_STOP
-            await asyncio.sleep(9)
+        async with Bridge(on=first, **kinds) as second:
+            assert second.sent()[0] == b":Q#"
+            assert not await _moves(second)
+            await asyncio.sleep(8)
             assert _mark(tmp_path) is None
 
-    run(program())
+
+async def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
+    """The line is dead when the gateway ends: whoever comes next must stop the mount."""
+    async with Bridge(state=tmp_path) as bridge:
+        bridge.client().tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
+    assert _mark(tmp_path)
+    async with Bridge(state=tmp_path, on=bridge) as after:
+        assert set(after.sent()[1:4]) == NEXSTAR_STOP
+        await asyncio.sleep(9)
+        assert _mark(tmp_path) is None
 
 
-def test_the_mark_tells_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge("cge", state=tmp_path) as bridge:
-            bridge.client().tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            path = _mark(tmp_path)
-            assert path is not None
-            mark = read_marker(path)
-            assert mark is not None
-            written = msgspec.to_builtins(mark)
-            assert 0.0 <= bridge.clock() - written.pop("at") < 3.0
-            assert written.pop("motion")["speeds"] == {2: pytest.approx(4.5, abs=1.0)}
-            assert written == {
-                "mount": "nexstar@bridge",
-                "baud": 9600,
-                "memory": {"model": "cge", "version": [4, 21], "tracking": Tracking.EQ_NORTH.value},
-            }
-
-    run(program())
+async def test_the_mark_tells_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
+    async with Bridge("cge", state=tmp_path) as bridge:
+        bridge.client().tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        path = _mark(tmp_path)
+        assert path is not None
+        mark = read_marker(path)
+        assert mark is not None
+        written = msgspec.to_builtins(mark)
+        assert 0.0 <= bridge.clock() - written.pop("at") < 3.0
+        assert written.pop("motion")["speeds"] == {2: pytest.approx(4.5, abs=1.0)}
+        assert written == {
+            "mount": "nexstar@bridge",
+            "baud": 9600,
+            "memory": {"model": "cge", "version": [4, 21], "tracking": Tracking.EQ_NORTH.value},
+        }

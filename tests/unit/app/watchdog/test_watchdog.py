@@ -24,7 +24,6 @@ from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, WatchedMount, available
 from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, waited
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.shutdown import stop_commands
 from gateway.transport.wires import on_the_wire
 from tests.support.in_process_gateway import Bridge
@@ -192,22 +191,19 @@ class Process:
             self.line.settimeout(PATIENCE)
 
 
-def test_watchdog_survives_signals_from_its_first_moment() -> None:
+@pytest.mark.real_time
+async def test_watchdog_survives_signals_from_its_first_moment() -> None:
     """Ctrl-C reaches a whole group of processes: one that is not ready for it yet would leave the mount alone."""
-
-    async def gateway() -> None:
-        watchdog = Watchdog()
-        watchdog.start()
-        assert watchdog.pid is not None
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
-            os.kill(watchdog.pid, number)
-        time.sleep(0.3)
-        assert os.waitpid(watchdog.pid, os.WNOHANG) == (0, 0)
-        watchdog.close()
-        with contextlib.suppress(ChildProcessError):  # it ends with its gateway all the same, perhaps at once
-            os.waitpid(watchdog.pid, 0)
-
-    asyncio.run(gateway())
+    watchdog = Watchdog()
+    watchdog.start()
+    assert watchdog.pid is not None
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
+        os.kill(watchdog.pid, number)
+    time.sleep(0.3)
+    assert os.waitpid(watchdog.pid, os.WNOHANG) == (0, 0)
+    watchdog.close()
+    with contextlib.suppress(ChildProcessError):  # it ends with its gateway all the same, perhaps at once
+        os.waitpid(watchdog.pid, 0)
 
 
 def test_first_motion_starts_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -392,25 +388,21 @@ def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatc
 
 
 @pytest.mark.parametrize("moving", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-def test_stop_commands_change_nothing_in_the_driver(moving: bytes) -> None:
+async def test_stop_commands_change_nothing_in_the_driver(moving: bytes) -> None:
     """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
-
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(moving)
-            await client.ask(b":GVP#")
-            driver = bridge.controller.driver
-            before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
-            commands = stop_commands(driver, bridge.controller.line.reply_rules)
-            assert repr(sorted(vars(driver).items(), key=lambda item: item[0])) == before
-            assert {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"} <= set(commands)
-            for command in commands:
-                bridge.sim.feed(command)
-            assert bridge.sim.tracking
-            assert not bridge.sim.slewing
-
-    run(program())
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        client.tell(moving)
+        await client.ask(b":GVP#")
+        driver = bridge.controller.driver
+        before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
+        commands = stop_commands(driver, bridge.controller.line.reply_rules)
+        assert repr(sorted(vars(driver).items(), key=lambda item: item[0])) == before
+        assert {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"} <= set(commands)
+        for command in commands:
+            bridge.sim.feed(command)
+        assert bridge.sim.tracking
+        assert not bridge.sim.slewing
 
 
 def test_telnet_bytes_are_doubled_where_the_line_is_rfc_2217() -> None:
@@ -445,33 +437,29 @@ GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
         (GOTO, False, {"hour_angle_limit": 0.5}),  # the way to the goal is not examined for this one
     ],
 )
-def test_only_a_goto_that_was_checked_is_on_a_clear_path(said: bytes, told: bool, config: dict[str, float]) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", site=(45.0, 10.0), config=config) as bridge:
-            client = bridge.client()
-            await client.ask(b":GR#")
-            assert not bridge.controller.watch.on_clear_path
-            client.tell(said)
-            await asyncio.sleep(0.5)
-            assert bridge.controller.watch.on_clear_path is told
+async def test_only_a_goto_that_was_checked_is_on_a_clear_path(
+    said: bytes, told: bool, config: dict[str, float]
+) -> None:
+    async with Bridge("cpc", site=(45.0, 10.0), config=config) as bridge:
+        client = bridge.client()
+        await client.ask(b":GR#")
+        assert not bridge.controller.watch.on_clear_path
+        client.tell(said)
+        await asyncio.sleep(0.5)
+        assert bridge.controller.watch.on_clear_path is told
 
-    run(program())
 
-
-def test_a_path_beyond_a_limit_is_not_clear() -> None:
-    async def program() -> None:
-        async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
-            client, seen = bridge.client(), set[bool]()
-            for hour in (1, 3, 5, 7, 9, 11):
-                client.heard = b""
-                client.tell(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
-                await asyncio.sleep(2.0)
-                watch = bridge.controller.watch
-                if client.heard == b"110":
-                    seen.add(watch.on_clear_path)
-            assert seen == {True, False}
-
-    run(program())
+async def test_a_path_beyond_a_limit_is_not_clear() -> None:
+    async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
+        client, seen = bridge.client(), set[bool]()
+        for hour in (1, 3, 5, 7, 9, 11):
+            client.heard = b""
+            client.tell(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
+            await asyncio.sleep(2.0)
+            watch = bridge.controller.watch
+            if client.heard == b"110":
+                seen.add(watch.on_clear_path)
+        assert seen == {True, False}
 
 
 def test_gateway_tells_the_watchdog_of_a_clear_path() -> None:

@@ -206,19 +206,15 @@ def test_a_hand_control_that_wakes_late_is_not_sent_to_sleep() -> None:
     assert not {4800, 2400} & {baud for baud, _ in wire.log}
 
 
-def test_half_a_command_is_not_completed() -> None:
+async def test_half_a_command_is_not_completed() -> None:
     """Six of the eight bytes of a slew at the highest rate: two more, and the mount would run away."""
-
-    async def program() -> None:
-        sim = mount("nexstar:6-8se/4.21")
-        before = sim.truth()
-        sim.feed(b"P\x02\x10\x24\x09\x00")
-        finding = await look(SerialPortInfo("-", "-"), UartWire(sim.feed))
-        assert finding.mount is not None
-        await asyncio.sleep(5.0)
-        assert sim.truth() == pytest.approx(before, abs=0.01)
-
-    run(program())
+    sim = mount("nexstar:6-8se/4.21")
+    before = sim.truth()
+    sim.feed(b"P\x02\x10\x24\x09\x00")
+    finding = await look(SerialPortInfo("-", "-"), UartWire(sim.feed))
+    assert finding.mount is not None
+    await asyncio.sleep(5.0)
+    assert sim.truth() == pytest.approx(before, abs=0.01)
 
 
 # --- everything else ----------------------------------------------------------------------------------------------
@@ -307,13 +303,10 @@ def test_a_sentence_counts_by_its_checksum() -> None:
     assert not sentence(b"$GPRMC,220000.00")
 
 
-def test_a_stray_byte_at_opening_is_no_talk() -> None:
-    async def program() -> None:
-        wire = UartWire(mount("nexstar:cpc").feed)
-        asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
-        assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
-
-    run(program())
+async def test_a_stray_byte_at_opening_is_no_talk() -> None:
+    wire = UartWire(mount("nexstar:cpc").feed)
+    asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
+    assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
 
 
 # --- with the protocol named --------------------------------------------------------------------------------------

@@ -10,7 +10,6 @@ import pytest
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
@@ -36,73 +35,64 @@ async def _poll(client: Any, seconds: float) -> None:
         await asyncio.sleep(0.5)
 
 
-def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client, log = bridge.client("127.0.0.1:5"), Log(bridge)
-            await _poll(client, 30.0)
-            entries = sum(entry.arrow in "<>" for entry in bridge.entries)
-            assert entries > 300
-            assert len(log.rows) < 40
-            first = log.of("127.")[:4]
-            assert first == ["> :GR#", "< 06:21:28#", "> :GD#", "< +00*00:00#"]
-            counts = [row.text for row in log.rows if row.arrow == "=" and row.data == b":GR#"]
-            assert len(counts) >= 2
-            assert all(words.endswith("now GR: RA 06:21:28") for words in counts)
-            assert sum(int(words.split()[0]) for words in counts) >= 40
-
-    run(play())
+async def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
+    async with Bridge() as bridge:
+        client, log = bridge.client("127.0.0.1:5"), Log(bridge)
+        await _poll(client, 30.0)
+        entries = sum(entry.arrow in "<>" for entry in bridge.entries)
+        assert entries > 300
+        assert len(log.rows) < 40
+        first = log.of("127.")[:4]
+        assert first == ["> :GR#", "< 06:21:28#", "> :GD#", "< +00*00:00#"]
+        counts = [row.text for row in log.rows if row.arrow == "=" and row.data == b":GR#"]
+        assert len(counts) >= 2
+        assert all(words.endswith("now GR: RA 06:21:28") for words in counts)
+        assert sum(int(words.split()[0]) for words in counts) >= 40
 
 
-def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client, log, normal = bridge.client("127.0.0.1:5"), Log(bridge), Log(bridge, "normal")
-            await _poll(client, 2.0)
-            for _ in range(3):
-                await client.ask(b":Sr05:34:32#")
-            assert normal.of("127.") == [row for row in log.of("127.") if row[0] != "="]
-            assert log.of("127.")[4:] == [
-                "= repeated: :GR# ×3, :GD# ×3",
-                "> :Sr05:34:32#",
-                "< 1",
-                "> :Sr05:34:32#",
-                "< 1",
-                "> :Sr05:34:32#",
-                "< 1",
-            ]
-            log.rows.clear()
-            await client.ask(b":GR#", until=b"#")
-            assert log.of("127.") == ["> :GR#", "< 06:21:28#"]
-            client.tell(b":RM#:Me#")
+async def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
+    async with Bridge() as bridge:
+        client, log, normal = bridge.client("127.0.0.1:5"), Log(bridge), Log(bridge, "normal")
+        await _poll(client, 2.0)
+        for _ in range(3):
+            await client.ask(b":Sr05:34:32#")
+        assert normal.of("127.") == [row for row in log.of("127.") if row[0] != "="]
+        assert log.of("127.")[4:] == [
+            "= repeated: :GR# ×3, :GD# ×3",
+            "> :Sr05:34:32#",
+            "< 1",
+            "> :Sr05:34:32#",
+            "< 1",
+            "> :Sr05:34:32#",
+            "< 1",
+        ]
+        log.rows.clear()
+        await client.ask(b":GR#", until=b"#")
+        assert log.of("127.") == ["> :GR#", "< 06:21:28#"]
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(0.5)
+        client.tell(b":Qe#")
+        await asyncio.sleep(1.0)
+        sent = [row.data for row in log.rows if row.side == "mount" and row.arrow == ">"]
+        assert [data for data in sent if data[:1] in b"PT"] == [
+            b"T\0",
+            b"P\2\x10\x25\7\0\0\0",
+            b"P\2\x10\x24\0\0\0\0",
+            b"T\1",
+        ]
+
+
+async def test_a_new_answer_is_shown_at_once() -> None:
+    async with Bridge() as bridge:
+        client, log = bridge.client("127.0.0.1:5"), Log(bridge)
+        await client.ask(b":Sr07:00:00#")
+        await client.ask(b":Sd+10*00:00#")
+        assert await client.ask(b":MS#") == b"0"
+        for _ in range(60):
+            await client.ask(b":D#", until=b"#")
             await asyncio.sleep(0.5)
-            client.tell(b":Qe#")
-            await asyncio.sleep(1.0)
-            sent = [row.data for row in log.rows if row.side == "mount" and row.arrow == ">"]
-            assert [data for data in sent if data[:1] in b"PT"] == [
-                b"T\0",
-                b"P\2\x10\x25\7\0\0\0",
-                b"P\2\x10\x24\0\0\0\0",
-                b"T\1",
-            ]
-
-    run(play())
-
-
-def test_a_new_answer_is_shown_at_once() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client, log = bridge.client("127.0.0.1:5"), Log(bridge)
-            await client.ask(b":Sr07:00:00#")
-            await client.ask(b":Sd+10*00:00#")
-            assert await client.ask(b":MS#") == b"0"
-            for _ in range(60):
-                await client.ask(b":D#", until=b"#")
-                await asyncio.sleep(0.5)
-            told = [row.text for row in log.rows if row.side.startswith("127.") and row.arrow == "<"]
-            assert told[-2:] == ["D: the slew is under way", "D: the slew is done"]
-
-    run(play())
+        told = [row.text for row in log.rows if row.side.startswith("127.") and row.arrow == "<"]
+        assert told[-2:] == ["D: the slew is under way", "D: the slew is done"]
 
 
 def test_a_question_without_an_answer_is_not_folded() -> None:
@@ -166,30 +156,24 @@ def test_two_programs_of_one_computer_are_two() -> None:
         ("refusals", {"127.0.0.1:5"}, [b":Sr99#", b"0"]),
     ],
 )
-def test_what_is_not_asked_for_is_left_out(shown: str, sides: set[str], told: list[bytes]) -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            log, client = Log(bridge, shown), bridge.client("127.0.0.1:5")
-            for said in (b":GR#", b":GR#", b":Sr05:34:32#", b":Sr99#"):
-                await client.ask(said)
-            await asyncio.sleep(10.0)
-            assert {row.side for row in log.rows} == sides
-            assert [row.data for row in log.rows if row.side.startswith("127.") and row.data] == told
-
-    run(play())
+async def test_what_is_not_asked_for_is_left_out(shown: str, sides: set[str], told: list[bytes]) -> None:
+    async with Bridge() as bridge:
+        log, client = Log(bridge, shown), bridge.client("127.0.0.1:5")
+        for said in (b":GR#", b":GR#", b":Sr05:34:32#", b":Sr99#"):
+            await client.ask(said)
+        await asyncio.sleep(10.0)
+        assert {row.side for row in log.rows} == sides
+        assert [row.data for row in log.rows if row.side.startswith("127.") and row.data] == told
 
 
-def test_a_goto_is_a_change_on_both_sides() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            log, client = Log(bridge, "changes"), bridge.client("127.0.0.1:5")
-            for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):
-                await client.ask(said)
-            assert [row.data for row in log.rows if row.data] == [
-                b":Sr05:34:32#", b"1", b":Sd+22*00:52#", b"1", b":MS#", b"r3B78FC00,0FA79B00", b"#", b"0",
-            ]  # fmt: skip
-
-    run(play())
+async def test_a_goto_is_a_change_on_both_sides() -> None:
+    async with Bridge() as bridge:
+        log, client = Log(bridge, "changes"), bridge.client("127.0.0.1:5")
+        for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):
+            await client.ask(said)
+        assert [row.data for row in log.rows if row.data] == [
+            b":Sr05:34:32#", b"1", b":Sd+22*00:52#", b"1", b":MS#", b"r3B78FC00,0FA79B00", b"#", b"0",
+        ]  # fmt: skip
 
 
 def test_rubbish_says_nothing_of_what_a_connection_speaks() -> None:

@@ -50,7 +50,7 @@ def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: in
 # --- one fault at a time ------------------------------------------------------------------------------------------
 
 
-def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
+async def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
     deaf = 2  # the question and the first echo
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -58,47 +58,38 @@ def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
         deaf -= 1
         return [] if deaf >= 0 else hand_control(data)
 
-    async def program() -> None:
-        line, _ = await opened(answers)
-        with pytest.raises(NoAnswer):
-            await line.exchange(Send("J"))
-        await asyncio.sleep(10)
-        assert line.state == "up"
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+    line, _ = await opened(answers)
+    with pytest.raises(NoAnswer):
+        await line.exchange(Send("J"))
+    await asyncio.sleep(10)
+    assert line.state == "up"
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()
 
 
 @each("after", [0.0, 0.01, 0.03])
-def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> None:
+async def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> None:
     replies = {b"e": b"10000000,20000000#", b"z": b"30000000,40000000#"}
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
         reply = replies.get(data)
         return hand_control(data) if reply is None else [(0.05, reply), (0.05 + after, reply)]
 
-    async def program() -> None:
-        line, wire = await opened(answers)
-        wire.deliver(b"#")  # a line that has shown that it does such things
-        first, second = [asyncio.ensure_future(line.exchange(Send(name))) for name in ("e", "z")]
-        done = await asyncio.gather(first, second, return_exceptions=True)
-        for outcome, field, value in zip(done, ("ra", "az"), (22.5, 67.5), strict=True):
-            assert isinstance(outcome, Garbled) or outcome[field] == value  # type: ignore[index]
-        await line.close()
-
-    run(program())
+    line, wire = await opened(answers)
+    wire.deliver(b"#")  # a line that has shown that it does such things
+    first, second = [asyncio.ensure_future(line.exchange(Send(name))) for name in ("e", "z")]
+    done = await asyncio.gather(first, second, return_exceptions=True)
+    for outcome, field, value in zip(done, ("ra", "az"), (22.5, 67.5), strict=True):
+        assert isinstance(outcome, Garbled) or outcome[field] == value  # type: ignore[index]
+    await line.close()
 
 
-def test_an_acknowledgement_that_another_follows_is_none() -> None:
-    async def program() -> None:
-        line, _ = await opened(lambda data: [(0.01, b"#"), (0.02, b"#")] if data == b"M" else hand_control(data))
-        with pytest.raises(Garbled):
-            await line.exchange(Send("M"), STOP)
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+async def test_an_acknowledgement_that_another_follows_is_none() -> None:
+    line, _ = await opened(lambda data: [(0.01, b"#"), (0.02, b"#")] if data == b"M" else hand_control(data))
+    with pytest.raises(Garbled):
+        await line.exchange(Send("M"), STOP)
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()
 
 
 @each("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
@@ -109,46 +100,38 @@ def test_a_reply_of_another_form_is_none(reply: bytes) -> None:
     assert isinstance(outcome[0], Garbled)
 
 
-def test_after_half_a_command_nothing_is_sent_for_a_while() -> None:
+async def test_after_half_a_command_nothing_is_sent_for_a_while() -> None:
     """The other half of a goto must not be made of what was meant to prove the line."""
+    line, wire = await opened(hand_control)
+    good, sent = wire.write, wire.sent
 
-    async def program() -> None:
-        line, wire = await opened(hand_control)
-        good, sent = wire.write, wire.sent
+    def bad(data: bytes) -> None:
+        sent.append(data[:4])
+        raise OSError(5, "gone")
 
-        def bad(data: bytes) -> None:
-            sent.append(data[:4])
-            raise OSError(5, "gone")
-
-        wire.write = bad  # type: ignore[method-assign]
-        with pytest.raises(NoAnswer):
-            await line.exchange(Send("e"))
-        wire.write = good  # type: ignore[method-assign]
-        await asyncio.sleep(HALF_COMMAND - 0.1)
-        assert len(sent) == 1
-        await asyncio.sleep(2)
-        assert line.state == "up"
-        await line.close()
-
-    run(program())
+    wire.write = bad  # type: ignore[method-assign]
+    with pytest.raises(NoAnswer):
+        await line.exchange(Send("e"))
+    wire.write = good  # type: ignore[method-assign]
+    await asyncio.sleep(HALF_COMMAND - 0.1)
+    assert len(sent) == 1
+    await asyncio.sleep(2)
+    assert line.state == "up"
+    await line.close()
 
 
-def test_a_mute_port_is_opened_anew() -> None:
+async def test_a_mute_port_is_opened_anew() -> None:
     """A network bridge that was restarted may leave a connection that nobody answers on."""
-
-    async def program() -> None:
-        wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
-        line = MountLink(wire, NexStarReplyRules(), WireLog(lambda: 0.0))
-        line.start()
-        await asyncio.sleep(0.01)
-        with pytest.raises(NoAnswer):
-            await line.exchange(Send("J"))
-        await asyncio.sleep(60)
-        assert wire.opened == 2
-        assert line.state == "up"
-        await line.close()
-
-    run(program())
+    wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
+    line = MountLink(wire, NexStarReplyRules(), WireLog(lambda: 0.0))
+    line.start()
+    await asyncio.sleep(0.01)
+    with pytest.raises(NoAnswer):
+        await line.exchange(Send("J"))
+    await asyncio.sleep(60)
+    assert wire.opened == 2
+    assert line.state == "up"
+    await line.close()
 
 
 class _Port:
@@ -166,19 +149,16 @@ class _Port:
         pass
 
 
-def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.real_time
+async def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.transport.wires.open_port", lambda url, baud: _Port())
-
-    async def program() -> None:
-        wire, lost = SerialTransport("/dev/none"), asyncio.Event()
-        await wire.open(lambda data: None, lambda reason: lost.set())
-        async with asyncio.timeout(60):
-            await lost.wait()
-        with pytest.raises(OSError, match="only 1 of 2"):
-            wire.write(b"Kx")
-        await wire.close()
-
-    asyncio.run(program())
+    wire, lost = SerialTransport("/dev/none"), asyncio.Event()
+    await wire.open(lambda data: None, lambda reason: lost.set())
+    async with asyncio.timeout(60):
+        await lost.wait()
+    with pytest.raises(OSError, match="only 1 of 2"):
+        wire.write(b"Kx")
+    await wire.close()
 
 
 # --- what clients see ---------------------------------------------------------------------------------------------
@@ -196,54 +176,45 @@ def silence(bridge: Bridge) -> Callable[[], None]:
     return heal
 
 
-def test_what_clients_are_told_while_the_line_is_down() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            position = await client.ask(b":GR#")
-            silence(bridge)
-            await asyncio.sleep(1)
-            bridge.client("10.0.0.2").tell(b":GR#")
-            await asyncio.sleep(8)
-            assert bridge.controller.line.state == "down"
-            assert await client.ask(b":GR#", 0.1) == position
-            assert await client.ask(b":Sr05:00:00#", 0.1) == b"1"
-            assert await client.ask(b":Sd+30*00:00#", 0.1) == b"1"
-            assert await client.ask(b":MS#", 0.1, until=b"#") == b"1No answer from mount.#"
-            await asyncio.sleep(5)
-            assert await client.ask(b":GR#", 1.0) == b""
-
-    run(program())
+async def test_what_clients_are_told_while_the_line_is_down() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        position = await client.ask(b":GR#")
+        silence(bridge)
+        await asyncio.sleep(1)
+        bridge.client("10.0.0.2").tell(b":GR#")
+        await asyncio.sleep(8)
+        assert bridge.controller.line.state == "down"
+        assert await client.ask(b":GR#", 0.1) == position
+        assert await client.ask(b":Sr05:00:00#", 0.1) == b"1"
+        assert await client.ask(b":Sd+30*00:00#", 0.1) == b"1"
+        assert await client.ask(b":MS#", 0.1, until=b"#") == b"1No answer from mount.#"
+        await asyncio.sleep(5)
+        assert await client.ask(b":GR#", 1.0) == b""
 
 
-def test_a_hand_control_that_was_switched_off_comes_back_as_it_is() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            assert await client.ask(b":GW#") == b"PT1"
-            heal = silence(bridge)
-            client.tell(b":GR#")
-            await asyncio.sleep(10)
-            bridge.sim.aligned = False
-            bridge.sim.track(0)
-            heal()
-            await asyncio.sleep(5)
-            assert await client.ask(b":GW#") == b"PN0"
-            assert (await client.ask(b":Sr05:00:00#:Sd+60*00:00#:MS#", until=b"#")).startswith(b"111")
-
-    run(program())
+async def test_a_hand_control_that_was_switched_off_comes_back_as_it_is() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        assert await client.ask(b":GW#") == b"PT1"
+        heal = silence(bridge)
+        client.tell(b":GR#")
+        await asyncio.sleep(10)
+        bridge.sim.aligned = False
+        bridge.sim.track(0)
+        heal()
+        await asyncio.sleep(5)
+        assert await client.ask(b":GW#") == b"PN0"
+        assert (await client.ask(b":Sr05:00:00#:Sd+60*00:00#:MS#", until=b"#")).startswith(b"111")
 
 
-def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-            assert bridge.sim.high
-            bridge.sim.high = False  # off and on between two questions
-            await bridge.client().ask(b"e")
-            await asyncio.sleep(1)
-            assert bridge.sim.high
-
-    run(program())
+async def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
+        assert bridge.sim.high
+        bridge.sim.high = False  # off and on between two questions
+        await bridge.client().ask(b"e")
+        await asyncio.sleep(1)
+        assert bridge.sim.high
 
 
 @pytest.mark.parametrize("moves", [False, True])
@@ -277,30 +248,23 @@ def test_a_digit_that_is_often_changed_is_seldom_believed(moves: bool) -> None:
     run(program())
 
 
-def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-            wire: Any = bridge.controller.line.wire
-            good = wire.feed
-            wire.feed = lambda data: (good(data), b"")[1] if data == b":MS#" else good(data)
-            client = bridge.client()
-            await client.ask(b"r60000000,20000000")
-            await asyncio.sleep(6)
-            assert bridge.sim.slewing
-            assert await client.ask(b"L") == b"1#"
-
-    run(program())
+async def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
+        wire: Any = bridge.controller.line.wire
+        good = wire.feed
+        wire.feed = lambda data: (good(data), b"")[1] if data == b":MS#" else good(data)
+        client = bridge.client()
+        await client.ask(b"r60000000,20000000")
+        await asyncio.sleep(6)
+        assert bridge.sim.slewing
+        assert await client.ask(b"L") == b"1#"
 
 
-def test_reads_are_asked_again_only_when_something_changed() -> None:
+async def test_reads_are_asked_again_only_when_something_changed() -> None:
     """Steady answers cost one exchange each."""
-
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
+    async with Bridge("cge") as bridge:
+        await bridge.controller.verifier.exchange(Send("t"), READ)
+        before = len(bridge.sent())
+        for _ in range(5):
             await bridge.controller.verifier.exchange(Send("t"), READ)
-            before = len(bridge.sent())
-            for _ in range(5):
-                await bridge.controller.verifier.exchange(Send("t"), READ)
-            assert bridge.sent()[before:].count(b"t") == 5
-
-    run(program())
+        assert bridge.sent()[before:].count(b"t") == 5

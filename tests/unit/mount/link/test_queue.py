@@ -70,110 +70,85 @@ async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple
     return line, wire
 
 
-def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
-    async def program() -> None:
-        line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
-        reads = [asyncio.ensure_future(line.exchange(Send("J"), READ)) for _ in range(3)]
-        await asyncio.sleep(0.01)
-        motion = asyncio.ensure_future(line.exchange(Send("V"), MOTION))
-        await asyncio.sleep(0.05)
-        assert wire.sent == [b"J"]
-        stop = asyncio.ensure_future(line.exchange(Send("M"), STOP))
-        await asyncio.gather(*reads, motion, stop)
-        assert wire.sent == [b"J", b"M", b"V", b"J", b"J"]
-        await line.close()
-
-    run(program())
+async def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
+    line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
+    reads = [asyncio.ensure_future(line.exchange(Send("J"), READ)) for _ in range(3)]
+    await asyncio.sleep(0.01)
+    motion = asyncio.ensure_future(line.exchange(Send("V"), MOTION))
+    await asyncio.sleep(0.05)
+    assert wire.sent == [b"J"]
+    stop = asyncio.ensure_future(line.exchange(Send("M"), STOP))
+    await asyncio.gather(*reads, motion, stop)
+    assert wire.sent == [b"J", b"M", b"V", b"J", b"J"]
+    await line.close()
 
 
-def test_a_position_goes_before_other_reads_and_settings_however_long_these_have_waited() -> None:
+async def test_a_position_goes_before_other_reads_and_settings_however_long_these_have_waited() -> None:
     """Its halves must be of one instant, and settings without end must not blind the hub."""
-
-    async def program() -> None:
-        line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
-        others = [
-            asyncio.ensure_future(line.exchange(Send(name), priority))
-            for name, priority in [
-                ("J", READ),
-                ("J", READ),
-                ("t", SETTING),
-                ("t", SETTING),
-                ("t", SETTING),
-                ("t", SETTING),
-            ]
-        ]
-        await asyncio.sleep(0.7)
-        await line.exchange(Send("V"), POSITION)
-        await line.exchange(Send("V"), POSITION)
-        await asyncio.gather(*others)
-        assert wire.sent == [b"t", b"t", b"t", b"J", b"V", b"V", b"J", b"t"]
-        await line.close()
-
-    run(program())
+    line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
+    others = [
+        asyncio.ensure_future(line.exchange(Send(name), priority))
+        for name, priority in [("J", READ), ("J", READ), ("t", SETTING), ("t", SETTING), ("t", SETTING), ("t", SETTING)]
+    ]
+    await asyncio.sleep(0.7)
+    await line.exchange(Send("V"), POSITION)
+    await line.exchange(Send("V"), POSITION)
+    await asyncio.gather(*others)
+    assert wire.sent == [b"t", b"t", b"t", b"J", b"V", b"V", b"J", b"t"]
+    await line.close()
 
 
 @each("priorities", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
-def test_a_setting_gets_its_turn_whatever_goes_before_it(priorities: tuple[int, ...]) -> None:
+async def test_a_setting_gets_its_turn_whatever_goes_before_it(priorities: tuple[int, ...]) -> None:
     """Two that ask without end, on a line that is slower than they are."""
+    line, wire = await opened(lambda data: [(1.0, hand_control(data)[0][1])])
 
-    async def program() -> None:
-        line, wire = await opened(lambda data: [(1.0, hand_control(data)[0][1])])
+    async def ask_for_ever(priority: int) -> None:
+        while True:
+            await line.exchange(Send("V"), priority)
 
-        async def ask_for_ever(priority: int) -> None:
-            while True:
-                await line.exchange(Send("V"), priority)
-
-        others = [asyncio.create_task(ask_for_ever(priority)) for priority in priorities for _ in range(2)]
-        await asyncio.sleep(0.1)
-        async with asyncio.timeout(30.0):
-            await asyncio.gather(*(line.exchange(Send("t"), SETTING) for _ in range(3)))
-        turns = [n for n, frame in enumerate(wire.sent) if frame == b"t"]
-        assert all(later - earlier > 2 for earlier, later in pairwise(turns))
-        for task in others:
-            task.cancel()
-        await line.close()
-
-    run(program())
+    others = [asyncio.create_task(ask_for_ever(priority)) for priority in priorities for _ in range(2)]
+    await asyncio.sleep(0.1)
+    async with asyncio.timeout(30.0):
+        await asyncio.gather(*(line.exchange(Send("t"), SETTING) for _ in range(3)))
+    turns = [n for n, frame in enumerate(wire.sent) if frame == b"t"]
+    assert all(later - earlier > 2 for earlier, later in pairwise(turns))
+    for task in others:
+        task.cancel()
+    await line.close()
 
 
-def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> None:
+async def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> None:
     """A stop of a Meade has no reply: it is over before whoever asked before it has read its answer."""
-
-    async def program() -> None:
-        wire = Wire(lambda data: [(0.25, b"12:00:00#")] if data == b":GR#" else [])
-        line = MountLink(wire, Lx200ReplyRules(), WireLog(lambda: 0.0))
-        line.start()
-        await asyncio.sleep(0.01)
-        slow = asyncio.ensure_future(line.timed(Send("GR"), POSITION))
-        await asyncio.sleep(0.1)
-        stop = asyncio.ensure_future(line.exchange(Send("Q"), STOP))
-        values, took = await slow
-        assert values["ra"] == 180.0
-        assert took == pytest.approx(0.25, abs=0.01)
-        await stop
-        await line.close()
-
-    run(program())
+    wire = Wire(lambda data: [(0.25, b"12:00:00#")] if data == b":GR#" else [])
+    line = MountLink(wire, Lx200ReplyRules(), WireLog(lambda: 0.0))
+    line.start()
+    await asyncio.sleep(0.01)
+    slow = asyncio.ensure_future(line.timed(Send("GR"), POSITION))
+    await asyncio.sleep(0.1)
+    stop = asyncio.ensure_future(line.exchange(Send("Q"), STOP))
+    values, took = await slow
+    assert values["ra"] == 180.0
+    assert took == pytest.approx(0.25, abs=0.01)
+    await stop
+    await line.close()
 
 
-def test_a_late_answer_is_never_taken_for_the_next() -> None:
+async def test_a_late_answer_is_never_taken_for_the_next() -> None:
     """``J`` is answered after 4 s: too late. Echoes follow until the line is in step, then the next command."""
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
         return [(4.0, b"\x01#")] if data == b"J" else hand_control(data)
 
-    async def program() -> None:
-        line, wire = await opened(answers)
-        with pytest.raises(NoAnswer):
-            await line.exchange(Send("J"))
-        value = await line.exchange(Send("t"))
-        assert value["mode"] == 2
-        echoes = [sent for sent in wire.sent if sent[:1] == b"K"]
-        assert len(set(echoes)) >= 2
-        assert wire.sent.index(b"t") > max(wire.sent.index(echo) for echo in echoes)
-        await line.close()
-
-    run(program())
+    line, wire = await opened(answers)
+    with pytest.raises(NoAnswer):
+        await line.exchange(Send("J"))
+    value = await line.exchange(Send("t"))
+    assert value["mode"] == 2
+    echoes = [sent for sent in wire.sent if sent[:1] == b"K"]
+    assert len(set(echoes)) >= 2
+    assert wire.sent.index(b"t") > max(wire.sent.index(echo) for echo in echoes)
+    await line.close()
 
 
 def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
@@ -204,21 +179,18 @@ def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
     run(program())
 
 
-def test_a_lost_port_is_opened_again() -> None:
-    async def program() -> None:
-        line, wire = await opened(hand_control)
-        assert wire.on_lost is not None
-        wire.fail_to_open = 3
-        wire.on_lost("unplugged")
-        await asyncio.sleep(0.1)
-        assert line.state == "down"
-        await asyncio.sleep(10)
-        assert line.state == "up"
-        assert wire.opened == 2
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+async def test_a_lost_port_is_opened_again() -> None:
+    line, wire = await opened(hand_control)
+    assert wire.on_lost is not None
+    wire.fail_to_open = 3
+    wire.on_lost("unplugged")
+    await asyncio.sleep(0.1)
+    assert line.state == "down"
+    await asyncio.sleep(10)
+    assert line.state == "up"
+    assert wire.opened == 2
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()
 
 
 @each(
@@ -234,56 +206,43 @@ def test_a_lost_port_is_opened_again() -> None:
     ],
 )
 @each("way", ["whole", "byte by byte"])
-def test_replies_are_framed_by_length(ask: Send, reply: bytes, expected: Any, way: str) -> None:
+async def test_replies_are_framed_by_length(ask: Send, reply: bytes, expected: Any, way: str) -> None:
     pieces = [reply] if way == "whole" else [bytes((byte,)) for byte in reply]
-
-    async def program() -> None:
-        line, _ = await opened(lambda data: [(0.01 * n, piece) for n, piece in enumerate(pieces)])
-        if expected is NoDevice:
-            with pytest.raises(NoDevice):
-                await line.exchange(ask)
+    line, _ = await opened(lambda data: [(0.01 * n, piece) for n, piece in enumerate(pieces)])
+    if expected is NoDevice:
+        with pytest.raises(NoDevice):
+            await line.exchange(ask)
+    else:
+        values = await line.exchange(ask)
+        if expected is None:
+            assert values["latitude"] == pytest.approx(35 + 35 / 60 + 35 / 3600)
+            assert values["longitude"] == pytest.approx(-(118 + 20 / 60 + 35 / 3600))
         else:
-            values = await line.exchange(ask)
-            if expected is None:
-                assert values["latitude"] == pytest.approx(35 + 35 / 60 + 35 / 3600)
-                assert values["longitude"] == pytest.approx(-(118 + 20 / 60 + 35 / 3600))
-            else:
-                assert values == expected
-        await line.close()
-
-    run(program())
+            assert values == expected
+    await line.close()
 
 
-def test_bytes_that_nobody_asked_for_are_dropped() -> None:
-    async def program() -> None:
-        line, wire = await opened(hand_control)
-        wire.deliver(b"\x09#\x09#")
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+async def test_bytes_that_nobody_asked_for_are_dropped() -> None:
+    line, wire = await opened(hand_control)
+    wire.deliver(b"\x09#\x09#")
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()
 
 
-def test_silence_can_be_an_answer() -> None:
-    async def program() -> None:
-        line, wire = await opened(lambda data: [] if data == b"v" else hand_control(data))
-        with pytest.raises(Silence):
-            await line.exchange(Send("v", patience=1.0))
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        assert wire.sent[0] == b"v"
-        assert [sent[:1] for sent in wire.sent[1:]] == [b"K", b"K", b"t"]  # a late answer must not be taken for t's
-        assert line.state == "up"
-        await line.close()
-
-    run(program())
+async def test_silence_can_be_an_answer() -> None:
+    line, wire = await opened(lambda data: [] if data == b"v" else hand_control(data))
+    with pytest.raises(Silence):
+        await line.exchange(Send("v", patience=1.0))
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    assert wire.sent[0] == b"v"
+    assert [sent[:1] for sent in wire.sent[1:]] == [b"K", b"K", b"t"]  # a late answer must not be taken for t's
+    assert line.state == "up"
+    await line.close()
 
 
-def test_a_garbled_answer_is_a_fault_and_not_the_end() -> None:
-    async def program() -> None:
-        line, _ = await opened(lambda data: [(0.01, b"34AZ0500,12CE0500#")] if data == b"e" else hand_control(data))
-        with pytest.raises(Exception, match="Garbled"):
-            await line.exchange(Send("e"))
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+async def test_a_garbled_answer_is_a_fault_and_not_the_end() -> None:
+    line, _ = await opened(lambda data: [(0.01, b"34AZ0500,12CE0500#")] if data == b"e" else hand_control(data))
+    with pytest.raises(Exception, match="Garbled"):
+        await line.exchange(Send("e"))
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()

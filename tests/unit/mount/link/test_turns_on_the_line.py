@@ -46,6 +46,10 @@ def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_bef
     assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
 
 
+def test_read_that_had_its_turn_before_a_pause_keeps_it() -> None:
+    assert priorities(Waits(POSITION), Waits(READ, 1, chosen=True)) == [READ, POSITION]
+
+
 def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
     assert held_back(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
     assert held_back(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None

@@ -8,48 +8,37 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.driver_runner import REMEMBERED
 from gateway.mount.link.transaction import LateReplies
 from tests.support.in_process_gateway import Bridge
 
 
-def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(late: LateReplies, ask: object, now: float) -> float:
         return now + 1e6
 
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            monkeypatch.setattr(LateReplies, "until", never)
-            began = bridge.controller.now()
-            with pytest.raises(NoAnswer):
-                await bridge.controller.perform(op.Backlash(1, 5))
-            assert bridge.controller.now() - began < 20.0
-
-    run(program())
+    async with Bridge("cge") as bridge:
+        monkeypatch.setattr(LateReplies, "until", never)
+        began = bridge.controller.now()
+        with pytest.raises(NoAnswer):
+            await bridge.controller.perform(op.Backlash(1, 5))
+        assert bridge.controller.now() - began < 20.0
 
 
-def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> None:
+async def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> None:
     """A fault that is raised holds on to everything it came through, as long as somebody holds on to the fault."""
-
-    async def program() -> None:
-        async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            for device in range(20, 60):
-                assert await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))  # has it found its switch?
-            client.close()
-            gc.collect()
-            assert not [fault for fault in gc.get_objects() if isinstance(fault, NoDevice) and fault.__traceback__]
-
-    run(program())
+    async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        for device in range(20, 60):
+            assert await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))  # has it found its switch?
+        client.close()
+        gc.collect()
+        assert not [fault for fault in gc.get_objects() if isinstance(fault, NoDevice) and fault.__traceback__]
 
 
-def test_no_client_makes_it_remember_without_end() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            for device in range(256):
-                await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
-            assert len(bridge.controller.verifier._known) <= REMEMBERED
-
-    run(program())
+async def test_no_client_makes_it_remember_without_end() -> None:
+    async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        for device in range(256):
+            await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
+        assert len(bridge.controller.verifier._known) <= REMEMBERED

@@ -44,23 +44,19 @@ def test_an_arrow_that_an_end_interrupts_in_its_last_step_takes_the_end_not_with
 
 
 @pytest.mark.parametrize("newer", [op.Goto(80.0, 40.0), EAST])
-def test_an_order_that_is_stopped_before_it_has_begun_is_not_begun(newer: op.Operation) -> None:
+async def test_an_order_that_is_stopped_before_it_has_begun_is_not_begun(newer: op.Operation) -> None:
     """Both in one call: the loop is started for the order, and has not run yet."""
-
-    async def program() -> None:
-        async with Bridge("6-8se", config={"sun": 0.0, "lowest": -90.0}) as bridge:
-            controller, begun = bridge.controller, list[op.Operation]()
-            controller.reconciler.begins.connect(begun.append)
-            before = len(bridge.sent())
-            waiting = asyncio.ensure_future(controller.perform(newer))
-            controller.loop.call_soon(controller.begin_stop)
-            with pytest.raises(Fault):
-                await waiting
-            await asyncio.sleep(3.0)
-            assert not begun and not controller.wanted.value.owed
-            moves = [data for data in bridge.sent()[before:] if data[:1] == b"r" or (data[:1] == b"P" and data[4])]
-            assert not moves, "not a byte of it"
-            await controller.perform(newer)
-            assert len(begun) == 1
-
-    run(program())
+    async with Bridge("6-8se", config={"sun": 0.0, "lowest": -90.0}) as bridge:
+        controller, begun = bridge.controller, list[op.Operation]()
+        controller.reconciler.begins.connect(begun.append)
+        before = len(bridge.sent())
+        waiting = asyncio.ensure_future(controller.perform(newer))
+        controller.loop.call_soon(controller.begin_stop)
+        with pytest.raises(Fault):
+            await waiting
+        await asyncio.sleep(3.0)
+        assert not begun and not controller.wanted.value.owed
+        moves = [data for data in bridge.sent()[before:] if data[:1] == b"r" or (data[:1] == b"P" and data[4])]
+        assert not moves, "not a byte of it"
+        await controller.perform(newer)
+        assert len(begun) == 1

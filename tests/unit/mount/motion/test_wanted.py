@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import ENDS, GOTOS
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion import changes
 from gateway.mount.motion.changes import apply, equal_pending_halt, stopped, without_superseded
 from gateway.mount.motion.wanted import ByHand, Halt, Movement, NotOrdered, Order, Slew, Wanted, WantedState
@@ -333,24 +332,20 @@ def test_motion_by_hand_is_one_value_of_two_axes() -> None:
     assert {axis for axis, _ in desk.wanted.motion} == {1}
 
 
-def test_by_whose_order_it_moves_does_not_depend_on_who_asked_before() -> None:
+async def test_by_whose_order_it_moves_does_not_depend_on_who_asked_before() -> None:
     """A stopped mount that runs on reports that it slews: that is no motion that a client ordered."""
+    line: Any = SimpleNamespace(state="up", typical_rtt=0.02)
+    wanted, cache = WantedState(), ReadingsCache(line)
+    movement = Movement(wanted, cache)
 
-    async def program() -> None:
-        line: Any = SimpleNamespace(state="up", typical_rtt=0.02)
-        wanted, cache = WantedState(), ReadingsCache(line)
-        movement = Movement(wanted, cache)
+    def want(motion: Any) -> None:
+        wanted.value = replace(wanted.value, motion=motion)
+        wanted.changed.emit(wanted.value)
 
-        def want(motion: Any) -> None:
-            wanted.value = replace(wanted.value, motion=motion)
-            wanted.changed.emit(wanted.value)
-
-        want(Slew(GOTO, None, 0.0))
-        cache.put(op.Slewing, True, 1.0)
-        want(NotOrdered())
-        assert movement.ordered, "until the end of the goto is stored"
-        cache.put(op.Slewing, False, 2.0)
-        cache.put(op.Slewing, True, 3.0)
-        assert movement.now().slews_by_itself
-
-    run(program())
+    want(Slew(GOTO, None, 0.0))
+    cache.put(op.Slewing, True, 1.0)
+    want(NotOrdered())
+    assert movement.ordered, "until the end of the goto is stored"
+    cache.put(op.Slewing, False, 2.0)
+    cache.put(op.Slewing, True, 3.0)
+    assert movement.now().slews_by_itself

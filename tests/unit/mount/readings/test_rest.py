@@ -32,25 +32,22 @@ def bridge_of(driven: str, mount: str, version: str | None, config: dict[str, An
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("driven", "mount", "version", "config"), MOUNTS)
 @pytest.mark.parametrize("state", ["tracking", "not tracking", "not aligned", "coarse"])
-def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
+async def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
     driven: str, mount: str, version: str | None, config: dict[str, Any], state: str
 ) -> None:
-    async def program() -> None:
-        async with bridge_of(driven, mount, version, config, aligned=state != "not aligned") as bridge:
-            client = bridge.client()
-            bridge.driver.low = state == "coarse"
-            if state == "not tracking":
-                await client.ask(b"T\0", 3.0)
-            client.tell(NORTH)
-            await asyncio.sleep(3)
-            began = bridge.controller.now()
-            assert (await stopped(bridge.controller)).done
-            assert bridge.controller.now() - began < 6.0
-            before = bridge.sim.truth()
-            await asyncio.sleep(1)
-            assert separation(*before, *bridge.sim.truth()) < 0.006
-
-    run(program())
+    async with bridge_of(driven, mount, version, config, aligned=state != "not aligned") as bridge:
+        client = bridge.client()
+        bridge.driver.low = state == "coarse"
+        if state == "not tracking":
+            await client.ask(b"T\0", 3.0)
+        client.tell(NORTH)
+        await asyncio.sleep(3)
+        began = bridge.controller.now()
+        assert (await stopped(bridge.controller)).done
+        assert bridge.controller.now() - began < 6.0
+        before = bridge.sim.truth()
+        await asyncio.sleep(1)
+        assert separation(*before, *bridge.sim.truth()) < 0.006
 
 
 def _deaf(bridge: Bridge, *commands: bytes) -> None:
@@ -69,44 +66,37 @@ def _deaf(bridge: Bridge, *commands: bytes) -> None:
     *(("lx200", mount, None, {}) for mount in ("lx200", "lx200-16", "autostar", "lx200gps")),
 ])  # fmt: skip
 @pytest.mark.parametrize("rate", [9, 4])
-def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
+async def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
     driven: str, mount: str, version: str | None, config: dict[str, Any], rate: int
 ) -> None:
-    async def program() -> None:
-        async with bridge_of(driven, mount, version, config) as bridge:
-            bridge.client().tell(NORTH.replace(b"\x09", bytes((rate,))))
-            await asyncio.sleep(3)
-            _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            began = bridge.controller.now()
-            answer = await stopped(bridge.controller)
-            assert "still moves after 8 s" in answer.text
-            assert bridge.controller.now() - began < 14.0
-
-    run(program())
+    async with bridge_of(driven, mount, version, config) as bridge:
+        bridge.client().tell(NORTH.replace(b"\x09", bytes((rate,))))
+        await asyncio.sleep(3)
+        _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
+        began = bridge.controller.now()
+        answer = await stopped(bridge.controller)
+        assert "still moves after 8 s" in answer.text
+        assert bridge.controller.now() - began < 14.0
 
 
 @pytest.mark.parametrize(("driven", "mount"), [
     ("nexstar", "cge"), ("nexstar", "6-8se"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("lx200", "autostar"),
 ])  # fmt: skip
-def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, mount: str) -> None:
+async def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, mount: str) -> None:
     """At the pole or in the zenith, where a motor runs and the place on the sky stays the same."""
-
-    async def program() -> None:
-        async with bridge_of(driven, mount, None, {"highest": 90.0}, speed=4.0) as bridge:
-            bridge.sim.truth()
-            equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
-            await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
-            for _ in range(90):
-                if not bridge.sim.slewing:
-                    break
-                await asyncio.sleep(1)
-            assert (await stopped(bridge.controller)).done
-            bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
-            await asyncio.sleep(3)
-            _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            assert "still moves" in (await stopped(bridge.controller)).text
-
-    run(program())
+    async with bridge_of(driven, mount, None, {"highest": 90.0}, speed=4.0) as bridge:
+        bridge.sim.truth()
+        equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
+        await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
+        for _ in range(90):
+            if not bridge.sim.slewing:
+                break
+            await asyncio.sleep(1)
+        assert (await stopped(bridge.controller)).done
+        bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
+        await asyncio.sleep(3)
+        _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
+        assert "still moves" in (await stopped(bridge.controller)).text
 
 
 def test_a_mount_that_runs_on_is_waited_for() -> None:
@@ -131,66 +121,54 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize("question", [b"e", b"E"])
-def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
-    async def program() -> None:
-        async with bridge_of("nexstar", "cge", None, {}) as bridge:
-            bridge.client().tell(NORTH)
-            await asyncio.sleep(3)
-            hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
-            bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
+async def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
+    async with bridge_of("nexstar", "cge", None, {}) as bridge:
+        bridge.client().tell(NORTH)
+        await asyncio.sleep(3)
+        hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+        bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
+        answer = await stopped(bridge.controller)
+        assert answer.text.startswith("the stop was sent") and "cannot see" in answer.text
+
+
+async def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
+    async with bridge_of("nexstar", "cge", None, {}) as bridge:
+        bridge.client().tell(NORTH)
+        await asyncio.sleep(3)
+        hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+        bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
+        for _ in range(2):  # at first it is only silent, then known to be down
             answer = await stopped(bridge.controller)
-            assert answer.text.startswith("the stop was sent") and "cannot see" in answer.text
-
-    run(program())
-
-
-def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
-    async def program() -> None:
-        async with bridge_of("nexstar", "cge", None, {}) as bridge:
-            bridge.client().tell(NORTH)
-            await asyncio.sleep(3)
-            hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
-            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            for _ in range(2):  # at first it is only silent, then known to be down
-                answer = await stopped(bridge.controller)
-                assert not answer.done
-                assert "sends the stop first" in answer.text
-                await asyncio.sleep(20)
-            sent = len(bridge.sent())
-            bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
-            await asyncio.sleep(10)
-            orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
-            assert set(orders[:6]) >= {b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"}
-            assert (await stopped(bridge.controller)).done
-
-    run(program())
+            assert not answer.done
+            assert "sends the stop first" in answer.text
+            await asyncio.sleep(20)
+        sent = len(bridge.sent())
+        bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
+        await asyncio.sleep(10)
+        orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
+        assert set(orders[:6]) >= {b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"}
+        assert (await stopped(bridge.controller)).done
 
 
-def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
-    async def program() -> None:
-        async with bridge_of("nexstar", "cge", None, {}) as bridge:
-            client = bridge.client()
+async def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
+    async with bridge_of("nexstar", "cge", None, {}) as bridge:
+        client = bridge.client()
 
-            async def press() -> None:
-                while True:
-                    client.tell(NORTH)
-                    await asyncio.sleep(0.3)
+        async def press() -> None:
+            while True:
+                client.tell(NORTH)
+                await asyncio.sleep(0.3)
 
-            pressing = asyncio.ensure_future(press())
-            await asyncio.sleep(2)
-            answer = await stopped(bridge.controller)
-            pressing.cancel()
-            assert "moving again" in answer.text and "stop --hold" in answer.text
-
-    run(program())
+        pressing = asyncio.ensure_future(press())
+        await asyncio.sleep(2)
+        answer = await stopped(bridge.controller)
+        pressing.cancel()
+        assert "moving again" in answer.text and "stop --hold" in answer.text
 
 
-def test_a_mount_that_hibernates_rests() -> None:
-    async def program() -> None:
-        async with bridge_of("nexstar", "cpc", None, {}) as bridge:
-            bridge.client().tell(b"x")
-            await asyncio.sleep(12)
-            assert bridge.sim.asleep
-            assert (await stopped(bridge.controller)).done
-
-    run(program())
+async def test_a_mount_that_hibernates_rests() -> None:
+    async with bridge_of("nexstar", "cpc", None, {}) as bridge:
+        bridge.client().tell(b"x")
+        await asyncio.sleep(12)
+        assert bridge.sim.asleep
+        assert (await stopped(bridge.controller)).done

@@ -42,16 +42,13 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
         run(program(0.04 * step))
 
 
-def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            waiting = asyncio.create_task(bridge.controller.read_now(op.Position()))
-            other = asyncio.create_task(bridge.controller.read_now(op.Position()))
-            await asyncio.sleep(0.01)
-            waiting.cancel()
-            assert isinstance(await other, op.Equatorial)
-
-    run(program())
+async def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
+    async with Bridge("cge") as bridge:
+        waiting = asyncio.create_task(bridge.controller.read_now(op.Position()))
+        other = asyncio.create_task(bridge.controller.read_now(op.Position()))
+        await asyncio.sleep(0.01)
+        waiting.cancel()
+        assert isinstance(await other, op.Equatorial)
 
 
 def stray(bridge: Any, data: bytes) -> None:
@@ -61,20 +58,16 @@ def stray(bridge: Any, data: bytes) -> None:
 
 @pytest.mark.parametrize("mount", ["lx200gps", "autostar", "lx200-16"])
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.2])
-def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float) -> None:
+async def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float) -> None:
     """Two halves of a position fill a slow line nearly, and the bars of :D# come in the pauses between."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven="lx200", presented="nexstar", surface="6-8se", latency=latency) as bridge:
-            client = bridge.client()
-            stray(bridge, b"\x15")
-            assert await client.ask(b"r34000000,10000000", 20.0) == b"#"
-            await asyncio.sleep(5.0)
-            assert bridge.sim.slewing
-            while bridge.sim.slewing:
-                await asyncio.sleep(0.5)
-            await asyncio.sleep(5.0)
-            assert await client.ask(b"L", 5.0, until=b"#") == b"0#"
-            assert not bridge.controller.moving
-
-    run(program())
+    async with Bridge(mount, driven="lx200", presented="nexstar", surface="6-8se", latency=latency) as bridge:
+        client = bridge.client()
+        stray(bridge, b"\x15")
+        assert await client.ask(b"r34000000,10000000", 20.0) == b"#"
+        await asyncio.sleep(5.0)
+        assert bridge.sim.slewing
+        while bridge.sim.slewing:
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(5.0)
+        assert await client.ask(b"L", 5.0, until=b"#") == b"0#"
+        assert not bridge.controller.moving

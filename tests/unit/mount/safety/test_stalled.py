@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.ends import AxisSample
 from gateway.mount.safety.watch import StallWatch
 from gateway.protocols.mechanics.truth import truth_of
@@ -33,22 +32,19 @@ def freeze(bridge: Any) -> None:
     ("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200")]
 )
 @pytest.mark.parametrize("motion", [b":RM#:Ms#", b":RS#:Me#", b":RC#:Ms#"])
-def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven: str, motion: bytes) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"lowest": 20.0}) as bridge:
-            client = bridge.client()
-            await client.ask(b":GR#")
-            freeze(bridge)
-            client.tell(motion)
-            for _ in range(24):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            slow = motion.startswith(b":RC#")
-            assert not truth_of(bridge.sim).moving or slow
-            said = [entry.note for entry in bridge.entries if "its position does not change" in entry.note]
-            assert len(said) == (0 if slow else 1)
-
-    run(program())
+async def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven: str, motion: bytes) -> None:
+    async with Bridge(mount, driven=driven, config={"lowest": 20.0}) as bridge:
+        client = bridge.client()
+        await client.ask(b":GR#")
+        freeze(bridge)
+        client.tell(motion)
+        for _ in range(24):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        slow = motion.startswith(b":RC#")
+        assert not truth_of(bridge.sim).moving or slow
+        said = [entry.note for entry in bridge.entries if "its position does not change" in entry.note]
+        assert len(said) == (0 if slow else 1)
 
 
 @pytest.mark.sampled
@@ -58,19 +54,16 @@ def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven:
 )
 @pytest.mark.parametrize("motion", [b":RM#:Mn#:Me#", b":RS#:Ms#", b":RS#:Mw#", b":RC#:Me#"])
 @pytest.mark.parametrize("latency", [0.05, 0.5])
-def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
-    async def program() -> None:
-        config = {"lowest": -90.0, "sun": 0.0}
-        async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            for _ in range(24):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert bridge.controller.wanted.axes
-            assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
-
-    run(program())
+async def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
+    config = {"lowest": -90.0, "sun": 0.0}
+    async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        for _ in range(24):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert bridge.controller.wanted.axes
+        assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
 
 def test_over_the_pole_the_way_counts_in_pieces() -> None:

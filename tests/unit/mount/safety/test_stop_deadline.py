@@ -41,55 +41,46 @@ def test_a_program_that_asks_for_gotos_and_takes_them_back_does_not_hide_where_t
 
 @pytest.mark.parametrize(("motor", "limits"), [(UP, {"highest": 80.0}), (DOWN, {"lowest": 20.0})])
 @pytest.mark.parametrize("from_the_first", [True, False])
-def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
+async def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
     motor: bytes, limits: dict[str, float], from_the_first: bool
 ) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", presented="nexstar", surface="cpc", config=limits) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.GotoHorizontal(180.0, 50.0))
-            await ready(bridge, client, b"e")
-            client.tell(motor)
-            await extremes(bridge, 0.1 if from_the_first else 2.0)
-            bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
-            low, high = await extremes(bridge, 10.0)
-            assert 20.0 <= low <= high <= 80.0
-            assert low < 28.0 or high > 72.0, "it is ended late, not at once"
-            assert any("estimated from its speed" in note for note in notes(bridge))
-
-    run(program())
+    async with Bridge("6-8se", presented="nexstar", surface="cpc", config=limits) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.GotoHorizontal(180.0, 50.0))
+        await ready(bridge, client, b"e")
+        client.tell(motor)
+        await extremes(bridge, 0.1 if from_the_first else 2.0)
+        bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
+        low, high = await extremes(bridge, 10.0)
+        assert 20.0 <= low <= high <= 80.0
+        assert low < 28.0 or high > 72.0, "it is ended late, not at once"
+        assert any("estimated from its speed" in note for note in notes(bridge))
 
 
-def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", presented="nexstar", surface="cpc", config={"highest": 80.0}) as bridge:
-            client = bridge.client()
-            client.tell(UP)
-            await asyncio.sleep(3.0)
-            bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
-            client.tell(b"P\x02\x11\x24\0\0\0\0")
-            await asyncio.sleep(60.0)
-            assert altitude(bridge) < 75.0
-            assert not any("stopped" in note for note in notes(bridge))
-            assert not bridge.controller.stops
-
-    run(program())
+async def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
+    async with Bridge("6-8se", presented="nexstar", surface="cpc", config={"highest": 80.0}) as bridge:
+        client = bridge.client()
+        client.tell(UP)
+        await asyncio.sleep(3.0)
+        bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
+        client.tell(b"P\x02\x11\x24\0\0\0\0")
+        await asyncio.sleep(60.0)
+        assert altitude(bridge) < 75.0
+        assert not any("stopped" in note for note in notes(bridge))
+        assert not bridge.controller.stops
 
 
-def test_the_nearest_of_two_limits_rings_and_a_later_one_does_not_put_it_off() -> None:
-    async def program() -> None:
-        rung: list[str] = []
-        deadline = StopDeadline(asyncio.get_running_loop(), rung.append)
-        deadline.arm(2.0, "second")
-        deadline.arm(1.0, "first")
-        deadline.arm(3.0, "third")
-        await asyncio.sleep(0.99)
-        assert rung == []
-        await asyncio.sleep(5.0)
-        assert rung == ["first"]
-        deadline.arm(1.0, "another")
-        deadline.disarm()
-        await asyncio.sleep(2.0)
-        assert rung == ["first"]
-
-    run(program())
+async def test_the_nearest_of_two_limits_rings_and_a_later_one_does_not_put_it_off() -> None:
+    rung: list[str] = []
+    deadline = StopDeadline(asyncio.get_running_loop(), rung.append)
+    deadline.arm(2.0, "second")
+    deadline.arm(1.0, "first")
+    deadline.arm(3.0, "third")
+    await asyncio.sleep(0.99)
+    assert rung == []
+    await asyncio.sleep(5.0)
+    assert rung == ["first"]
+    deadline.arm(1.0, "another")
+    deadline.disarm()
+    await asyncio.sleep(2.0)
+    assert rung == ["first"]

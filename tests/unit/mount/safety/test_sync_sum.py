@@ -13,7 +13,6 @@ from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from tests.support.in_process_gateway import EVENING, Bridge
 
@@ -102,109 +101,89 @@ async def pointed(bridge: Bridge, ra: float, dec: float) -> op.Equatorial:
     ("cpc", "nexstar", True, True), ("cge", "nexstar", False, True), ("cgem", "nexstar", True, True),
     ("lx200gps", "lx200", False, False), ("autostar", "lx200", True, False), ("lx200-16", "lx200", False, True),
 ])  # fmt: skip
-def test_the_sum_is_what_the_axes_were_turned_by(mount: str, driven: str, south: bool, equatorial: bool) -> None:
+async def test_the_sum_is_what_the_axes_were_turned_by(mount: str, driven: str, south: bool, equatorial: bool) -> None:
     """Both sides of the pier, both hemispheres: the correction of the simulated axes is the truth."""
-
-    async def program() -> None:
-        site = (-33.0, 10.0) if south else (45.0, 10.0)
-        async with Bridge(mount, driven=driven, site=site, config={"site": site, "lowest": -90.0}) as bridge:
-            mechanics = bridge.sim.mechanics
-            if driven == "nexstar" and equatorial:
-                bridge.sim.feed(b"T\x03" if south else b"T\x02")
-            elif equatorial:
-                mechanics.rebuild(bridge.clock(), Build.WEDGE)
-            first = mechanics.correction
-            for number, (hour_angle, away) in enumerate([(-30.0, 20.0), (40.0, 5.0), (20.0, 25.0), (-50.0, 10.0)]):
-                ra = (mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                here = await pointed(bridge, ra, -away if south else away)
-                await bridge.controller.perform(op.Sync(here.ra + (-1.0) ** number * 1.5, here.dec + 2.0))
-                await asyncio.sleep(1.0)
-                turned = (wrap180(now - then) for then, now in zip(first, mechanics.correction, strict=True))
-                (counted,) = bridge.controller.synced.value.axes
-                assert counted == pytest.approx(tuple(turned), abs=0.05)
-
-    run(program())
+    site = (-33.0, 10.0) if south else (45.0, 10.0)
+    async with Bridge(mount, driven=driven, site=site, config={"site": site, "lowest": -90.0}) as bridge:
+        mechanics = bridge.sim.mechanics
+        if driven == "nexstar" and equatorial:
+            bridge.sim.feed(b"T\x03" if south else b"T\x02")
+        elif equatorial:
+            mechanics.rebuild(bridge.clock(), Build.WEDGE)
+        first = mechanics.correction
+        for number, (hour_angle, away) in enumerate([(-30.0, 20.0), (40.0, 5.0), (20.0, 25.0), (-50.0, 10.0)]):
+            ra = (mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0
+            here = await pointed(bridge, ra, -away if south else away)
+            await bridge.controller.perform(op.Sync(here.ra + (-1.0) ** number * 1.5, here.dec + 2.0))
+            await asyncio.sleep(1.0)
+            turned = (wrap180(now - then) for then, now in zip(first, mechanics.correction, strict=True))
+            (counted,) = bridge.controller.synced.value.axes
+            assert counted == pytest.approx(tuple(turned), abs=0.05)
 
 
 @pytest.mark.parametrize("start", [EVENING, DAY])
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("autostar", "lx200")])
-def test_near_the_zenith_a_small_sync_turns_the_azimuth_far_and_can_be_taken_back(
+async def test_near_the_zenith_a_small_sync_turns_the_azimuth_far_and_can_be_taken_back(
     mount: str, driven: str, start: float
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, start=start) as bridge:
-            astrometry, synced = bridge.controller.astrometry, bridge.controller.synced
-            here = astrometry.equatorial(op.Horizontal(40.0, 88.5))
-            await pointed(bridge, here.ra, here.dec)
-            there = astrometry.equatorial(op.Horizontal(70.0, 88.5))
-            await bridge.controller.perform(op.Sync(there.ra, there.dec))
-            assert synced.value.axes[0][0] == pytest.approx(30.0, abs=5.0)
-            low = astrometry.equatorial(op.Horizontal(70.0, 40.0))
-            await pointed(bridge, low.ra, low.dec)
-            here = astrometry.horizon(await bridge.controller.read_now(op.Position()))
-            there = astrometry.equatorial(op.Horizontal(here.az - 29.0, here.alt))  # 22 degrees on the sky
-            await bridge.controller.perform(op.Sync(there.ra, there.dec))
-            assert synced.value.axes[0] == pytest.approx((1.0, 0.0), abs=5.0)
-
-    run(program())
+    async with Bridge(mount, driven=driven, start=start) as bridge:
+        astrometry, synced = bridge.controller.astrometry, bridge.controller.synced
+        here = astrometry.equatorial(op.Horizontal(40.0, 88.5))
+        await pointed(bridge, here.ra, here.dec)
+        there = astrometry.equatorial(op.Horizontal(70.0, 88.5))
+        await bridge.controller.perform(op.Sync(there.ra, there.dec))
+        assert synced.value.axes[0][0] == pytest.approx(30.0, abs=5.0)
+        low = astrometry.equatorial(op.Horizontal(70.0, 40.0))
+        await pointed(bridge, low.ra, low.dec)
+        here = astrometry.horizon(await bridge.controller.read_now(op.Position()))
+        there = astrometry.equatorial(op.Horizontal(here.az - 29.0, here.alt))  # 22 degrees on the sky
+        await bridge.controller.perform(op.Sync(there.ra, there.dec))
+        assert synced.value.axes[0] == pytest.approx((1.0, 0.0), abs=5.0)
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
-def test_small_syncs_do_not_add_up_beyond_the_limit(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            if driven == "lx200":
-                await sync_north(bridge, 0.1)  # a Meade is aligned by its first one
-            way = -1.0 if mount == "cge" else 1.0  # this one begins at the pole
-            assert await sync_north(bridge, way * 9.0) is None
-            assert "18 degrees off" in str(await sync_north(bridge, way * 9.0))
-            assert await sync_north(bridge, way * 5.0) is None
-            assert await sync_north(bridge, way * -10.0) is None
-            assert await sync_north(bridge, way * 9.0) is None
-
-    run(program())
+async def test_small_syncs_do_not_add_up_beyond_the_limit(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        if driven == "lx200":
+            await sync_north(bridge, 0.1)  # a Meade is aligned by its first one
+        way = -1.0 if mount == "cge" else 1.0  # this one begins at the pole
+        assert await sync_north(bridge, way * 9.0) is None
+        assert "18 degrees off" in str(await sync_north(bridge, way * 9.0))
+        assert await sync_north(bridge, way * 5.0) is None
+        assert await sync_north(bridge, way * -10.0) is None
+        assert await sync_north(bridge, way * 9.0) is None
 
 
-def test_a_new_alignment_begins_anew() -> None:
+async def test_a_new_alignment_begins_anew() -> None:
     """The hand control is switched off and on, and aligned again."""
-
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            assert await sync_north(bridge, 14.0) is None
-            assert await sync_north(bridge, 14.0) is not None
-            bridge.sim.aligned = False
-            await bridge.controller.read_now(op.GetStatus())
-            bridge.sim.aligned = True
-            await bridge.controller.read_now(op.GetStatus())
-            assert await sync_north(bridge, 14.0) is None
-
-    run(program())
+    async with Bridge("cpc") as bridge:
+        assert await sync_north(bridge, 14.0) is None
+        assert await sync_north(bridge, 14.0) is not None
+        bridge.sim.aligned = False
+        await bridge.controller.read_now(op.GetStatus())
+        bridge.sim.aligned = True
+        await bridge.controller.read_now(op.GetStatus())
+        assert await sync_north(bridge, 14.0) is None
 
 
-def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            assert await sync_north(bridge, 14.0) is None
-            mechanics, now = bridge.sim.mechanics, bridge.clock()
-            client = bridge.client()
-            for second in range(4):
-                await client.ask(b":GR#")
-                await asyncio.sleep(0.5)
-                if second == 1:
-                    ra, dec = mechanics.believed(bridge.clock())
-                    mechanics.sync(bridge.clock(), ra + 30.0, dec)
-            assert now < bridge.clock()
-            assert bridge.controller.synced.value == SyncSum()
-
-    run(program())
+async def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
+    async with Bridge("cpc") as bridge:
+        assert await sync_north(bridge, 14.0) is None
+        mechanics, now = bridge.sim.mechanics, bridge.clock()
+        client = bridge.client()
+        for second in range(4):
+            await client.ask(b":GR#")
+            await asyncio.sleep(0.5)
+            if second == 1:
+                ra, dec = mechanics.believed(bridge.clock())
+                mechanics.sync(bridge.clock(), ra + 30.0, dec)
+        assert now < bridge.clock()
+        assert bridge.controller.synced.value == SyncSum()
 
 
-def test_the_sum_outlives_the_gateway(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", state=tmp_path) as first:
-            assert await sync_north(first, 14.0) is None
-        async with Bridge("cpc", state=tmp_path, on=first) as second:
-            assert await sync_north(second, 14.0) is not None
-            assert await sync_north(second, 0.5) is None
-
-    run(program())
+async def test_the_sum_outlives_the_gateway(tmp_path: Path) -> None:
+    async with Bridge("cpc", state=tmp_path) as first:
+        assert await sync_north(first, 14.0) is None
+    async with Bridge("cpc", state=tmp_path, on=first) as second:
+        assert await sync_north(second, 14.0) is not None
+        assert await sync_north(second, 0.5) is None

@@ -69,83 +69,67 @@ def altitude(bridge: Any) -> float:
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("wrong", LX200)
-def test_no_lx200_program_switches_a_limit_off(mount: str, wrong: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
-            client = bridge.client()
-            await client.ask(LX200[wrong])
-            await asyncio.sleep(3.0)
-            reply = await client.ask(as_lx200(*low_target(bridge)), until=b"#")
-            assert reply.startswith(b"111Object Below Lower Limit."), reply
-            await asyncio.sleep(20.0)
-            assert altitude(bridge) > LIMIT
-
-    run(program())
+async def test_no_lx200_program_switches_a_limit_off(mount: str, wrong: str) -> None:
+    async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
+        client = bridge.client()
+        await client.ask(LX200[wrong])
+        await asyncio.sleep(3.0)
+        reply = await client.ask(as_lx200(*low_target(bridge)), until=b"#")
+        assert reply.startswith(b"111Object Below Lower Limit."), reply
+        await asyncio.sleep(20.0)
+        assert altitude(bridge) > LIMIT
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("wrong", NEXSTAR)
-def test_no_nexstar_program_switches_a_limit_off(mount: str, wrong: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, config={"lowest": LIMIT}, presented="nexstar", surface="cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(NEXSTAR[wrong]) == b"#"
-            await asyncio.sleep(3.0)
-            ra, dec = low_target(bridge)
-            await client.ask(b"r%08X,%08X" % (int(ra / 360 * 2**32), int(dec % 360 / 360 * 2**32)))
-            await asyncio.sleep(20.0)
-            assert altitude(bridge) > LIMIT
-
-    run(program())
+async def test_no_nexstar_program_switches_a_limit_off(mount: str, wrong: str) -> None:
+    async with Bridge(mount, config={"lowest": LIMIT}, presented="nexstar", surface="cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(NEXSTAR[wrong]) == b"#"
+        await asyncio.sleep(3.0)
+        ra, dec = low_target(bridge)
+        await client.ask(b"r%08X,%08X" % (int(ra / 360 * 2**32), int(dec % 360 / 360 * 2**32)))
+        await asyncio.sleep(20.0)
+        assert altitude(bridge) > LIMIT
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("wrong", ["Greenwich", "morning instead of evening", "another latitude"])
-def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
+async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
     """In June, when the Sun is 63 degrees high at 6h +23 26'."""
-
-    async def program() -> None:
-        async with Bridge(mount, start=JUNE) as bridge:
-            client = bridge.client()
-            await client.ask(b":Sg071*45#" if wrong == "Greenwich" else LX200[wrong])
-            await asyncio.sleep(3.0)
-            assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", until=b"#")
-            await asyncio.sleep(20.0)
-            assert separation(*bridge.sim.mechanics.truth(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
-
-    run(program())
+    async with Bridge(mount, start=JUNE) as bridge:
+        client = bridge.client()
+        await client.ask(b":Sg071*45#" if wrong == "Greenwich" else LX200[wrong])
+        await asyncio.sleep(3.0)
+        assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", until=b"#")
+        await asyncio.sleep(20.0)
+        assert separation(*bridge.sim.mechanics.truth(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
-def test_no_program_has_tracking_switched_off_far_from_a_limit(mount: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
-            client = bridge.client()
-            await client.ask(as_lx200(*low_target(bridge, 55.0)), until=b"0")
-            await asyncio.sleep(30.0)
-            await client.ask(b":SG+00#:SL10:00:00#:SC01/15/26#")
-            for _ in range(60):
-                await client.ask(b":GR#")
-                await asyncio.sleep(1.0)
-            assert bridge.sim.tracking
-            assert altitude(bridge) == pytest.approx(55.0, abs=1.0)
-
-    run(program())
+async def test_no_program_has_tracking_switched_off_far_from_a_limit(mount: str) -> None:
+    async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
+        client = bridge.client()
+        await client.ask(as_lx200(*low_target(bridge, 55.0)), until=b"0")
+        await asyncio.sleep(30.0)
+        await client.ask(b":SG+00#:SL10:00:00#:SC01/15/26#")
+        for _ in range(60):
+            await client.ask(b":GR#")
+            await asyncio.sleep(1.0)
+        assert bridge.sim.tracking
+        assert altitude(bridge) == pytest.approx(55.0, abs=1.0)
 
 
-def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_told_again() -> None:
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": LIMIT}) as bridge:
-            client = bridge.client()
-            await client.ask(as_lx200(*low_target(bridge, 40.0)), until=b"0")
-            await asyncio.sleep(40.0)
-            await client.ask(b":St+10*00#")
-            await asyncio.sleep(3.0)
-            assert (await client.ask(b":Gt#")) == b"+10*00#"
-            told = await client.ask(b":GA#")
-            assert abs(int(told[1:3]) + int(told[4:6]) / 60 - altitude(bridge)) < 0.1
-
-    run(program())
+async def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_told_again() -> None:
+    async with Bridge("cge", config={"lowest": LIMIT}) as bridge:
+        client = bridge.client()
+        await client.ask(as_lx200(*low_target(bridge, 40.0)), until=b"0")
+        await asyncio.sleep(40.0)
+        await client.ask(b":St+10*00#")
+        await asyncio.sleep(3.0)
+        assert (await client.ask(b":Gt#")) == b"+10*00#"
+        told = await client.ask(b":GA#")
+        assert abs(int(told[1:3]) + int(told[4:6]) / 60 - altitude(bridge)) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -182,23 +166,19 @@ def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
         (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
     ],
 )
-def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
+async def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
     changed: bytes, asked: bytes, told: bytes
 ) -> None:
     """Also after a program has set something else."""
-
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client = bridge.client()
-            await client.ask(b":St+10*00#:SG+00#:SL19:00:00#:SC01/15/26#")
-            bridge.sim.feed(changed)
-            for _ in range(60):
-                await client.ask(b":GR#")
-                await asyncio.sleep(1.0)
-            assert await client.ask(asked, until=told[-3:]) == told
-            assert any("changed at the mount" in entry.note for entry in bridge.entries)
-
-    run(program())
+    async with Bridge("cpc") as bridge:
+        client = bridge.client()
+        await client.ask(b":St+10*00#:SG+00#:SL19:00:00#:SC01/15/26#")
+        bridge.sim.feed(changed)
+        for _ in range(60):
+            await client.ask(b":GR#")
+            await asyncio.sleep(1.0)
+        assert await client.ask(asked, until=told[-3:]) == told
+        assert any("changed at the mount" in entry.note for entry in bridge.entries)
 
 
 # --- which source counts ----------------------------------------------------------------------------------------
@@ -281,16 +261,13 @@ SINCE_1970 = -EVENING + 1000.0
 
 
 @pytest.mark.parametrize(("sun", "told", "done"), [(20.0, False, False), (20.0, True, True), (0.0, False, True)])
-def test_a_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done: bool) -> None:
-    async def program() -> None:
-        config = {"lowest": -90.0, "sun": sun, "site": [45.0, 10.0]}
-        async with Bridge("gt", "101.0", config=config, host_ahead=SINCE_1970) as bridge:
-            client = bridge.client()
-            if told:
-                await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b"#")
-                await asyncio.sleep(3.0)
-            reply = await client.ask(GOTO, until=b"0" if done else b"#")
-            assert reply.endswith(b"0" if done else b"#")
-            assert (b"time is unknown" in reply.lower()) is not done
-
-    run(program())
+async def test_a_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done: bool) -> None:
+    config = {"lowest": -90.0, "sun": sun, "site": [45.0, 10.0]}
+    async with Bridge("gt", "101.0", config=config, host_ahead=SINCE_1970) as bridge:
+        client = bridge.client()
+        if told:
+            await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b"#")
+            await asyncio.sleep(3.0)
+        reply = await client.ask(GOTO, until=b"0" if done else b"#")
+        assert reply.endswith(b"0" if done else b"#")
+        assert (b"time is unknown" in reply.lower()) is not done

@@ -15,6 +15,7 @@ from gateway.protocols.alpaca.http import discovery
 from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
 from tests.support.each import each
 
+pytestmark = pytest.mark.real_time
 EVERYWHERE, HERE = ("0.0.0.0", 11111), ("127.0.0.1", 4040)
 
 
@@ -63,7 +64,7 @@ def _free(family: socket.AddressFamily, host: str) -> int:
         return int(tried.getsockname()[1])
 
 
-def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[list[tuple[str, int]]] = []
     ended: list[bool] = []
 
@@ -72,40 +73,29 @@ def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pyte
         return lambda: ended.append(True)
 
     monkeypatch.setattr(discovery, "answer_discovery", answering)
-
-    async def program() -> None:
-        own = Announcement(lambda text: None)
-        await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030)])
-        assert asked == [], "nothing that would be looked for so"
-        await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("alpaca", "tcp", *EVERYWHERE)])
-        assert asked == [[EVERYWHERE]]
-        own.close()
-        assert ended == [True]
-
-    asyncio.run(program())
+    own = Announcement(lambda text: None)
+    await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030)])
+    assert asked == [], "nothing that would be looked for so"
+    await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("alpaca", "tcp", *EVERYWHERE)])
+    assert asked == [[EVERYWHERE]]
+    own.close()
+    assert ended == [True]
 
 
-def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     async def failing(places: object) -> object:
         raise OSError(98, "UDP port 32227: Address already in use")
 
     monkeypatch.setattr(discovery, "answer_discovery", failing)
-
-    async def program() -> None:
-        said: list[str] = []
-        own = Announcement(said.append)
-        await own.answer_discovery([Offer("alpaca", "tcp", *EVERYWHERE)])
-        own.close()
-        assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
-
-    asyncio.run(program())
+    said: list[str] = []
+    own = Announcement(said.append)
+    await own.answer_discovery([Offer("alpaca", "tcp", *EVERYWHERE)])
+    own.close()
+    assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
 
 
-def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
-    async def program() -> None:
-        own = Announcement(lambda text: None)
-        await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
-        assert own.skyfi_port == 0
-        own.close()
-
-    asyncio.run(program())
+async def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
+    own = Announcement(lambda text: None)
+    await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
+    assert own.skyfi_port == 0
+    own.close()

@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Callable
 
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.tables import empty_value
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.wireformat.command_set import load
@@ -30,84 +29,68 @@ def answering(own: RehearsalMount, instead: Callable[[bytes], bytes | None]) -> 
 
 
 @each("kept", [b":SL", b":SC"])
-def test_a_clock_that_the_mount_refuses_is_an_error(kept: bytes) -> None:
-    async def program() -> None:
-        async with stage("lx200gps", "lx200") as own:
-            client = await connected(own)
-            assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
-            answering(own, lambda frame: b"0" if frame.startswith(kept) else None)
-            assert await ask(client, "put utcdate UTCDate=2026-09-01T12:00:00Z") == NOT_POSSIBLE
-            assert (await ask(client, "get utcdate")).startswith("2026-06-01T12:00"), "the mount's own counts"
-
-    run(program())
+async def test_a_clock_that_the_mount_refuses_is_an_error(kept: bytes) -> None:
+    async with stage("lx200gps", "lx200") as own:
+        client = await connected(own)
+        assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
+        answering(own, lambda frame: b"0" if frame.startswith(kept) else None)
+        assert await ask(client, "put utcdate UTCDate=2026-09-01T12:00:00Z") == NOT_POSSIBLE
+        assert (await ask(client, "get utcdate")).startswith("2026-06-01T12:00"), "the mount's own counts"
 
 
-def test_a_program_that_gives_utc_is_served_with_a_zone_that_the_mount_takes() -> None:
-    async def program() -> None:
-        async with stage("lx200gps", "lx200") as own:
-            client = await connected(own)
-            answering(own, lambda frame: b"0" if frame.startswith(b":SG") and frame[:6] != b":SG+00" else None)
-            assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
-            await asyncio.sleep(30.0)
-            assert "2026-06-01T12:00:29" <= await ask(client, "get utcdate") < "2026-06-01T12:00:32"  # in whole seconds
-
-    run(program())
+async def test_a_program_that_gives_utc_is_served_with_a_zone_that_the_mount_takes() -> None:
+    async with stage("lx200gps", "lx200") as own:
+        client = await connected(own)
+        answering(own, lambda frame: b"0" if frame.startswith(b":SG") and frame[:6] != b":SG+00" else None)
+        assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
+        await asyncio.sleep(30.0)
+        assert "2026-06-01T12:00:29" <= await ask(client, "get utcdate") < "2026-06-01T12:00:32"  # in whole seconds
 
 
-def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
+async def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
     """Its :GW# goes on saying N: the program is told, and its gotos are let through all the same."""
-
-    async def program() -> None:
-        async with stage("lx200gps", "lx200") as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = await connected(own)
-            assert await ask(client, "put tracking Tracking=false") is None
-            assert await ask(client, f"put slewtocoordinatesasync {CRAB}") == NOT_POSSIBLE
-            assert await ask(client, f"put synctocoordinates {CRAB}") == NOT_POSSIBLE
-            answering(own, lambda frame: b"" if frame in (b":AP#", b":AA#") else None)
-            assert await ask(client, "put tracking Tracking=true") == NOT_POSSIBLE
-            assert await ask(client, "get tracking") is False
-            assert await ask(client, f"put slewtocoordinatesasync {CRAB}") is None
-            await asyncio.sleep(1.0)
-            assert own.sim.slewing
-
-    run(program())
+    async with stage("lx200gps", "lx200") as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = await connected(own)
+        assert await ask(client, "put tracking Tracking=false") is None
+        assert await ask(client, f"put slewtocoordinatesasync {CRAB}") == NOT_POSSIBLE
+        assert await ask(client, f"put synctocoordinates {CRAB}") == NOT_POSSIBLE
+        answering(own, lambda frame: b"" if frame in (b":AP#", b":AA#") else None)
+        assert await ask(client, "put tracking Tracking=true") == NOT_POSSIBLE
+        assert await ask(client, "get tracking") is False
+        assert await ask(client, f"put slewtocoordinatesasync {CRAB}") is None
+        await asyncio.sleep(1.0)
+        assert own.sim.slewing
 
 
-def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
-    async def program() -> None:
-        async with stage(speed=20.0) as own:
-            client, other = await connected(own), own.client("192.0.2.7")
-            await ask(client, "put park")
-            while not await ask(client, "get atpark"):
-                await asyncio.sleep(0.5)
-            own.wire.clear()
-            assert await ask(other, "put abortslew") == PARKED
-            assert b"M" in own.wire and await ask(client, "get atpark") is True
-
-    run(program())
+async def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
+    async with stage(speed=20.0) as own:
+        client, other = await connected(own), own.client("192.0.2.7")
+        await ask(client, "put park")
+        while not await ask(client, "get atpark"):
+            await asyncio.sleep(0.5)
+        own.wire.clear()
+        assert await ask(other, "put abortslew") == PARKED
+        assert b"M" in own.wire and await ask(client, "get atpark") is True
 
 
-def test_a_rate_between_two_of_the_mount_is_the_next_slower_one() -> None:
-    async def program() -> None:
-        async with stage("lx200gps", "lx200") as own:
-            client = await connected(own)
-            rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
-            slower, faster = max(rate for rate in rates if rate < 0.5), max(rates)
-            for sign in (-1.0, 1.0):
-                before = own.sim.truth()[1]
-                assert await ask(client, f"put moveaxis Axis=1 Rate={sign * 0.5}") is None
-                await asyncio.sleep(10.0)
-                assert abs(abs(own.sim.truth()[1] - before) / 10.0 - slower) < 0.1 * slower
-                assert (own.sim.truth()[1] > before) is (sign > 0.0)
-                assert await ask(client, "put moveaxis Axis=1 Rate=0") is None
-                await asyncio.sleep(2.0)
-            for rate in (min(rates) / 2.0, faster * 1.1, -faster * 1.1):
-                assert await ask(client, f"put moveaxis Axis=1 Rate={rate}") == INVALID, rate
-            [told] = {word.text for word in own.wire_log.recent if "MoveAxis" in word.text}
-            assert "0.5 degrees a second is done at" in told
-
-    run(program())
+async def test_a_rate_between_two_of_the_mount_is_the_next_slower_one() -> None:
+    async with stage("lx200gps", "lx200") as own:
+        client = await connected(own)
+        rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
+        slower, faster = max(rate for rate in rates if rate < 0.5), max(rates)
+        for sign in (-1.0, 1.0):
+            before = own.sim.truth()[1]
+            assert await ask(client, f"put moveaxis Axis=1 Rate={sign * 0.5}") is None
+            await asyncio.sleep(10.0)
+            assert abs(abs(own.sim.truth()[1] - before) / 10.0 - slower) < 0.1 * slower
+            assert (own.sim.truth()[1] > before) is (sign > 0.0)
+            assert await ask(client, "put moveaxis Axis=1 Rate=0") is None
+            await asyncio.sleep(2.0)
+        for rate in (min(rates) / 2.0, faster * 1.1, -faster * 1.1):
+            assert await ask(client, f"put moveaxis Axis=1 Rate={rate}") == INVALID, rate
+        [told] = {word.text for word in own.wire_log.recent if "MoveAxis" in word.text}
+        assert "0.5 degrees a second is done at" in told
 
 
 def test_an_error_has_a_value_of_the_type_of_its_member() -> None:

@@ -61,10 +61,7 @@ def test_a_stop_does_not_wait_for_a_read_over_http_nor_for_the_check_after_it(se
     run(program())
 
 
-def test_a_stop_does_not_wait_for_the_check_after_an_order_without_an_answer() -> None:
-    async def program() -> None:
-        line, wire = await opened(alpaca(b""))
-        assert await stopped_after(line, wire, 1.8, Send("abortslew", patience=1.5)) < 0.25
-        await line.close()
-
-    run(program())
+async def test_a_stop_does_not_wait_for_the_check_after_an_order_without_an_answer() -> None:
+    line, wire = await opened(alpaca(b""))
+    assert await stopped_after(line, wire, 1.8, Send("abortslew", patience=1.5)) < 0.25
+    await line.close()

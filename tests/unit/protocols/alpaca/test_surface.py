@@ -10,7 +10,6 @@ import pytest
 
 from gateway.clients.access import AccessRules
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
-from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
 
 START = 1769634000.0
@@ -34,66 +33,52 @@ async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> Visitor:
     return client
 
 
-def test_whoever_vanishes_moves_nothing_any_more() -> None:
+async def test_whoever_vanishes_moves_nothing_any_more() -> None:
     """Half a minute after its last request the axis rests; the requests of another program do not hold it."""
-
-    async def program() -> None:
-        async with stage() as own:
-            client, other = await connected(own), await connected(own, "192.0.2.7")
-            await ask(client, "put moveaxis Axis=1 Rate=0.1")
-            for _ in range(28):
-                await asyncio.sleep(1.0)
-                assert await ask(other, "get slewing") is True
-            await asyncio.sleep(4.0)
-            assert await ask(other, "get slewing") is False
-
-    run(program())
-
-
-def test_abort_ends_everything_whoever_asks() -> None:
-    async def program() -> None:
-        async with stage() as own:
-            client, other = await connected(own), own.client("192.0.2.7")
-            await ask(client, f"put slewtocoordinatesasync {CRAB}")
+    async with stage() as own:
+        client, other = await connected(own), await connected(own, "192.0.2.7")
+        await ask(client, "put moveaxis Axis=1 Rate=0.1")
+        for _ in range(28):
             await asyncio.sleep(1.0)
-            assert own.sim.slewing
-            assert await ask(other, "put abortslew") is None, "also of a program that has not connected"
-            await asyncio.sleep(2.0)
-            assert not own.sim.slewing and await ask(client, "get slewing") is False
-
-    run(program())
+            assert await ask(other, "get slewing") is True
+        await asyncio.sleep(4.0)
+        assert await ask(other, "get slewing") is False
 
 
-def test_who_may_only_look_changes_nothing() -> None:
-    async def program() -> None:
-        async with stage(access=AccessRules(read_only=True)) as own:
-            client = await connected(own)
-            assert isinstance(await ask(client, "get rightascension"), float)
-            for line in (f"put slewtocoordinatesasync {CRAB}", "put tracking Tracking=false", "put park",
-                         "put utcdate UTCDate=2020-01-01T00:00:00Z", "put sitelatitude SiteLatitude=10"):  # fmt: skip
-                assert await ask(client, line) == -0x40B, line
-            assert await ask(client, "put abortslew") is None, "a stop is never refused"
-            assert not own.sim.slewing
+async def test_abort_ends_everything_whoever_asks() -> None:
+    async with stage() as own:
+        client, other = await connected(own), own.client("192.0.2.7")
+        await ask(client, f"put slewtocoordinatesasync {CRAB}")
+        await asyncio.sleep(1.0)
+        assert own.sim.slewing
+        assert await ask(other, "put abortslew") is None, "also of a program that has not connected"
+        await asyncio.sleep(2.0)
+        assert not own.sim.slewing and await ask(client, "get slewing") is False
 
-    run(program())
+
+async def test_who_may_only_look_changes_nothing() -> None:
+    async with stage(access=AccessRules(read_only=True)) as own:
+        client = await connected(own)
+        assert isinstance(await ask(client, "get rightascension"), float)
+        for line in (f"put slewtocoordinatesasync {CRAB}", "put tracking Tracking=false", "put park",
+                     "put utcdate UTCDate=2020-01-01T00:00:00Z", "put sitelatitude SiteLatitude=10"):  # fmt: skip
+            assert await ask(client, line) == -0x40B, line
+        assert await ask(client, "put abortslew") is None, "a stop is never refused"
+        assert not own.sim.slewing
 
 
 @pytest.mark.parametrize("latitude", [45.0, -45.0])
 @pytest.mark.parametrize(("mount", "version"), [("cge", "4.21"), ("cgem", "5.31")])
-def test_the_side_of_the_pier_is_the_one_that_was_foretold(mount: str, version: str, latitude: float) -> None:
+async def test_the_side_of_the_pier_is_the_one_that_was_foretold(mount: str, version: str, latitude: float) -> None:
     """East of the pier it looks west, in either hemisphere and whatever letter the hand control tells."""
-
-    async def program() -> None:
-        async with stage(mount, version=version, site=(latitude, 10.0), speed=20.0) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = await connected(own)
-            for hours, side in ((2.0, 0), (-2.0, 1)):
-                ra = (await ask(client, "get siderealtime") - hours) % 24.0
-                place = f"RightAscension={ra} Declination={latitude / 3.0}"
-                assert await ask(client, f"get destinationsideofpier {place}") == side
-                assert await ask(client, f"put slewtocoordinatesasync {place}") is None
-                while await ask(client, "get slewing"):
-                    await asyncio.sleep(0.5)
-                assert await ask(client, "get sideofpier") == side
-
-    run(program())
+    async with stage(mount, version=version, site=(latitude, 10.0), speed=20.0) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = await connected(own)
+        for hours, side in ((2.0, 0), (-2.0, 1)):
+            ra = (await ask(client, "get siderealtime") - hours) % 24.0
+            place = f"RightAscension={ra} Declination={latitude / 3.0}"
+            assert await ask(client, f"get destinationsideofpier {place}") == side
+            assert await ask(client, f"put slewtocoordinatesasync {place}") is None
+            while await ask(client, "get slewing"):
+                await asyncio.sleep(0.5)
+            assert await ask(client, "get sideofpier") == side

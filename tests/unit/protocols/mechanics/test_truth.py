@@ -17,7 +17,6 @@ import ephem
 import pytest
 
 from gateway.cli import main
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.mechanics.truth import Truth, sample, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
@@ -255,46 +254,40 @@ def test_a_wrong_site_turns_an_alt_az_mount_that_tracks_and_the_truth_shows_it()
 # --- sampling ---------------------------------------------------------------------------------------------------
 
 
-def test_ten_samples_a_second_of_virtual_time_and_assertions_come_through() -> None:
-    async def program() -> None:
-        async with Bridge("cge", ramps=True) as bridge:
-            seen: list[Truth] = []
-            client = bridge.client()
-            async with sampled(bridge.sim, seen.append):
-                await asyncio.sleep(2.0)
-                client.tell(b":RS#:Mn#")
-                await asyncio.sleep(2.0)
-                client.tell(b":Qn#")
-                await asyncio.sleep(3.0)
-            times = [one.t - EVENING for one in seen]
-            assert len(times) == pytest.approx(70, abs=1)
-            assert max(b - a for a, b in pairwise(times)) < 0.101
-            assert max(abs(one.rate2) for one in seen) == pytest.approx(bridge.sim.mechanics.fastest, rel=0.01)
-            assert not seen[0].moving and not seen[-1].moving
+async def test_ten_samples_a_second_of_virtual_time_and_assertions_come_through() -> None:
+    async with Bridge("cge", ramps=True) as bridge:
+        seen: list[Truth] = []
+        client = bridge.client()
+        async with sampled(bridge.sim, seen.append):
+            await asyncio.sleep(2.0)
+            client.tell(b":RS#:Mn#")
+            await asyncio.sleep(2.0)
+            client.tell(b":Qn#")
+            await asyncio.sleep(3.0)
+        times = [one.t - EVENING for one in seen]
+        assert len(times) == pytest.approx(70, abs=1)
+        assert max(b - a for a, b in pairwise(times)) < 0.101
+        assert max(abs(one.rate2) for one in seen) == pytest.approx(bridge.sim.mechanics.fastest, rel=0.01)
+        assert not seen[0].moving and not seen[-1].moving
 
-            def refuse(_: Truth) -> None:
-                raise AssertionError("too low")
+        def refuse(_: Truth) -> None:
+            raise AssertionError("too low")
 
-            with pytest.raises(AssertionError, match="too low"):
-                async with sampled(bridge.sim, refuse):
-                    await asyncio.sleep(1.0)
-
-    run(program())
+        with pytest.raises(AssertionError, match="too low"):
+            async with sampled(bridge.sim, refuse):
+                await asyncio.sleep(1.0)
 
 
-def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
-    async def program() -> None:
-        clock = Clock()
-        simulator, seen = SimulatedHandControl("cge", clock=clock), []
-        sampler = asyncio.get_running_loop().create_task(sample(simulator, seen.append))
-        await asyncio.sleep(0.01)
-        for seconds in (0.1, 60.0, 0.1):
-            clock.now += seconds
-            await asyncio.sleep(0.11)
-        sampler.cancel()
-        assert [round(one.t - EVENING, 1) for one in seen] == [0.0, 0.1, 60.1, 60.2]
-
-    run(program())
+async def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
+    clock = Clock()
+    simulator, seen = SimulatedHandControl("cge", clock=clock), []
+    sampler = asyncio.get_running_loop().create_task(sample(simulator, seen.append))
+    await asyncio.sleep(0.01)
+    for seconds in (0.1, 60.0, 0.1):
+        clock.now += seconds
+        await asyncio.sleep(0.11)
+    sampler.cancel()
+    assert [round(one.t - EVENING, 1) for one in seen] == [0.0, 0.1, 60.1, 60.2]
 
 
 def test_a_line_is_one_object_with_these_names() -> None:

@@ -11,7 +11,6 @@ import pytest
 from gateway.clients.access import AccessRules
 from gateway.clients.strangers import Piece, StrangerFilter
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from tests.support import exact_sky
 
@@ -55,102 +54,82 @@ def stage(
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
-def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with stage(mount, driven) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            await asyncio.sleep(2.1)
-            told = heard(client)
-            assert len(told) == 4, "none in the first moment, when it may turn out to be a web browser"
-            assert {(one.length, one.kind, one.status) for one in told} == {(24, 0, 0)}
-            assert [round(one.time - START, 1) for one in told][-1] > 1.0
-            client.tell(goto(*CRAB))
+async def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
+    async with stage(mount, driven) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        await asyncio.sleep(2.1)
+        told = heard(client)
+        assert len(told) == 4, "none in the first moment, when it may turn out to be a web browser"
+        assert {(one.length, one.kind, one.status) for one in told} == {(24, 0, 0)}
+        assert [round(one.time - START, 1) for one in told][-1] > 1.0
+        client.tell(goto(*CRAB))
+        await asyncio.sleep(1.0)
+        assert own.sim.slewing
+        for _ in range(180):
+            if not own.sim.slewing:
+                break
             await asyncio.sleep(1.0)
-            assert own.sim.slewing
-            for _ in range(180):
-                if not own.sim.slewing:
-                    break
-                await asyncio.sleep(1.0)
-            await asyncio.sleep(1.0)
-            last = heard(client)[-1]
-            assert abs(last.ra - CRAB[0]) < 0.03 and abs(last.dec - CRAB[1]) < 0.03, last
-            assert last.status == 0
-            client.close()
-
-    run(program())
+        await asyncio.sleep(1.0)
+        last = heard(client)[-1]
+        assert abs(last.ra - CRAB[0]) < 0.03 and abs(last.dec - CRAB[1]) < 0.03, last
+        assert last.status == 0
+        client.close()
 
 
-def test_a_refused_goto_shows_in_the_status_until_one_is_accepted() -> None:
-    async def program() -> None:
-        async with stage() as own:
-            client, other = own.client(), own.client("192.0.2.7")
-            client.tell(goto(*BELOW))
-            await asyncio.sleep(1.5)
-            assert not own.sim.slewing
-            assert heard(client)[-1].status == -1
-            assert heard(other)[-1].status == 0, "another program has asked for nothing"
-            client.tell(goto(*CRAB))
-            await asyncio.sleep(1.5)
-            assert own.sim.slewing and heard(client)[-1].status == 0
-
-    run(program())
+async def test_a_refused_goto_shows_in_the_status_until_one_is_accepted() -> None:
+    async with stage() as own:
+        client, other = own.client(), own.client("192.0.2.7")
+        client.tell(goto(*BELOW))
+        await asyncio.sleep(1.5)
+        assert not own.sim.slewing
+        assert heard(client)[-1].status == -1
+        assert heard(other)[-1].status == 0, "another program has asked for nothing"
+        client.tell(goto(*CRAB))
+        await asyncio.sleep(1.5)
+        assert own.sim.slewing and heard(client)[-1].status == 0
 
 
 @pytest.mark.parametrize("dec", [0x40000001, -0x40000001])
-def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
-    async def program() -> None:
-        async with stage() as own:
-            client = own.client()
-            client.tell(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
-            await asyncio.sleep(1.5)
-            assert not own.sim.slewing and heard(client)[-1].status == -1
-
-    run(program())
+async def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
+    async with stage() as own:
+        client = own.client()
+        client.tell(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
+        await asyncio.sleep(1.5)
+        assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
-    async def program() -> None:
-        async with stage(access=AccessRules(read_only=True)) as own:
-            client = own.client()
-            client.tell(goto(*CRAB))
-            await asyncio.sleep(1.5)
-            assert not own.sim.slewing and heard(client)[-1].status == -1
-
-    run(program())
+async def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
+    async with stage(access=AccessRules(read_only=True)) as own:
+        client = own.client()
+        client.tell(goto(*CRAB))
+        await asyncio.sleep(1.5)
+        assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-def test_the_dead_man_leaves_a_goto_alone() -> None:
+async def test_the_dead_man_leaves_a_goto_alone() -> None:
     """A program of this protocol says nothing after its goto."""
-
-    async def program() -> None:
-        async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
-            client, other = own.client(), own.client("192.0.2.7")
-            client.tell(goto(*CRAB))
-            await asyncio.sleep(4.0)
-            assert own.sim.slewing and heard(other)[-1].status == 0
-            client.close()
-            await asyncio.sleep(2.0)
-            assert own.sim.slewing
-
-    run(program())
+    async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
+        client, other = own.client(), own.client("192.0.2.7")
+        client.tell(goto(*CRAB))
+        await asyncio.sleep(4.0)
+        assert own.sim.slewing and heard(other)[-1].status == 0
+        client.close()
+        await asyncio.sleep(2.0)
+        assert own.sim.slewing
 
 
-def test_coordinates_are_of_j2000() -> None:
+async def test_coordinates_are_of_j2000() -> None:
     """The mount counts of date, 0.36 degrees further in right ascension at this place by then."""
-
-    async def program() -> None:
-        async with stage() as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            client.tell(goto(*CRAB))
-            await asyncio.sleep(2.0)
-            sent = [data for data in own.sent() if data[:1] == b"r"][-1]
-            ra = int(sent[1:9], 16) * 360 / 2**32
-            assert 0.3 < ra - CRAB[0] < 0.5
-            client.close()
-
-    run(program())
+    async with stage() as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        client.tell(goto(*CRAB))
+        await asyncio.sleep(2.0)
+        sent = [data for data in own.sent() if data[:1] == b"r"][-1]
+        ra = int(sent[1:9], 16) * 360 / 2**32
+        assert 0.3 < ra - CRAB[0] < 0.5
+        client.close()
 
 
 def test_its_first_bytes_are_a_strangers_everywhere_else() -> None:

@@ -10,7 +10,6 @@ from urllib.parse import urlencode
 import pytest
 
 from gateway.core.errors import UserError
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
 from tests.conformance.ascom.telescope import FAST, Ascom, Issue, Skipped, Telescope
 from tests.conformance.ascom.test_judge import CHECKS
@@ -79,20 +78,17 @@ class Judged(Telescope):
 
 @pytest.mark.parametrize("latitude", [45.0, -33.5])
 @pytest.mark.parametrize("kind", KINDS)
-def test_ascoms_judge(kind: str, latitude: float) -> None:
-    async def program() -> None:
-        loop = asyncio.get_running_loop()
-        scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time(), site=(latitude, 10.0))), {}
-        for name, check in CHECKS.items():
-            try:
-                await check(scope)
-            except (Issue, Ascom) as error:
-                found[name] = str(error)
-            except Skipped:
-                pass
-        assert found.keys() == KNOWN[kind], found
-
-    run(program())
+async def test_ascoms_judge(kind: str, latitude: float) -> None:
+    loop = asyncio.get_running_loop()
+    scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time(), site=(latitude, 10.0))), {}
+    for name, check in CHECKS.items():
+        try:
+            await check(scope)
+        except (Issue, Ascom) as error:
+            found[name] = str(error)
+        except Skipped:
+            pass
+    assert found.keys() == KNOWN[kind], found
 
 
 def test_every_member_has_ascoms_type_and_parameters() -> None:

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import meade, overhead
@@ -51,83 +50,68 @@ def test_gw_tells_how_it_stands(tells_altaz: bool, said: bytes) -> None:
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-def test_tracking_off_and_on_leaves_a_polar_telescope_polar(model: str, tells_altaz: bool) -> None:
+async def test_tracking_off_and_on_leaves_a_polar_telescope_polar(model: str, tells_altaz: bool) -> None:
     """Asked for its mode in between, as INDIGO does: :AA# would end the polar alignment."""
-
-    async def program() -> None:
-        bridge = Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
-        bridge.sim.land_tells_altaz = tells_altaz
-        bridge.sim.feed(b":AP#")
-        async with bridge:
-            client = bridge.client()
-            assert await client.ask(b"t") == b"\x02#"
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(8.0)
-            assert await client.ask(b"t") == b"\0#"
-            assert await client.ask(b"J") == b"\1#"
-            await asyncio.sleep(8.0)
-            assert await client.ask(b"t") == b"\0#"
-            assert bridge.driver.equatorial
-            assert await client.ask(b"T\2") == b"#"
-            await asyncio.sleep(2.0)
-            assert bridge.sim.letter == "P" and b":AA#" not in bridge.sent()
-            assert await client.ask(b"t") == b"\x02#"
-
-    run(program())
+    bridge = Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
+    bridge.sim.land_tells_altaz = tells_altaz
+    bridge.sim.feed(b":AP#")
+    async with bridge:
+        client = bridge.client()
+        assert await client.ask(b"t") == b"\x02#"
+        assert await client.ask(b"T\0") == b"#"
+        await asyncio.sleep(8.0)
+        assert await client.ask(b"t") == b"\0#"
+        assert await client.ask(b"J") == b"\1#"
+        await asyncio.sleep(8.0)
+        assert await client.ask(b"t") == b"\0#"
+        assert bridge.driver.equatorial
+        assert await client.ask(b"T\2") == b"#"
+        await asyncio.sleep(2.0)
+        assert bridge.sim.letter == "P" and b":AA#" not in bridge.sent()
+        assert await client.ask(b"t") == b"\x02#"
 
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
-def test_a_telescope_that_is_taken_off_its_wedge_is_seen_to_be(tells_altaz: bool) -> None:
+async def test_a_telescope_that_is_taken_off_its_wedge_is_seen_to_be(tells_altaz: bool) -> None:
     """At its keys, tracking off before and afterwards: the alignment mode tells that the A is meant."""
-
-    async def program() -> None:
-        bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
-        bridge.sim.land_tells_altaz = tells_altaz
-        bridge.sim.feed(b":AP#")
-        async with bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\0") == b"#"
-            bridge.sim.feed(b":AA#")
-            bridge.sim.track(False)
-            await asyncio.sleep(8.0)
-            assert await client.ask(b"t") == b"\0#"
-            assert not bridge.driver.equatorial
-
-    run(program())
+    bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
+    bridge.sim.land_tells_altaz = tells_altaz
+    bridge.sim.feed(b":AP#")
+    async with bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\0") == b"#"
+        bridge.sim.feed(b":AA#")
+        bridge.sim.track(False)
+        await asyncio.sleep(8.0)
+        assert await client.ask(b"t") == b"\0#"
+        assert not bridge.driver.equatorial
 
 
-def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
+async def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
     """It would say yes to the goto and stay where it is."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
-            client = bridge.client()
-            assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
-            client.tell(b":hN#")
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2.0)
-            assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
-            client.tell(b":hW#")
-            await asyncio.sleep(1.0)
-            assert await client.ask(b":MS#") == b"0"
-            await asyncio.sleep(1.0)
-            assert bridge.sim.slewing
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
+        client = bridge.client()
+        assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
+        client.tell(b":hN#")
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2.0)
+        assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
+        client.tell(b":hW#")
+        await asyncio.sleep(1.0)
+        assert await client.ask(b":MS#") == b"0"
+        await asyncio.sleep(1.0)
+        assert bridge.sim.slewing
 
 
-def test_a_telescope_that_was_woken_at_its_keys_moves_again() -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
-            client = bridge.client()
-            assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
-            client.tell(b":hN#")
-            await asyncio.sleep(2.0)
-            bridge.sim.feed(b":hW#")
-            await asyncio.sleep(8.0)
-            assert await client.ask(b":GW#") == b"AT1"
-            assert await client.ask(b":MS#") == b"0"
-
-    run(program())
+async def test_a_telescope_that_was_woken_at_its_keys_moves_again() -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
+        client = bridge.client()
+        assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
+        client.tell(b":hN#")
+        await asyncio.sleep(2.0)
+        bridge.sim.feed(b":hW#")
+        await asyncio.sleep(8.0)
+        assert await client.ask(b":GW#") == b"AT1"
+        assert await client.ask(b":MS#") == b"0"

@@ -6,7 +6,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice
-from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
@@ -24,16 +23,13 @@ def test_without_a_receiver_the_sentence_says_that_there_is_no_fix() -> None:
 
 
 @pytest.mark.parametrize(("mount", "status"), [("6-8se", b"V"), ("slt", b"V"), ("cpc", b"A")])
-def test_the_status_is_the_mounts(mount: str, status: bytes) -> None:
-    async def play() -> None:
-        async with Bridge(mount, surface="lx200gps") as bridge:
-            client = bridge.client()
-            heard = await client.ask(b":gps#", until=b"#")
-            assert heard.startswith(b"$GPRMC,")
-            assert heard.split(b",")[2] == status
-            assert await client.ask(b":gT#", until=b"") == (b"0" if status == b"V" else b"1")
-
-    run(play())
+async def test_the_status_is_the_mounts(mount: str, status: bytes) -> None:
+    async with Bridge(mount, surface="lx200gps") as bridge:
+        client = bridge.client()
+        heard = await client.ask(b":gps#", until=b"#")
+        assert heard.startswith(b"$GPRMC,")
+        assert heard.split(b",")[2] == status
+        assert await client.ask(b":gT#", until=b"") == (b"0" if status == b"V" else b"1")
 
 
 @each("model", MODELS)
@@ -60,13 +56,9 @@ def test_the_sidereal_time_is_that_of_clock_and_site(model: str) -> None:
     assert talk.send(b":GS#") == told
 
 
-def test_what_a_real_telescope_has_is_told_through() -> None:
+async def test_what_a_real_telescope_has_is_told_through() -> None:
     """An LX200GPS behind the gateway has a thermometer and a receiver of its own."""
-
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
-            client = bridge.client()
-            assert await client.ask(b":fT#", until=b"#") == b"+12.500#"
-            assert (await client.ask(b":gps#", 20.0, until=b"#")).split(b",")[2] == b"A"
-
-    run(play())
+    async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
+        client = bridge.client()
+        assert await client.ask(b":fT#", until=b"#") == b"+12.500#"
+        assert (await client.ask(b":gps#", 20.0, until=b"#")).split(b",")[2] == b"A"
