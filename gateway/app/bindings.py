@@ -27,7 +27,7 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols, surfaces
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, written
 from gateway.transport.listening import SERVED
@@ -46,7 +46,7 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
     if mount.protocol not in mounts():
         raise UserError(f"{mount}: {mount.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     for endpoint in endpoints:
-        if not set(spoken(endpoint.protocol)) <= set(surfaces()):
+        if not set(surface_protocols(endpoint.protocol)) <= set(surfaces()):
             raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
 
 
@@ -167,8 +167,8 @@ class AcceptorFactory:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface)
-        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
-        for protocol in spoken(ANY):
+        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in surface_protocols(ANY))
+        for protocol in surface_protocols(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
             speaking[protocol] = self._one(number, Endpoint(protocol, endpoint.where), part, titles)
         from gateway.clients.any_protocol.acceptor import AnyAcceptor

@@ -29,7 +29,7 @@ from gateway.app.control.server import Control
 from gateway.app.discovery.offer import reachable_networks
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.state.file import MarkerContent
-from gateway.app.state.mount_claim import claim, taken
+from gateway.app.state.mount_claim import claim, taken_message
 from gateway.app.state.store import StateStore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -247,7 +247,7 @@ class Gateway:
     @property
     def taken(self) -> str:
         """A sentence that another gateway has this mount; empty if none is known to have it."""
-        return taken(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
+        return taken_message(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
 
     @property
     def unopened(self) -> str:

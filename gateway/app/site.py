@@ -45,7 +45,7 @@ async def load_site(
             spec.web().add_routes(app, devices)
     await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
     add_page(app)
-    garbage.started()  # again, for the objects of the web server
+    garbage.exclude_present_objects()  # again, for the objects of the web server
     return app
 
 

@@ -34,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
 
     If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
-    garbage.starting()
+    garbage.collect_rarely()
     streams.reopen_closed()
     streams.replace_unencodable()
     code = 0

@@ -22,9 +22,9 @@ from gateway.console.pin import Pin
 from gateway.console.shown.publisher import Publisher
 from gateway.core.errors import UserError
 from gateway.core.operations import GetIdentity, Identity
-from gateway.protocols.registry import ANY, PROTOCOLS, spoken
+from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
 from gateway.protocols.wireformat.command_set import load
-from gateway.system.files import directory
+from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
 
 #: Timeout of an explanation, seconds; it runs a complete gateway in another process.
@@ -105,7 +105,7 @@ def _surface_argument(surface: str, command: str) -> str:
         return surface
     sent = unescape(command).lstrip(IDLE)
     verdict = decide(sent) if sent else None
-    return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else spoken(ANY)[0]
+    return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else surface_protocols(ANY)[0]
 
 
 class MountRecorder:
@@ -129,7 +129,7 @@ class MountRecorder:
         if self._recorder is not None:
             raise UserError("a recording is running already; end it first")
         gateway = self._gateway
-        folder = directory(gateway.config.state) / FOLDER
+        folder = state_folder(gateway.config.state) / FOLDER
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -154,5 +154,5 @@ class MountRecorder:
         """Return the path of a recording by its name, or None."""
         if not _NAME.fullmatch(name):
             return None
-        path = directory(self._gateway.config.state) / FOLDER / name
+        path = state_folder(self._gateway.config.state) / FOLDER / name
         return path if path.is_file() else None

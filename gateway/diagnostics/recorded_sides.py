@@ -10,7 +10,7 @@ from gateway.app.recording.format import Recording
 from gateway.clients.any_protocol.deciding import may_change
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
-from gateway.protocols.registry import ANY, spoken
+from gateway.protocols.registry import ANY, surface_protocols
 
 
 class _Said(Protocol):
@@ -41,7 +41,7 @@ class RecordedSides:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
         number = int(data.split(b",")[0].split()[-1])
         self.surface[side] = number
-        self.protocols[side] = spoken(self.surfaces[number - 1])[0]
+        self.protocols[side] = surface_protocols(self.surfaces[number - 1])[0]
         return number
 
     def introduced(self, lines: Iterable[_T]) -> Iterator[_T]:

@@ -20,7 +20,7 @@ ANY = "any"
 ANY_PORT = 4040
 
 
-def spoken(protocol: str) -> list[str]:
+def surface_protocols(protocol: str) -> list[str]:
     """Return the protocols of a surface: its own, or all that use a byte stream; the web server serves HTTP."""
     return streams() if protocol == ANY else [protocol]
 

@@ -15,13 +15,13 @@ _ON_LINUX = {"user_state_path": ("XDG_STATE_HOME", ".local/state"), "user_cache_
 NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name another one"
 
 
-def directory(configured: str | None = None) -> Path:
+def state_folder(configured: str | None = None) -> Path:
     """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else a folder of the user's."""
     given = configured or _of_systemd("STATE_DIRECTORY")
     return Path(given).expanduser() if given else _users("user_state_path")
 
 
-def cache_directory() -> Path:
+def cache_folder() -> Path:
     """Return the folder for files that can be made again: systemd's ``CACHE_DIRECTORY``, else a folder of
     the user's.
     """

@@ -12,12 +12,12 @@ import gc
 AT_START, USUAL = (200_000, 10, 10), (700, 10, 10)
 
 
-def starting() -> None:
+def collect_rarely() -> None:
     """Collect rarely from now on: the program starts."""
     gc.set_threshold(*AT_START)
 
 
-def started() -> None:
+def exclude_present_objects() -> None:
     """Exclude all present objects from collection. May be called again after more objects were created."""
     gc.freeze()
     gc.set_threshold(*USUAL)

@@ -15,7 +15,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.system.files import directory
+from gateway.system.files import state_folder
 
 #: The name of the folders, and of the folder in the state folder.
 NAME, FALLBACK = "mount-gateway", "run"
@@ -27,7 +27,7 @@ def folders() -> tuple[list[Path], list[str]]:
     """Return the usable folders, and for every other folder why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
-    for folder in [*candidates(), directory() / FALLBACK]:
+    for folder in [*candidates(), state_folder() / FALLBACK]:
         if folder.name == FALLBACK and usable:
             break
         reason = _reason_unusable(folder)

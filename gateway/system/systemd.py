@@ -11,14 +11,14 @@ import os
 import socket
 
 
-def wanted() -> bool:
+def is_expected() -> bool:
     """Whether systemd expects notifications: a path, or ``@NAME`` for an abstract socket."""
     return os.environ.get("NOTIFY_SOCKET", "").startswith(("/", "@"))
 
 
 def notify(*states: str) -> None:
     """Notify systemd if it listens. Never blocks and never raises. A state is ``KEY=VALUE`` on one line."""
-    if not wanted():
+    if not is_expected():
         return
     address = os.environ["NOTIFY_SOCKET"]
     if address.startswith("@"):
@@ -31,6 +31,6 @@ def notify(*states: str) -> None:
 def watchdog() -> float | None:
     """Return the seconds within which ``WATCHDOG=1`` must be sent, sd_watchdog_enabled(3); None if it is off."""
     micros, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID")
-    if not wanted() or not micros.isdecimal() or int(micros) == 0 or pid not in (None, str(os.getpid())):
+    if not is_expected() or not micros.isdecimal() or int(micros) == 0 or pid not in (None, str(os.getpid())):
         return None
     return int(micros) / 1e6

@@ -17,7 +17,7 @@ from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
 from gateway.clients.access import AccessRules, Networks, networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols
 from gateway.transport.listening import LISTENING, split_address
 from gateway.transport.tcp import exposed
 
@@ -130,7 +130,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
-        spoke = spoken(parse_endpoint(surface.at).protocol)
+        spoke = surface_protocols(parse_endpoint(surface.at).protocol)
         known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
             reason = f"{surface.client!r}: no such program is known; {suggest(surface.client, known)}"

@@ -86,7 +86,7 @@ def completions(text: str, most: int) -> list[str]:
     """
     typed = supplied.normalized(text)
     bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]
-    begun = list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
+    begun = list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.names_beginning_with(text, most))))[:most]
     return begun or ([text.strip()] if names.star(text) else names.suggestions(text, BODIES))
 
 
@@ -120,7 +120,7 @@ def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
             entry, also=", ".join(other for other in (entry.name, *entry.also.split(", ")) if other != name)
         )
     if called == "HIP" and number in supplied.stars():
-        entry = names.of_star(number, _year())
+        entry = names.entry_of_star(number, _year())
     elif called == "HIP":
         entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
     else:

@@ -25,7 +25,7 @@ from gateway.app.status import State
 from gateway.core.errors import NoAnswer
 from gateway.core.requests import FAILED, Answer, Request, StateRequest, encode, new_number
 from gateway.system import processes
-from gateway.system.files import directory
+from gateway.system.files import state_folder
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
 
 #: Seconds until a request is sent again: a datagram may be lost.
@@ -53,7 +53,7 @@ class Scope(Struct, frozen=True):
 
 def scope_of(state: str | None) -> Scope:
     """Return the scope of a state folder named by ``--state`` or systemd, else of this user's default folder."""
-    return Scope(directory(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
+    return Scope(state_folder(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
 
 
 def unreachable_gateways(scope: Scope) -> list[processes.Process]:

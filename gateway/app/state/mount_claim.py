@@ -37,13 +37,13 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     try:
         return None if name is None else Claim(name)
     except LockHeld as by:
-        raise MountTaken(taken(str(mount), str(by)), str(by)) from None
+        raise MountTaken(taken_message(str(mount), str(by)), str(by)) from None
     except OSError as error:
         warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
         return None
 
 
-def taken(mount: str, by: str) -> str:
+def taken_message(mount: str, by: str) -> str:
     """Return the message for a mount that another gateway has; ``by`` is its process."""
     return (
         f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount connect to that "

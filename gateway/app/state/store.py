@@ -25,7 +25,7 @@ from gateway.mount.motion.left_moving import RECENT, LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import Shared
-from gateway.system.files import directory, replace_file
+from gateway.system.files import replace_file, state_folder
 from gateway.system.locks import LockHeld, PidLock
 
 #: Seconds between two writes of the file while changes go on.
@@ -69,7 +69,7 @@ class StateStore:
         warn: Callable[[str], None],
         in_thread: InThread = in_thread,
     ) -> None:
-        self.directory, self.name = directory(configured), file.file_name(protocol, where)
+        self.directory, self.name = state_folder(configured), file.file_name(protocol, where)
         self.path, self._marker_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
         #: Holds the number of the process that owns these files; another number in it means another gateway.
         self.lock_path = self.directory / f"{self.name}.lock"

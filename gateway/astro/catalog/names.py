@@ -37,10 +37,10 @@ def star(name: str) -> int | None:
 def look_up(name: str, year: float) -> CatalogObject | None:
     """Return the star or deep sky object with this name, or None."""
     number = star(name)
-    return supplied.look_up(name) if number is None else of_star(number, year)
+    return supplied.look_up(name) if number is None else entry_of_star(number, year)
 
 
-def of_star(number: int, year: float) -> CatalogObject:
+def entry_of_star(number: int, year: float) -> CatalogObject:
     """Return the entry of a star of ``supplied.stars``, by its Hipparcos number."""
     known = supplied.stars()[number]
     called = next((name for name, at in HIPPARCOS.items() if at == number), "")
@@ -48,7 +48,7 @@ def of_star(number: int, year: float) -> CatalogObject:
     return CatalogObject(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
 
 
-def beginning(text: str, most: int) -> list[str]:
+def names_beginning_with(text: str, most: int) -> list[str]:
     """Return names that begin with a text, or contain a word that does: stars first, sorted by brightness."""
     typed = normalized(text)
     if not typed:

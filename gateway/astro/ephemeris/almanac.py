@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 
 from gateway.core.errors import UserError, explain_os_error
-from gateway.system.files import cache_directory, plain_file
+from gateway.system.files import cache_folder, plain_file
 from gateway.system.runtime_folders import user
 
 DAY, STEP = 86400.0, 10800.0
@@ -117,7 +117,7 @@ def stored(named: str | None = None) -> Almanac:
     Raises UserError if the named file cannot be used.
     """
     try:
-        almanac = read(cache_directory() / "almanac")
+        almanac = read(cache_folder() / "almanac")
     except (OSError, ValueError):
         almanac = Almanac()
     try:

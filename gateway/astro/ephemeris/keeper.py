@@ -20,7 +20,7 @@ from pathlib import Path
 
 from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, decoded, stored
 from gateway.astro.ephemeris.sky import Sky
-from gateway.system.files import cache_directory, replace_file
+from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 from gateway.system.runtime_folders import user
@@ -37,7 +37,7 @@ FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CRE
 
 def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
     """Return an almanac with these days, and why it cannot be stored. Raises OSError, ValueError."""
-    path, trouble = cache_directory() / "almanac", ""
+    path, trouble = cache_folder() / "almanac", ""
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
         try:

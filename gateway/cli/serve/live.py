@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from gateway.app.status import AverageRate, StatusLine, status
 from gateway.diagnostics.log.as_json import warning
 from gateway.system import streams
-from gateway.system.systemd import notify, wanted, watchdog
+from gateway.system.systemd import is_expected, notify, watchdog
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -130,7 +130,7 @@ def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[as
     work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
         work.append(_show(StatusLines(gateways), screen))
-    if wanted():
+    if is_expected():
         work.append(_report(StatusLines(gateways), screen))
     return [asyncio.ensure_future(coroutine) for coroutine in work]
 

@@ -100,7 +100,7 @@ async def serve_mounts(
     done, sky = until_signal(), Sky()
     # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
-    screen = screen or Screen(terminal, config.night, as_json.wanted(config.log))
+    screen = screen or Screen(terminal, config.night, as_json.is_json(config.log))
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
@@ -173,7 +173,7 @@ async def serve_mounts(
 
         status_tasks.append(asyncio.ensure_future(almanac.keep()))
         await unless(done, asyncio.gather(*(serve(each, patient, longest, ready, screen.warn) for each in gateways)))
-        garbage.started()
+        garbage.exclude_present_objects()
         if config.page is not None and not done.is_set():
             await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
@@ -246,7 +246,7 @@ def _log(config: Config, mount: MountConfig) -> Sink:
 
     surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]
     rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
-    if as_json.wanted(config.log):
+    if as_json.is_json(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
     return printer(rows, sys.stderr, config.night)
 

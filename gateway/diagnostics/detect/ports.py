@@ -14,7 +14,7 @@ from gateway.app.control.reach import Scope, reachable, search
 from gateway.app.state.mount_claim import address
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, mounts
-from gateway.system.files import directory
+from gateway.system.files import state_folder
 from gateway.system.processes import gateways, is_gateway, openers
 from gateway.system.runtime_folders import user_name
 
@@ -82,7 +82,7 @@ def lasting_name(device: str, folder: Path = LASTING) -> str:
 def serving_gateway(url: str) -> int | None:
     """Return the process id of the gateway that has the mount on this port; None if none of this user's has it."""
     network = address(url)
-    for _, gateway in search(Scope(directory(None))).gateways:
+    for _, gateway in search(Scope(state_folder(None))).gateways:
         where = gateway.mount.partition("@")[2]
         same = address(where) == network if network else os.path.realpath(where) == os.path.realpath(url)
         if same and where != SIMULATED and is_gateway(gateway.pid):

@@ -32,7 +32,7 @@ from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import holder, is_usb_or_named, local_ports
 from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
-from gateway.system.files import directory
+from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
 from gateway.system.processes import PROC, listeners
 from gateway.system.runtime_folders import user_name
@@ -84,7 +84,7 @@ def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
 # --- astronomy data -------------------------------------------------------------------------------------------------
 
 
-def published(release: str) -> float | None:
+def release_date(release: str) -> float | None:
     """Return the date of a release of the astronomy data, Unix seconds; its version is ``0.2026.11.2.0.34.55``."""
     match = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
     if match is None:
@@ -130,14 +130,14 @@ UDEV = Path("/run/udev/data")
 
 def gather(state: str | None = None, almanac: str | None = None) -> Facts:
     """Collect everything that the checks need; ``state`` and ``almanac`` are what the user named. Raises UserError."""
-    folder = directory(state)
+    folder = state_folder(state)
     granted, active = groups()
     return Facts(
         version=full_version(),
         python=sys.version_info[:3],
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),
-        published=published(version(DATA)),
+        published=release_date(version(DATA)),
         rotation_until=rotation_until(),
         leap_seconds_until=leap_seconds_until(),
         almanac_until=_almanac_until(time.time(), almanac),
@@ -147,7 +147,7 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         groups=granted,
         active_groups=active,
         clock_synchronized=clock_synchronized(),
-        meddlers=named(MEDDLERS),
+        meddlers=processes_named(MEDDLERS),
         listeners=listening(USUAL),
         state_folder=str(folder),
         state_problem=unwritable(folder),
@@ -220,7 +220,7 @@ async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 
 
-def named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
+def processes_named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
     """Return the process ids of running programs with these names."""
     results = {}
     for process in proc.glob("[0-9]*"):

@@ -36,7 +36,7 @@ KINDS = {
 DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
-def wanted(log: bool | str) -> bool:
+def is_json(log: bool | str) -> bool:
     """Return whether a value of ``log`` asks for this format."""
     return isinstance(log, str) and log.partition("-")[0] == FORM
 

@@ -35,7 +35,7 @@ STEPS = 4
 Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
-def cramped(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
+def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
     """Return the reason why the small motions have no room at ``sky``, by default where the mount points; empty if they
     have.
     """
@@ -58,7 +58,7 @@ def cramped(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
 
 async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
     """Go to a place with room. Raises Ended."""
-    why = cramped(telescope)
+    why = why_no_room(telescope)
     site = telescope.controller.sources.site()
     if site is None:
         raise Ended("the site is not known, so that no place can be chosen")
@@ -67,15 +67,15 @@ async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
     goals = [op.Equatorial((sidereal - away) % 360.0, PART * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
-    goals = [goal for goal in goals if not cramped(telescope, goal)] or goals
+    goals = [goal for goal in goals if not why_no_room(telescope, goal)] or goals
     goal, refused = await _allowed(telescope, goals)
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")
     report.progress(0, 1, "on its way to a better place")
     if refused := await telescope.goto(goal, LONGEST):
         raise Ended(f"{why}, and the goto was refused: {refused}")
-    stay_if_elsewhere(await telescope.rest(), goal)
-    if why := cramped(telescope):
+    check_arrival(await telescope.rest(), goal)
+    if why := why_no_room(telescope):
         raise Ended(f"{why} still")
     report.add(Finding("goto to a better place", SAME))
 
@@ -90,7 +90,7 @@ async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> t
     return None, str(refusal or "all are too near to the meridian or the pole")
 
 
-async def near(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
+async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
     """Return an allowed goal 5° away, or None and the reason."""
     aside = FAR / max(0.2, cos(radians(position.dec)))
     ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
@@ -122,13 +122,13 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(Finding("cancelled goto", NOT_TRIED, refused))
         return
     position = (await telescope.rest()).sky
-    if (left := apart(position, goal)) > NEAR:
+    if (left := degrees_apart(position, goal)) > NEAR:
         report.add(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
         means = "A stop may not end a goto: keep a hand at the mount's switch."
         report.add(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
     report.progress(3, STEPS, "back to where it was")
-    if apart(position, start) > RESTS:
+    if degrees_apart(position, start) > RESTS:
         await telescope.goto(start, inf)
         await telescope.rest()
 
@@ -141,7 +141,7 @@ async def there_and_back(
     ``means``: the consequence for the owner if a goto ends, or is cancelled, somewhere else.
     """
     start = (await telescope.rest()).sky
-    goal, refused = await near(telescope, start)
+    goal, refused = await nearby_goal(telescope, start)
     if goal is None:
         report.add(Finding(names[0], NOT_TRIED, refused))
         return None
@@ -154,7 +154,7 @@ async def there_and_back(
             return None
         said = await telescope.look()
         took, arrived = telescope.now() - began, await telescope.rest()
-        off = apart(explanation or arrived.sky, to)
+        off = degrees_apart(explanation or arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
         if off > NEAR + max(telescope.ticks):
             report.add(Finding(what, DIFFERS, measured, "at its goal", means))
@@ -163,16 +163,16 @@ async def there_and_back(
             report.add(Finding(what, DIFFERS, f"{measured}; it reported its end too early", "at rest", early))
         else:
             report.add(Finding(what, SAME, measured))
-        stay_if_elsewhere(arrived, to)
+        check_arrival(arrived, to)
     return start, goal
 
 
-def stay_if_elsewhere(arrived: TimedPosition, goal: op.Equatorial) -> None:
+def check_arrival(arrived: TimedPosition, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
-    if (off := apart(arrived.sky, goal)) > ELSEWHERE:
+    if (off := degrees_apart(arrived.sky, goal)) > ELSEWHERE:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
-def apart(place: op.Equatorial, other: op.Equatorial) -> float:
+def degrees_apart(place: op.Equatorial, other: op.Equatorial) -> float:
     """Return the degrees between two positions."""
     return separation(place.ra, place.dec, other.ra, other.dec)

@@ -59,7 +59,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
                 rate = abs(rate)
             assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
-            finding = judged(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
+            finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
             if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
                 reason = "this computer or its line was too busy for pulses as short as these"
                 finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
@@ -68,7 +68,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         program.close()
 
 
-def judged(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
+def guide_rate_finding(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
     """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``tick``, degrees)
     for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
     """

@@ -103,9 +103,9 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         findings.append(finding)
     moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
     for axis, pair in enumerate(PAIRS, 1):
-        report.add(directions(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
+        report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), way) for _, rate in moved if abs(rate.real) >= FAST for way in rate.run_ons]
-    report.add(ran_on(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
+    report.add(run_on_finding(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
     report.add(await tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
     if real := {assumed: rate for assumed, rate in even if 1.0 / BELIEVED < rate / assumed < BELIEVED}:
@@ -124,11 +124,13 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
     rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
     way, least = max(onwards.way, back.way), STEPS * telescope.ticks[axis - 1]
     run_ons = (onwards.run_on, back.run_on) if way > least else ()
-    finding = judged(what, abs(rate), error, speed, onwards, way, least)
+    finding = rate_finding(what, abs(rate), error, speed, onwards, way, least)
     return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.short))
 
 
-def judged(what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float) -> Finding:
+def rate_finding(
+    what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float
+) -> Finding:
     """Return the finding on a rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
     nothing.
     """
@@ -151,7 +153,7 @@ def rate_text(rate: float) -> str:
     return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
 
 
-def directions(pair: tuple[Direction, Direction], turned_round: list[bool]) -> Finding:
+def direction_finding(pair: tuple[Direction, Direction], turned_round: list[bool]) -> Finding:
     """Return the finding on the direction of an axis."""
     what = f"direction of {pair[0].word} and {pair[1].word}"
     if not turned_round:
@@ -162,7 +164,7 @@ def directions(pair: tuple[Direction, Direction], turned_round: list[bool]) -> F
     return Finding(what, DIFFERS, "reversed" if all(turned_round) else "reversed at some rates", "", means)
 
 
-def ran_on(run_ons: list[tuple[float, float]], exchange: float, lasts: float) -> Finding:
+def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, lasts: float) -> Finding:
     """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes ``lasts``
     seconds.
     """

@@ -22,7 +22,7 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, MountKind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import format_fields
-from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, denies, stage, watched
+from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, is_refused, stage, watched
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.surface import ACKNOWLEDGED
@@ -55,7 +55,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     face, at = parse_device(surface), parse_device(mount, of="mount")
     if at.protocol not in mounts():
         raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
-    at = whole(at)
+    at = with_defaults(at)
     frame = unescape(typed)
     protocol, driven = load(face.protocol), load(at.protocol).of(at.model)
     match = protocol.find(frame)
@@ -96,7 +96,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         for otherwise, changed in _circumstances(at):
             if (other := play_one(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = taken(row, driven, MountKind(at.model or "", counted(at)))
+        ways = taken(row, driven, MountKind(at.model or "", counted_version(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -104,21 +104,21 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
 
 
 @cache
-def sky() -> Sky:
+def rehearsal_sky() -> Sky:
     """Return the exact sky of the days of all rehearsals. It is in the package, so that no rehearsal loads astropy."""
     exact = Sky()
     exact.use(decoded(SHIPPED.read_bytes()))
     return exact
 
 
-def whole(mount: Endpoint) -> Endpoint:
+def with_defaults(mount: Endpoint) -> Endpoint:
     """Complete a mount's model and version with the simulator's defaults."""
     model = mount.model or PROTOCOLS[mount.protocol].default_model or ""
     versions = load(mount.protocol).models[model].get("versions", [None])
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
-def counted(mount: Endpoint) -> Version | None:
+def counted_version(mount: Endpoint) -> Version | None:
     """Return the version by which a complete mount's commands are determined."""
     return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
@@ -134,7 +134,7 @@ def traits(face: Endpoint, command: Command, facts: Model | None = None) -> froz
     return protocol.traits(model, facts=facts) if command.known_to(None, version) or command.beyond else frozenset()
 
 
-def before(face: Endpoint, row: SurfaceRow) -> Before:
+def commands_before(face: Endpoint, row: SurfaceRow) -> Before:
     """Return the commands that a program sends before this command, and immediately before it."""
     spec = PROTOCOLS[face.protocol]
     after = (*spec.required_requests, *spec.target, *row.after)
@@ -155,17 +155,17 @@ def play_one(
     command, row = match[0], protocol.surface.get(match[0].name)
 
     async def play() -> tuple[Play, str, str]:
-        async with stage(face, mount, sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
+        async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
             await whole_gateway.gateway.fit()
             await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(
                 frame,
-                Before() if row is None else before(face, row),
+                Before() if row is None else commands_before(face, row),
                 watched(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
             presented = traits(face, command, dict(whole_gateway.face.model))
-            said = outcome(row, driven, MountKind(mount.model or "", counted(mount), aligned, wedge), presented)
-            if denies(played, command, whole_gateway.face.surface):
+            said = outcome(row, driven, MountKind(mount.model or "", counted_version(mount), aligned, wedge), presented)
+            if is_refused(played, command, whole_gateway.face.surface):
                 return played, "refused", said
             idle = (
                 said in ("translated", "refused") and not played.of("act") and row and any(map(changes, row.operations))

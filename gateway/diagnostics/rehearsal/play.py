@@ -92,28 +92,28 @@ def changes(name: str) -> bool:
     return kind is not None and not issubclass(kind, Read)
 
 
-def denies(play: Play, command: Command, surface: Surface) -> bool:
+def is_refused(play: Play, command: Command, surface: Surface) -> bool:
     """Whether a command was refused: by its reply, or by the log if the reply shows nothing."""
-    return is_no(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
+    return is_refusal(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
 
 
-def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
+def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
     """Whether a reply is a refusal."""
     forms = [form for answer, form in command.replies if answer.fault]
     if not reply:
         return False
     recognised = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
-    return recognised or reply == no_form(surface, frame)
+    return recognised or reply == refusal_form(surface, frame)
 
 
-def no_form(surface: Surface, frame: bytes) -> bytes:
+def refusal_form(surface: Surface, frame: bytes) -> bytes:
     """Return the surface's refusal of a command that no mount has; empty if the protocol has no refusal."""
     form = surface.unanswered(frame, Unsupported())
     return b"" if form == ACKNOWLEDGED else form
 
 
 @cache
-def looks(protocol: CommandSet) -> frozenset[str]:
+def query_commands(protocol: CommandSet) -> frozenset[str]:
     """Return the commands of a mount that are only queries: those that carry out reads."""
     reads: set[str] = set()
     for name, ways in protocol.driver.items():
@@ -125,7 +125,7 @@ def looks(protocol: CommandSet) -> frozenset[str]:
 
 def is_look(protocol: CommandSet, data: bytes) -> bool:
     match = protocol.find(data)
-    return match is not None and match[0].name in looks(protocol)
+    return match is not None and match[0].name in query_commands(protocol)
 
 
 def stage(

@@ -197,7 +197,7 @@ class LimitWatch:
     def position_missing(self, _: None = None) -> None:
         """The mount did not report its position."""
         mount, now = self._mount, self._mount.now()
-        reason = blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
+        reason = why_blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
         if reason:
             self._stopped_at = now
             self._stop(f"stopped: {reason}")
@@ -366,7 +366,7 @@ class LimitWatch:
         self.must_stop.emit(reason)
 
 
-def blind(moving: Moving, age: float, since_stop: float) -> str:
+def why_blind(moving: Moving, age: float, since_stop: float) -> str:
     """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
 
     ``age`` is that of the last position, seconds. An LX200GPS that seeks its home position is busy and reports nothing,

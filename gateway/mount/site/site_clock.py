@@ -131,10 +131,10 @@ class SiteClock:
         owner, GPS or the configuration confirms the new site.
         """
         site, known = self.mount_site, self._former
-        if site is None or known is None or self.now() - known[1] > FORMER_FOR or far_apart(site, known[0]) <= FAR:
+        if site is None or known is None or self.now() - known[1] > FORMER_FOR or degrees_apart(site, known[0]) <= FAR:
             return None
         others = [place for place in (self.gps_site, self.configured, self.confirmed) if place is not None]
-        return None if any(far_apart(site, place) <= CONFIRMS for place in others) else known[0]
+        return None if any(degrees_apart(site, place) <= CONFIRMS for place in others) else known[0]
 
     def running(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return the present time of a clock that was read earlier."""
@@ -168,7 +168,7 @@ class SiteClock:
             self.programs.forget("site")
         if changed:
             self._former = None
-        elif ours and before is not None and far_apart(before, place) > FAR:
+        elif ours and before is not None and degrees_apart(before, place) > FAR:
             lately = self._former is not None and self.now() - self._former[1] < ONE_CHANGE
             self._former = self._former if lately else (before, self.now())
         self.site_by = "" if changed else self.site_by if by is None else by
@@ -311,7 +311,7 @@ class BestSources:
         return self.best_time().unix
 
 
-def far_apart(place: Place, other: Place) -> float:
+def degrees_apart(place: Place, other: Place) -> float:
     """Return how far two sites are apart, degrees on the Earth."""
     return separation(place.longitude, place.latitude, other.longitude, other.latitude)
 

@@ -73,7 +73,7 @@ SurfaceStep = Note | Operation | FireAndForget | CheckPossible | ReuseLastReadin
 Handling = Generator[SurfaceStep, Any, Any]
 
 
-def given(values: Values) -> Values:
+def decoded(values: Values) -> Values:
     """Return the values of a command. Raises its Fault if they cannot be decoded."""
     if "fault" in values:
         raise values["fault"]

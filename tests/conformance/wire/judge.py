@@ -15,7 +15,7 @@ from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import MountKind, outcome, remarks, taken
-from gateway.diagnostics.rehearsal.play import Play, changes, denies, is_no, no_form
+from gateway.diagnostics.rehearsal.play import Play, changes, is_refusal, is_refused, refusal_form
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
@@ -80,7 +80,7 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
     """
     command, row, play = case.command, case.row, seen.play
     asked = [*([row.ask] if row is not None and row.ask else []), *seen.asked]
-    if denies(play, command, surface) or (command.question and asked and not play.reply):
+    if is_refused(play, command, surface) or (command.question and asked and not play.reply):
         by_mount = bool(play.wire) and not case.mount.aligned  # as a mount that has just been switched on
         return {"refused", "translated"} if by_mount else {"refused"}
     if play.wire:
@@ -106,7 +106,7 @@ def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -
     if b"".join(event.data for event in play.of("act")) != b"".join(play.wire):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
-        if play.wire or play.reply not in (b"", no_form(surface, play.frame)):
+        if play.wire or play.reply not in (b"", refusal_form(surface, play.frame)):
             yield "the presented model does not know it, and something is done or answered"
         return
     said = case.said
@@ -125,7 +125,7 @@ def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -
     yield from _answered(case, seen, surface, said)
     answers = _answers(play)
     denied = bool(answers) and all(_mount_says_no(case, *pair) for pair in answers)
-    if denied and not is_no(case.command, play.reply, surface, play.frame) and not _notes(play):
+    if denied and not is_refusal(case.command, play.reply, surface, play.frame) and not _notes(play):
         yield "the mount says no, and nobody is told"
 
 
@@ -170,11 +170,11 @@ def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[s
     """Compare the reply and the log with the outcome."""
     command, row, play = case.command, case.row, seen.play
     notes = _notes(play)
-    no = is_no(command, play.reply, surface, play.frame)
+    no = is_refusal(command, play.reply, surface, play.frame)
     if said == "missing":
         yield "missing"
     elif said == "refused":
-        if any(reply.fault for reply, _ in command.replies) or no_form(surface, play.frame):
+        if any(reply.fault for reply, _ in command.replies) or refusal_form(surface, play.frame):
             acknowledged = play.reply == ACKNOWLEDGED and notes and row is not None and "#" in row.why
             if not no and not acknowledged:  # where only the log tells it, the remark says so
                 yield f"refused, and the reply '{show(play.reply)}' is no no"

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import MountKind, versions
-from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
+from gateway.diagnostics.rehearsal.explain import commands_before, counted_version, rehearsal_sky, traits
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, stage
 from gateway.diagnostics.rehearsal.samples import example, value
 from gateway.diagnostics.virtual_time import run
@@ -88,7 +88,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
     for state in _states(driven, pair.mount.model or "") if asking else ():
-        async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as shared:
+        async with stage(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as shared:
             player = Watcher(shared)
             for command in asking:
                 plays += 1
@@ -97,7 +97,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
         row = protocol.surface.get(command.name)
         for state in _states(driven, pair.mount.model or "") if _alone(row) else ():
             plays += 1
-            async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as own:
+            async with stage(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as own:
                 found += await _one(pair, Watcher(own), command, state, _long(row))
     return plays, found
 
@@ -115,8 +115,8 @@ async def operations(pair: Pair, only: frozenset[str]) -> list[tuple[str, set[st
     for name in sorted(only):
         command, row = load(pair.face.protocol).commands[name], load(pair.face.protocol).surface[name]
         for frame in examples(command):
-            async with stage(pair.face, pair.mount, sky()) as own:
-                seen = await Watcher(own).watch(frame, before(pair.face, row), _long(row))
+            async with stage(pair.face, pair.mount, rehearsal_sky()) as own:
+                seen = await Watcher(own).watch(frame, commands_before(pair.face, row), _long(row))
             found.append((name, set(seen.asked)))
     return found
 
@@ -145,7 +145,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
     protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model), player.stage
     row, frame = protocol.surface.get(command.name), example(command)
     greeted = Before(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
-    said = before(pair.face, row) if row is not None and _alone(row) else greeted
+    said = commands_before(pair.face, row) if row is not None and _alone(row) else greeted
     seen = await player.watch(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface
@@ -154,7 +154,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
         row,
         traits(pair.face, command),
         driven,
-        MountKind(pair.mount.model or "", counted(pair.mount), *state),
+        MountKind(pair.mount.model or "", counted_version(pair.mount), *state),
         bool(surface.lacks(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"

@@ -72,7 +72,7 @@ def test_stars_stand_where_their_motion_has_brought_them() -> None:
 @each("name", names.HIPPARCOS)
 def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str) -> None:
     number = names.HIPPARCOS[name]
-    found, entry = names.of_star(number, 2026.9), stars.hipparcos(number, 2026.9)
+    found, entry = names.entry_of_star(number, 2026.9), stars.hipparcos(number, 2026.9)
     assert names.star(name.upper()) == number
     assert entry is not None
     assert separation(found.ra, found.dec, entry.ra, entry.dec) * 3600 < 0.02

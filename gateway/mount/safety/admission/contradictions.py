@@ -29,7 +29,7 @@ from gateway.mount.site.site_clock import (
     BestSources,
     Site,
     Time,
-    far_apart,
+    degrees_apart,
 )
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
@@ -118,7 +118,7 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
     if sites:
         place, others = sites[0].place, sites[1:]
         for other in others:
-            if (apart := far_apart(place, other.place)) > SITE_MATTERS:
+            if (apart := degrees_apart(place, other.place)) > SITE_MATTERS:
                 hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
@@ -154,7 +154,7 @@ def likely_mistake(site: Place, other: Place) -> str:
         "latitude and longitude look swapped, latitude comes first": Place(site.longitude, site.latitude),
     }
     for text, place in written.items():
-        if abs(place.latitude) <= 90.0 and far_apart(place, other) <= SITE_MATTERS:
+        if abs(place.latitude) <= 90.0 and degrees_apart(place, other) <= SITE_MATTERS:
             return text
     return ""
 

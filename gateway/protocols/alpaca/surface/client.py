@@ -14,7 +14,7 @@ from gateway.core.operations import GetAbilities, GetActivity, GetStatus, SetTra
 from gateway.protocols.alpaca.tables import NotConnected, Parked, is_refusal, member, refusal
 from gateway.protocols.base.session import ClientState, Session
 from gateway.protocols.base.surface import Handler, Surface
-from gateway.protocols.base.wants import Handling, given
+from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
@@ -85,7 +85,7 @@ def reads(command: Command) -> bool:
 
 def within(values: Values, field: str, name: str, low: float, high: float, per: float = 1.0) -> Any:
     """Return a parameter. Raises Invalid if it is out of range, with a text in units of ``per``."""
-    value = given(values)[field]
+    value = decoded(values)[field]
     if not low <= value <= high:
         raise Invalid(f"{name} is {value / per:.10g}; it must be from {low / per:.6g} to {high / per:.6g}.")
     return value

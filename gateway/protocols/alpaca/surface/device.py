@@ -11,7 +11,7 @@ from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface import abilities, motion
 from gateway.protocols.alpaca.surface.client import AlpacaSession
-from gateway.protocols.base.wants import CheckPossible, Handling, given
+from gateway.protocols.base.wants import CheckPossible, Handling, decoded
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
@@ -21,7 +21,7 @@ ENDED_SHORT = "GotoEndedShort"
 
 def action(values: Values) -> Handling:
     """Carry out the only action: return why the last goto ended short. Raises Unsupported for any other."""
-    if given(values)["action"].casefold() != ENDED_SHORT.casefold():
+    if decoded(values)["action"].casefold() != ENDED_SHORT.casefold():
         raise Unsupported(f"The only action is {ENDED_SHORT}.")
     return {"value": (yield op.GetActivity()).short}
 
@@ -47,7 +47,7 @@ def connected(session: AlpacaSession) -> bool:
 
 def set_connected(session: AlpacaSession, values: Values) -> Handling:
     """Connect or disconnect; this is completed before the reply."""
-    if given(values)["on"]:
+    if decoded(values)["on"]:
         yield from connect(session)
     else:
         session.client.connected = False

@@ -13,7 +13,7 @@ from gateway.core.errors import Fault, Invalid, NoAnswer, NoTarget, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place, within
 from gateway.protocols.alpaca.tables import Parked
-from gateway.protocols.base.wants import Handling, Note, given
+from gateway.protocols.base.wants import Handling, Note, decoded
 from gateway.protocols.wireformat.command import Command
 
 #: The directions in the order of ASCOM's numbers.
@@ -111,7 +111,7 @@ def move_axis(values: Values) -> Handling:
     """Move an axis at a rate of ``AxisRates``, positive or negative, or at the next slower of these rates; 0 ends the
     motion. Raises Unsupported, and Invalid for a rate outside their range.
     """
-    number, rate = axis(values), given(values)["rate"]
+    number, rate = axis(values), decoded(values)["rate"]
     if number == 2:
         raise Unsupported("This mount has no third axis.")
     if rate == 0.0:
@@ -146,7 +146,7 @@ def tracking() -> Handling:
 
 
 def set_tracking(session: AlpacaSession, values: Values) -> Handling:
-    on = given(values)["on"]
+    on = decoded(values)["on"]
     if on and (yield op.GetActivity()).parked:
         raise Parked
     session.client.no_tracking = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
@@ -169,7 +169,7 @@ def tracking_rates() -> Handling:
 
 def set_tracking_rate(values: Values) -> Handling:
     """Set a drive rate. Raises Invalid if the mount does not have it."""
-    number = given(values)["rate"]
+    number = decoded(values)["rate"]
     if number not in (yield from _rates()):
         raise Invalid(f"TrackingRate {number} is not among the rates of this mount (TrackingRates).")
     yield op.TrackRate(name=RATES[number][0])

@@ -6,7 +6,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoTarget
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.surface.client import AlpacaSession, within
-from gateway.protocols.base.wants import Handling, given
+from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.wireformat.command import Command
 
 #: The values that a program sets for itself: field, name in messages, range, and the size of the unit in messages.
@@ -43,6 +43,6 @@ def set_longitude(values: Values) -> Handling:
 
 def set_clock(values: Values) -> Handling:
     """Set UTC and keep the UTC offset. Raises Refused if the mount refuses it."""
-    unix = given(values)["unix"]
+    unix = decoded(values)["unix"]
     before: op.Moment = yield op.GetClock()
     yield op.SetClock(unix, before.offset, before.dst, heard=True)

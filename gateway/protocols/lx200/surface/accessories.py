@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.about import version
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling, given
+from gateway.protocols.base.wants import ChangeBaudRate, FireAndForget, Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -68,7 +68,7 @@ def focus(session: LxSession, command: Command) -> Handling:
 
 def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
     """:FF :FS :F<n> - speeds 1 to 4; Invalid is raised for any other number."""
-    speed = {"FF": 4, "FS": 1}.get(command.name) or given(values)["speed"]
+    speed = {"FF": 4, "FS": 1}.get(command.name) or decoded(values)["speed"]
     if not 1 <= speed <= 4:
         raise Invalid("The focus speeds are 1 to 4.")
     session.client.focus_speed = speed
@@ -76,7 +76,7 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
 
 def backlash(command: Command, values: op.Values) -> Handling:
     """:$BA for the declination motor, :$BZ for the right ascension motor."""
-    yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, given(values)["value"]))
+    yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, decoded(values)["value"]))
 
 
 def periodic_error(session: LxSession, command: Command) -> Handling:

@@ -13,7 +13,7 @@ from datetime import UTC, date, datetime, timedelta
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
-from gateway.protocols.base.wants import Defer, Handling, given
+from gateway.protocols.base.wants import Defer, Handling, decoded
 from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.wireformat.command import Command
@@ -78,7 +78,7 @@ def _draft(session: LxSession) -> Draft:
 
 def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SL :SC :SG - set one of the three parts; the third part, or a pause, sends them to the mount."""
-    values = given(values)
+    values = decoded(values)
     session.check_may_set()
     draft = _draft(session)
     draft.touched = session.clock()

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NotAligned
-from gateway.protocols.base.wants import FireAndForget, Handling, given
+from gateway.protocols.base.wants import FireAndForget, Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -52,13 +52,13 @@ def _within(limits: tuple[float, float], value: float, unit: str) -> float:
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
     name = _NAMES.get(command.name)
-    session.client.rate = op.Rate(name=name) if name else op.Rate(key=max(1, given(values)["key"]))
+    session.client.rate = op.Rate(name=name) if name else op.Rate(key=max(1, decoded(values)["key"]))
     session.client.rate_ra = session.client.rate_dec = None
 
 
 def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = _within(AXES, given(values)["rate"], "degrees a second") or None
+    rate = _within(AXES, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
     else:
@@ -76,14 +76,14 @@ def max_rate(session: LxSession, values: op.Values) -> None:
 
 def guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, _within(GUIDES, given(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
+    fraction = min(1.0, _within(GUIDES, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
 
 def pulse(session: LxSession, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
-    values = given(values)
+    values = decoded(values)
     direction, by_sky = op.Direction(values["direction"]), session.settings.guides_by_sky
     yield FireAndForget(op.Pulse(direction, min(values["ms"], LONGEST_PULSE), by_sky))
 
@@ -156,7 +156,7 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _drive_at(session, _within(HERTZ, given(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _drive_at(session, _within(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def custom(session: LxSession, command: Command) -> Handling:

@@ -19,7 +19,7 @@ from gateway.astro.catalog.objects import QUALITIES, CatalogObject, SearchLimits
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, Unsupported
-from gateway.protocols.base.wants import Handling, given
+from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -157,7 +157,7 @@ def set_search(session: LxSession, command: Command, values: op.Values) -> None:
     wanted types.
     """
     name = _LIMITS[command.name[1]]
-    (value,) = given(values).values()
+    (value,) = decoded(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
         raise Invalid("The types are GPDCO, capitals for those wanted.")
     session.client.search = replace(session.client.search, **{name: value})

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite, Values
 from gateway.protocols.base.session import NamedSite
-from gateway.protocols.base.wants import Handling, given
+from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -43,7 +43,7 @@ def _selected(session: LxSession) -> int:
 
 def set_half(session: LxSession, values: Values) -> Handling:
     """:St :Sg - store one half in the selected site and set it on the mount."""
-    [(name, value)] = given(values).items()
+    [(name, value)] = decoded(values).items()
     half = {name: value if name == "latitude" else -value}
     session.check_may_set()
     index = _selected(session)
@@ -65,7 +65,7 @@ def _enter(session: LxSession, index: int) -> Handling:
 
 def select(session: LxSession, values: Values) -> Handling:
     """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
-    number = given(values)["site"]
+    number = decoded(values)["site"]
     if number > _SITES_AT_MOST:
         return
     session.check_may_set()
@@ -110,7 +110,7 @@ def set_limit(session: LxSession, command: Command, values: Values) -> None:
     Raises Invalid for limits that leave no altitude, because nothing could be moved any more.
     """
     name = "lowest" if command.name == "So" else "highest"
-    wanted = {"lowest": session.client.lowest, "highest": session.client.highest, name: float(given(values)["limit"])}
+    wanted = {"lowest": session.client.lowest, "highest": session.client.highest, name: float(decoded(values)["limit"])}
     limits = session.settings.limits.narrowed(**wanted)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")

@@ -83,8 +83,8 @@ def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: py
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    assert files.directory() == Path(where)
-    assert files.directory("/elsewhere") == Path("/elsewhere")
+    assert files.state_folder() == Path(where)
+    assert files.state_folder("/elsewhere") == Path("/elsewhere")
 
 
 def test_every_mount_has_a_name_that_any_disk_takes() -> None:

@@ -44,7 +44,7 @@ def proc(tmp_path: Path) -> Path:
 
 
 def test_processes_by_name(proc: Path) -> None:
-    assert gathering.named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
+    assert gathering.processes_named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
 
 
 def test_who_listens(proc: Path) -> None:
@@ -69,8 +69,8 @@ def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Pa
 
 
 def test_releases_of_the_astronomy_data_are_days() -> None:
-    assert gathering.published("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
-    assert gathering.published("") is None
+    assert gathering.release_date("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
+    assert gathering.release_date("") is None
 
 
 def test_an_almanac_has_days_until_the_first_that_it_lacks(
@@ -88,7 +88,7 @@ def test_an_almanac_has_days_until_the_first_that_it_lacks(
 
 def test_the_installed_astronomy_data_can_be_read() -> None:
     rotation, leap = gathering.rotation_until(), gathering.leap_seconds_until()
-    made = gathering.published(gathering.version(gathering.DATA))
+    made = gathering.release_date(gathering.version(gathering.DATA))
     assert rotation is not None and leap is not None and made is not None
     assert 180 < (rotation - made) / 86400.0 < 500 and abs(leap - made) / 86400.0 < 500
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME
-from gateway.diagnostics.prove.guiding import judged
+from gateway.diagnostics.prove.guiding import guide_rate_finding
 
 #: Degrees in a second of arc.
 SECOND = 1.0 / 3600.0
@@ -23,10 +23,10 @@ SECOND = 1.0 / 3600.0
 )
 def test_what_is_off_by_more_than_a_quarter_is_not_the_same(measured: float, verdict: str, words: str) -> None:
     """An exchange of 60 ms is 15 % of a pulse, 1.1"/s of 7.5"/s; two steps of 0.3" in 4 s are 0.15"/s."""
-    finding = judged("guiding west/east", measured * SECOND, 7.5 * SECOND, 0.06, 0.3 * SECOND)
+    finding = guide_rate_finding("guiding west/east", measured * SECOND, 7.5 * SECOND, 0.06, 0.3 * SECOND)
     assert (finding.verdict, finding.measured, finding.assumed) == (verdict, words, '7.5"/s')
 
 
 def test_a_way_of_few_steps_shows_nothing() -> None:
-    finding = judged("guiding west/east", 7.5 * SECOND, 7.5 * SECOND, 0.06, 20.0 * SECOND)
+    finding = guide_rate_finding("guiding west/east", 7.5 * SECOND, 7.5 * SECOND, 0.06, 20.0 * SECOND)
     assert (finding.verdict, finding.measured) == (NOT_MEASURABLE, "too few steps of its reading")

@@ -30,7 +30,7 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.altitudes import Source
 from gateway.mount.safety.admission.by_hand import Start, check_either_way, check_turns
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, points, within
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, is_clear, path_points, paths_within
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
 from gateway.mount.safety.altitude_axis import altitude_of, corrected
 from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
@@ -123,7 +123,7 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
 @example((0.0, 0.0), (1e300, 0.0), (0.0, 0.0), 20.0)
 @example((0.0, 0.0), (0.0, math.nan), (0.0, 0.0), 20.0)
 def test_a_path_past_the_sun(start: Any, turn: Any, place: Any, limit: float) -> None:
-    ends(lambda: clear(start, turn, place, limit))
+    ends(lambda: is_clear(start, turn, place, limit))
 
 
 @some
@@ -173,7 +173,9 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),
                     lambda start=start, on=some_limits: check_either_way(context, on, start, {1: n[1], 2: n[0]}),
-                    lambda journey=journey, on=some_limits: [list(points(one)) for one in within(context, on, journey)],
+                    lambda journey=journey, on=some_limits: [
+                        list(path_points(one)) for one in paths_within(context, on, journey)
+                    ],
                     lambda journey=journey, on=some_limits: check_ways(context, on, journey),
                 ]  # type: ignore[misc]
             for decide in decisions:

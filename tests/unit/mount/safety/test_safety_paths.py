@@ -12,7 +12,7 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, to_vector
 from gateway.core.errors import PastMeridian
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.slew_paths import STEP, clear, one_rests
+from gateway.mount.safety.admission.slew_paths import STEP, axes_after, is_clear
 from gateway.mount.safety.allow import leaving
 from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from tests.support.each import each
@@ -28,7 +28,7 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
     length = max(map(abs, turn))
     best = -1.0
     for n in range(looks + 1):
-        here = to_vector(*one_rests(start, turn, length * n / looks))
+        here = to_vector(*axes_after(start, turn, length * n / looks))
         best = max(best, sum(a * b for a, b in zip(here, target, strict=True)))
     return math.degrees(math.acos(max(-1.0, min(1.0, best))))
 
@@ -38,9 +38,9 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
 def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
     least = nearest(start, turn, sun)
     if least > limit + STEP:
-        assert clear(start, turn, sun, limit)
+        assert is_clear(start, turn, sun, limit)
     elif least < limit - STEP:
-        assert not clear(start, turn, sun, limit)
+        assert not is_clear(start, turn, sun, limit)
 
 
 @some
@@ -48,8 +48,8 @@ def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pa
 def test_a_way_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
     length = max(map(abs, turn))
     end = start[0] + turn[0], start[1] + turn[1]
-    assert separation(*one_rests(start, turn, 0.0), *start) < 1e-6
-    assert separation(*one_rests(start, turn, length), *end) < 1e-6
+    assert separation(*axes_after(start, turn, 0.0), *start) < 1e-6
+    assert separation(*axes_after(start, turn, length), *end) < 1e-6
 
 
 @each(
@@ -63,7 +63,7 @@ def test_a_way_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
     ],
 )
 def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: Pair, free: bool) -> None:
-    assert clear((0.0, 0.0), turn, sun, 20.0) is free
+    assert is_clear((0.0, 0.0), turn, sun, 20.0) is free
 
 
 @each(
@@ -108,6 +108,6 @@ NUMBERS = st.one_of(st.floats(), st.floats(-400, 400))
 def test_a_path_of_any_numbers_is_judged_and_one_of_none_is_not_clear(
     start: tuple[float, float], turn: tuple[float, float], place: tuple[float, float], limit: float
 ) -> None:
-    free = clear(start, turn, place, limit)  # it ends
+    free = is_clear(start, turn, place, limit)  # it ends
     if not all(map(math.isfinite, (*start, *turn, *place, limit))):
         assert not free

@@ -21,7 +21,7 @@ from gateway.mount.safety.allow import (
     meridian,
     near_sun,
 )
-from gateway.mount.safety.watch import blind
+from gateway.mount.safety.watch import why_blind
 from tests.support.each import each
 
 HERE = op.Equatorial(10.0, 20.0)
@@ -159,7 +159,7 @@ def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_t
 def test_only_what_moves_by_hand_ends_where_no_position_comes(
     moving: Moving, age: float, since: float, ends: bool
 ) -> None:
-    assert bool(blind(moving, age, since)) is ends
+    assert bool(why_blind(moving, age, since)) is ends
 
 
 def test_axis_readings_need_an_alignment_unless_the_owner_allows_them() -> None:
