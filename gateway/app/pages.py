@@ -3,11 +3,7 @@
 The files are read once at the start; a path to any other file is not served. A page's modules are sent as one file. Its
 style sheets and plain scripts are in the page itself, admitted by their digests, so the page needs few round trips. The
 path of its files contains a digest of all of them: a browser caches them for a year, and an update changes the path.
-
-Only the server's own page may send requests. A foreign page in the same browser could send requests to this server, or
-resolve its own name to this computer (DNS rebinding). So ``Host`` must be an address or a name of this computer,
-``Origin`` must be the page's own, and every action needs the token that only the served page has. The port is not
-compared, because an SSH tunnel may use another port.
+Only the server's own page may send requests (``for_own_page``).
 """
 
 from __future__ import annotations
@@ -222,7 +218,13 @@ def rules_of(request: web.Request) -> AccessRules:
 
 
 def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
-    """Let only the server's own page use a handler, unless there is a ``refusal`` of the request."""
+    """Let only the server's own page use a handler, unless there is a ``refusal`` of the request.
+
+    A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS
+    rebinding). So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and every
+    action needs the token that only the served page has. The port is not compared, because an SSH tunnel may use
+    another port.
+    """
 
     async def guarded(request: web.Request) -> web.StreamResponse:
         from_page = from_own_page(request.headers, request.path)

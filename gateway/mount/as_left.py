@@ -57,7 +57,7 @@ class SameMount:
         driver, synced = self._context.driver, self._context.synced.value
         return bool(driver.emulated) or (driver.emulates_sync and (any(driver.offset) or synced != NO_SYNC))
 
-    def seen(self, _: op.Equatorial) -> None:
+    def record_position(self, _: op.Equatorial) -> None:
         """Record where the mount is, if the gateway stores something for it."""
         if not (self._checked and self._keeps):
             return

@@ -104,7 +104,7 @@ class MountController:
         self.supervisor = Supervisor(context, self.presence, self.perform)
         reconciler.unattended.connect(self.supervisor.start_watching)
         self.same_mount = SameMount(context, runner)
-        reader.position.connect(self.same_mount.seen)
+        reader.position.connect(self.same_mount.record_position)
         self.identification = Identification(
             context, runner, gate, reader, sync, reconciler, self.ends, self.same_mount.check
         )

@@ -158,7 +158,7 @@ PIECE, TURN = 0.0005, 0.001
 
 
 class Publisher:
-    """Makes the messages. ``recordings`` returns the state of the recording of every mount."""
+    """Makes the state messages for all pages. ``recordings`` returns the state of the recording of every mount."""
 
     def __init__(self, gateways: Sequence[Gateway], recordings: Callable[[], list[Any]]) -> None:
         self.mounts = [ShownMount(gateway, index) for index, gateway in enumerate(gateways)]

@@ -1,14 +1,9 @@
 """Examine a port, from opening to closing; all ports are examined at the same time.
 
 9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
-another rate.
-
-An unknown device is queried in an order in which no query can do harm. First wait for silence: a command that another
-program left incomplete must time out before more bytes could complete it, and a device that sends by itself is no
-mount. Then send ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then send ``#`` and the single byte
-0x06, which a Meade answers with one letter and which is no command of a hand control; the ``#`` is for controllers that
-take the ``K`` for the beginning of a command. Nothing that begins with ``:`` is sent unless the user has named the
-protocol, because a hand control would take parts of it for commands: ``:GR#`` contains an ``R``, which is a goto.
+another rate. An unknown device is queried in an order in which no query can do harm (``questions``). The first query
+waits for silence: a command that another program left incomplete must time out before more bytes could complete it, and
+a device that sends by itself is no mount.
 """
 
 from __future__ import annotations
@@ -71,8 +66,12 @@ ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 def questions(named: str | None) -> list[Question]:
     """Return the queries that may be sent, in order.
 
-    A user who names a protocol may be wrong. So the queries that come before the query of the named protocol are sent
-    as well; later ones are not.
+    First comes ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then come ``#`` and the single byte
+    0x06, which a Meade answers with one letter and which is no command of a hand control; the ``#`` is for controllers
+    that take the ``K`` for the beginning of a command. Nothing that begins with ``:`` is sent unless the user has named
+    the protocol, because a hand control would take parts of it for commands: ``:GR#`` contains an ``R``, which is a
+    goto. A user who names a protocol may be wrong, so the queries before that protocol's are sent as well; later ones
+    are not.
     """
     every = sorted(
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),

@@ -140,7 +140,7 @@ class ReplyVerifier:
         """
         if priority != STOP:
             try:
-                async with asyncio.timeout(MAX_START_DELAY if command.prompt else LATE_REPLY_WAIT):
+                async with asyncio.timeout(MAX_START_DELAY if command.at_once_or_never else LATE_REPLY_WAIT):
                     while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
                         await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
@@ -334,9 +334,9 @@ class DriverRunner:
 
         async def exchange(command: Send) -> Values:
             nonlocal exchanges, late
-            if late and (command.prompt or not exchanges):
+            if late and (command.at_once_or_never or not exchanges):
                 raise Busy(STARTED_TOO_LATE)
-            if command.prompt:
+            if command.at_once_or_never:
                 may_begin()
             began = now()
             if driver.asleep:

@@ -217,4 +217,4 @@ def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rt
 
 def too_late(command: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return command.command.prompt and now - command.asked > MAX_START_DELAY
+    return command.command.at_once_or_never and now - command.asked > MAX_START_DELAY

@@ -31,21 +31,22 @@ BY_HAND = "The mount is moved by hand: the guide pulse is dropped."
 class Send(NamedTuple):
     """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it.
 
-    patience   seconds after which no reply counts as an answer: ``Silence`` is raised, the line is not considered down
-    long       the mount is busy with it for up to ``patience`` seconds: only a stop without a reply is sent meanwhile,
-               other commands are refused as busy, and no reply at the end is a fault of the line
-    prompt     it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
-    raw        return the bytes of the reply too, as the field ``raw``
-    unverified accept the first reply without verification, because nothing depends on it; or if this function of its
-               fields is true
-    once       accept the reply as it is: it concerns the command just before it, or only the client that asked
+    patience          seconds after which no reply counts as an answer: ``Silence`` is raised, the line is not considered
+                      down
+    long              the mount is busy with it for up to ``patience`` seconds: only a stop without a reply is sent
+                      meanwhile, other commands are refused as busy, and no reply at the end is a fault of the line
+    at_once_or_never  it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
+    raw               return the bytes of the reply too, as the field ``raw``
+    unverified        accept the first reply without verification, because nothing depends on it; or if this function of
+                      its fields is true
+    once              accept the reply as it is: it concerns the command just before it, or only the client that asked
     """
 
     command: str
     values: Mapping[str, object] = {}
     patience: float | None = None
     long: bool = False
-    prompt: bool = False
+    at_once_or_never: bool = False
     raw: bool = False
     unverified: bool | Callable[[Mapping[str, object]], bool] = False
     once: bool = False

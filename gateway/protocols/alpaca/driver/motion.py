@@ -158,7 +158,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
     """Send the rate of an axis, signed as MoveAxis counts it. If that is refused, nothing stays suspended for it."""
     mount.moving[axis], mount.parked, mount.by_hand = rate, False, True
     try:
-        yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, patience=ORDER, prompt=True)
+        yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, patience=ORDER, at_once_or_never=True)
     except (Silence, NoAnswer):
         raise NoAnswer from None  # it may move: the stop that follows must know
     except Fault as fault:
@@ -259,7 +259,7 @@ def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
     piece = min(ms, LONGEST_PULSE)
     with suppress(Silence):  # some servers answer when the pulse has ended
         values = {"direction": DIRECTIONS[direction.value], "ms": piece}
-        yield Send("pulseguide", values, patience=max(ORDER, piece / 1000.0), prompt=True)
+        yield Send("pulseguide", values, patience=max(ORDER, piece / 1000.0), at_once_or_never=True)
     return op.Pulsed(piece / 1000.0, ends=True, left=ms - piece, since=mount.sent_at)
 
 

@@ -115,7 +115,7 @@ class KeepOn(Operation, frozen=True):
 
     axis: int
     pressed: float
-    seen: float
+    observed_at: float
 
 
 def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
@@ -147,8 +147,8 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
         return
     ends = operation.pressed + mount.dialect["arrows"]["end"]
     if state.moves:
-        yield Schedule(LOOK_AGAIN, replace(operation, seen=mount.now()))
-    elif state.fault or not operation.seen < ends < mount.now():
+        yield Schedule(LOOK_AGAIN, replace(operation, observed_at=mount.now()))
+    elif state.fault or not operation.observed_at < ends < mount.now():
         del mount.moving[axis]
         yield Remark("the mount has ended the arrow, by a limit of its own or at its keypad: it is not pressed again")
     else:

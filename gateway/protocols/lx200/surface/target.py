@@ -24,7 +24,9 @@ def set_target(session: LxSession, values: op.Values) -> None:
 
 
 def set_horizontal_target(session: LxSession, values: op.Values) -> None:
-    """:Sa :Sz - the target of :MA. Raises BelowHorizon or TooHigh for an altitude beyond the limits, or Invalid."""
+    """:Sa :Sz - set one coordinate of the target of :MA. Raises BelowHorizon or TooHigh for an altitude beyond the
+    limits, or Invalid.
+    """
     if "alt" in values:
         limits = session.limits
         try:
@@ -56,7 +58,9 @@ def _target(session: LxSession) -> Handling:
 
 
 def tell_target(session: LxSession) -> Handling:
-    """:Gr :Gd - zero if none was set, as on a Meade after power-on; for a moving object its present position."""
+    """:Gr :Gd - one coordinate of the target: zero if none was set, as on a Meade after power-on; for a moving object
+    its present position.
+    """
     if session.client.moving is not None:
         yield from _target(session)
     return {"ra": session.client.ra or 0.0, "dec": session.client.dec or 0.0}
@@ -89,7 +93,7 @@ def goto_horizontal(session: LxSession) -> Handling:
 
 
 def sync(session: LxSession) -> Handling:
-    """:CM - programs read a bare # as a failure, and otherwise expect a text at once."""
+    """:CM - sync on the target. Programs read a bare # as a failure, and otherwise expect a text at once."""
     place: op.Equatorial = yield from _target(session)
     yield op.Sync(place.ra, place.dec)
     return {"text": session.settings.sync_text or session.model["sync_text"]}

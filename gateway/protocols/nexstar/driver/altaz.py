@@ -113,7 +113,7 @@ def send_rates(mount: NexStar, first: int) -> Steps:
     """Send the present sum of rates to each axis without fast hand motion, beginning with axis ``first``."""
     for axis in (first, 3 - first):
         if axis not in mount.moving or axis in mount.added_rates:
-            yield _rate(mount, axis, 0.0, prompt=False)
+            yield _rate(mount, axis, 0.0, at_once_or_never=False)
 
 
 def _read_direction(mount: NexStar) -> Steps:
@@ -153,7 +153,7 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = Non
             if number not in mount.moving or number in mount.added_rates:
                 planned = max(mount.now(), mount.next_at)
                 lost = 0.0 if lasts is None else planned - mount.suspended_at
-                yield _rate(mount, number, lost / (lasts or 1.0), prompt=True)
+                yield _rate(mount, number, lost / (lasts or 1.0), at_once_or_never=True)
                 sent.append(mount.sent_at)
                 late.append(mount.sent_at - planned)
     except Busy:  # it was never sent
@@ -169,7 +169,7 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = Non
     return sent[0], late[0]
 
 
-def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:
+def _rate(mount: NexStar, axis: int, catch_up: float, at_once_or_never: bool) -> Send:
     """Return the command with the sum of rates of an axis: tracking, if it was on, and all added rates.
 
     ``catch_up`` is the fraction by which tracking is faster.
@@ -178,4 +178,6 @@ def _rate(mount: NexStar, axis: int, catch_up: float, prompt: bool) -> Send:
     total = tracks * (1.0 + catch_up) + sum(added[axis - 1] for added in mount.added_rates.values())
     fastest = float(mount.rates["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
-    return Send(f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)
+    return Send(
+        f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, at_once_or_never=at_once_or_never
+    )

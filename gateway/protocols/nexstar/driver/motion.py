@@ -100,9 +100,11 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has the new rate
     try:
         if variable is not None:
-            yield Send(f"rate_{AXES[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
+            yield Send(
+                f"rate_{AXES[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, at_once_or_never=True
+            )
         else:
-            yield Send(f"slew_{AXES[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
+            yield Send(f"slew_{AXES[axis]}_{side}", {"rate": mount.key_for(rate)}, at_once_or_never=True)
     except Busy:  # it was never sent
         mount.moving = before
         if not before and mount.suspended is not None:
@@ -255,7 +257,7 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
         piece = min(operation.ms, LONGEST_PULSE)
         percent, ticks = motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
-        yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
+        yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, at_once_or_never=True)
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from begin_guiding(mount, axis, sign, fraction)
@@ -300,14 +302,14 @@ def begin_guiding(mount: NexStar, axis: int, sign: int, fraction: float) -> Step
     if key is not None:
         if axis == 1 and mount.drive == "replaced":
             yield from tracking.keep_rate(mount)
-        yield Send(f"slew_{AXES[axis]}_{side}", {"rate": key}, prompt=True)
+        yield Send(f"slew_{AXES[axis]}_{side}", {"rate": key}, at_once_or_never=True)
         return mount.key_speed(key) / SIDEREAL
     drive = tracking.drive_speed(mount) if axis == 1 else 0.0
     steps = round((drive + sign * asked) * _STEPS)
     side = "pos" if steps >= 0 else "neg"
     before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know before
     try:
-        yield Send(f"rate_{AXES[axis]}_{side}", {"rate": abs(steps)}, prompt=True)
+        yield Send(f"rate_{AXES[axis]}_{side}", {"rate": abs(steps)}, at_once_or_never=True)
     except Busy:  # it was never sent
         mount.drive = before
         raise

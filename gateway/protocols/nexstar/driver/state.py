@@ -265,7 +265,7 @@ class NexStar(Driver):
         return self.native_mode is None and self.number in self.facts.get("either", ())
 
     def must_be_decided(self) -> None:
-        """Raise Refused if it is undecided."""
+        """Raise Refused if it is unknown whether the mount is set up in alt-az or equatorially."""
         if self.undecided:
             raise Refused(_UNDECIDED)
 

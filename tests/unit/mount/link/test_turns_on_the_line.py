@@ -58,7 +58,7 @@ def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
 
 
 def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
-    arrow = Send("move", prompt=True)
+    arrow = Send("move", at_once_or_never=True)
     assert too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
     assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
     assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01), NOW)
