@@ -31,8 +31,7 @@ BY_HAND = "The mount is moved by hand: the guide pulse is dropped."
 class Send(NamedTuple):
     """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it.
 
-    patience          seconds after which no reply counts as an answer: ``Silence`` is raised, the line is not considered
-                      down
+    patience          seconds after which no reply counts as an answer: ``Silence`` is raised, the line stays up
     long              the mount is busy with it for up to ``patience`` seconds: only a stop without a reply is sent
                       meanwhile, other commands are refused as busy, and no reply at the end is a fault of the line
     at_once_or_never  it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
