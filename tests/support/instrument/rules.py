@@ -61,7 +61,7 @@ RULES = {
     "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/altitudes.py", "low gotos", (
         (f"{ALTITUDES}.by_others", lambda *_: ()), (f"{ADMISSION}.slew_paths.zeniths", _own_zenith))),
     "the way and altitudes": Rule(("way is too",), "D2", "safety/admission/slew_paths.py", "gotos anywhere above", (
-        (f"{ADMISSION}.slew_paths.within", _every_way),)),
+        (f"{ADMISSION}.slew_paths.paths_within", _every_way),)),
     "the way and the Sun": Rule(("way there passes", "Past the Sun"), "D1", "safety/admission/slew_paths.py", "Sun", (
         (f"{MOTIONS}.clear", lambda *_: True),)),
     "the Sun of other sources": Rule(("Near the Sun by",), "D1", "site/astrometry.py", "to the Sun", (

@@ -27,7 +27,7 @@ from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.altitudes import check_goal
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions, time_unknown, too_near
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, clear, paths_of, within
+from gateway.mount.safety.admission.slew_paths import Journey, check_ways, is_clear, paths_of, paths_within
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
 from gateway.mount.safety.hour_angle import LEVEL, check_past
@@ -277,17 +277,17 @@ class MotionAdmission:
         for sun in suns:
             allowed = min(limit, mount.suns.distance(position, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(clear(*way, place, allowed) for way in paths_of(mount, journey(sun.shift))):
+            if not all(is_clear(*way, place, allowed) for way in paths_of(mount, journey(sun.shift))):
                 raise too_near(mount.sources, sun, way=True)
         if mount.sources.site() is None:
             return
         ways = check_ways(mount, written, journey(tube))
-        along = [point for way in ways for point in slew_paths.points(way)]
+        along = [point for way in ways for point in slew_paths.path_points(way)]
         unsynced = (journey(shift) for shift in self._watch.altitude_axis.shifts)
         self._path.take(
             along,
             slew_paths.zeniths(mount, status.equatorial)[0],
-            all(len(within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
+            all(len(paths_within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
             lost,
         )
         # the hour angle on the way is not examined

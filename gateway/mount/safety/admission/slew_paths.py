@@ -118,13 +118,13 @@ def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
     return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - position.ra)
 
 
-def one_rests(start: Pair, turn: Pair, turned: float) -> Pair:
+def axes_after(start: Pair, turn: Pair, turned: float) -> Pair:
     """Where the axes are after ``turned`` degrees: both are equally fast, and the shorter turn rests at its end."""
     first, second = (copysign(min(abs(whole), turned), whole) for whole in turn)
     return start[0] + first, start[1] + second
 
 
-def clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
+def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
     """Whether the path from ``start`` by ``turn`` never comes nearer to ``place`` than ``limit`` degrees.
 
     Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
@@ -135,7 +135,7 @@ def clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
         return False
     turned = 0.0
     while True:
-        distance = separation(*one_rests(start, turn, turned), *place)
+        distance = separation(*axes_after(start, turn, turned), *place)
         if distance < limit:
             return False
         if turned >= length:
@@ -143,16 +143,16 @@ def clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
         turned = min(length, turned + max(STEP, (distance - limit) / sqrt(2.0)))
 
 
-def points(path: Path) -> Iterator[Pair]:
+def path_points(path: Path) -> Iterator[Pair]:
     """Yield readings along a path."""
     start, turn = path
     length = min(LONGEST, max(abs(turn[0]), abs(turn[1])))
     for step in range(int(length / APART) + 1):
-        yield one_rests(start, turn, step * APART)
-    yield one_rests(start, turn, length)
+        yield axes_after(start, turn, step * APART)
+    yield axes_after(start, turn, length)
 
 
-def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
+def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
     """Return the possible ways that keep the altitude limits by every source of site and time, or do so for the first
     ``stretch`` degrees. One from beyond a limit must lead no farther out.
     """
@@ -163,7 +163,7 @@ def within(mount: Context, limits: Limits, journey: Journey, stretch: float = LO
     def keeps(path: Path) -> bool:
         start, turn = path[0], _first(path[1], stretch)
         return all(
-            radius <= 0.0 or clear(start, turn, middle, min(radius, separation(*start, *middle)) - AT_LIMIT)
+            radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - AT_LIMIT)
             for middle, radius in circles
         )
 
@@ -176,14 +176,14 @@ def _first(turn: Pair, stretch: float) -> Pair:
 
 
 def check_ways(mount: Context, limits: Limits, journey: Journey) -> list[Path]:
-    """Like ``within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it. Its
-    text names a place to go to first, if there is one, and has at most 60 characters, because LX200 programs show no
-    more.
+    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it.
+    Its text names a place to go to first, if there is one, and has at most 60 characters, because LX200 programs show
+    no more.
     """
-    paths, stretch = within(mount, limits, journey), mount.timing.reaction * mount.fastest
-    if paths and len(within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):
+    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.fastest
+    if paths and len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):
         return paths
-    where = "low" if within(mount, replace(limits, lowest=-90.0), journey) else "high"
+    where = "low" if paths_within(mount, replace(limits, lowest=-90.0), journey) else "high"
     for azimuth, altitude in BETWEEN:
         place = mount.astrometry.equatorial(op.Horizontal(float(azimuth), float(altitude)))
         sides = sides_at(mount.astrometry, place) if mount.driver.german else {False}
@@ -200,7 +200,7 @@ def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     """Whether every possible way keeps the limits and the distance from the Sun, or leads out of where it begins."""
     paths, suns = paths_of(mount, leg), mount.suns.up()
     places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in suns]
-    return len(within(mount, limits, leg)) == len(paths) and all(
-        clear(*path, place, min(mount.suns.limit, separation(*path[0], *place) - 0.01))
+    return len(paths_within(mount, limits, leg)) == len(paths) and all(
+        is_clear(*path, place, min(mount.suns.limit, separation(*path[0], *place) - 0.01))
         for path in paths for place in places
     )  # fmt: skip
