@@ -1,4 +1,4 @@
-"""Writes the generated tables: ``mappings/README.md``, and that of the keys in ``docs/configuration.md``.
+"""Writes ``mappings/README.md``, the keys in ``docs/configuration.md``, and the checked mounts in ``docs/prove.md``.
 
     python docs/tools/tables.py           writes them
     python docs/tools/tables.py --check   fails if one is old, or if a row of ``mappings`` is wrong
@@ -17,6 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from docs.tools.checked import checked_table  # noqa: E402
 from docs.tools.mistakes import calls, mistakes, traits  # noqa: E402
 from gateway.app.config.describing import keys, title  # noqa: E402
 from gateway.app.config.showing import toml  # noqa: E402
@@ -29,12 +30,9 @@ from gateway.protocols.wireformat.command import Command  # noqa: E402
 from gateway.protocols.wireformat.command_set import CommandSet, load  # noqa: E402
 from gateway.protocols.wireformat.rows import ELSE, KEEPS, LACKS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow  # noqa: E402
 
-TARGET = ROOT / "mappings/README.md"
-KEYS, BEGIN, END = (
-    ROOT / "docs/configuration.md",
-    "<!-- keys: python docs/tools/tables.py -->\n",
-    "<!-- end of keys -->",
-)
+TARGET, KEYS, PROVE = (ROOT / page for page in ("mappings/README.md", "docs/configuration.md", "docs/prove.md"))
+#: They enclose the generated part of a page that is otherwise written by hand.
+BEGIN, END = "<!-- table: python docs/tools/tables.py -->\n", "<!-- end of table -->"
 #: What the words for outcomes mean.
 _LEGEND = "| outcome | meaning |\n|---|---|\n" + "\n".join(
     f"| {name} | {words} |" for name, words in STANDS_FOR.items()
@@ -240,8 +238,8 @@ def problems() -> Iterator[str]:
     for client, mount in pairs():
         for name in missing(client, mount):
             yield f"mappings/{client}/surface.toml: [{name}]: it has no outcome on a {mount} mount"
-    for page, fresh in ((TARGET, text), (KEYS, configuration)):
-        if not page.exists() or page.read_text("utf-8") != fresh():
+    for page, fresh in generated():
+        if not page.exists() or page.read_text("utf-8") != fresh:
             yield f"{page.relative_to(ROOT)} is old: run python docs/tools/tables.py"
 
 
@@ -256,21 +254,28 @@ def keys_table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def configuration() -> str:
-    """Return the page of the configuration with the table of the keys as they are."""
-    before, _, rest = KEYS.read_text("utf-8").partition(BEGIN)
-    return before + BEGIN + keys_table() + END + rest.partition(END)[2]
+def inserted(page: Path, table: str) -> str:
+    """Return a page with its generated part replaced by ``table``."""
+    before, _, rest = page.read_text("utf-8").partition(BEGIN)
+    return before + BEGIN + table + END + rest.partition(END)[2]
+
+
+def generated() -> Iterator[tuple[Path, str]]:
+    """Yield every page with a generated table, and what it should say."""
+    yield TARGET, text()
+    yield KEYS, inserted(KEYS, keys_table())
+    yield PROVE, inserted(PROVE, checked_table())
 
 
 def main(words: list[str]) -> int:
-    """Write or check the page; return the exit code."""
+    """Write or check the pages; return the exit code."""
     if words and words != ["--check"]:
         print(__doc__, file=sys.stderr)
         return 2
     try:
         if not words:
-            for page, fresh in ((TARGET, text), (KEYS, configuration)):
-                page.write_text(fresh(), "utf-8")
+            for page, fresh in generated():
+                page.write_text(fresh, "utf-8")
                 print(f"wrote {page.relative_to(ROOT)}")
         wrong = list(problems())
     except MappingError as error:

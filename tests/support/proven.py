@@ -2,7 +2,7 @@
 
 The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
 line or a progress holds its words. ``python -m tests.support.proven`` writes the files of simulated mounts anew that
-docs/compatibility.py lists.
+docs/prove.md lists.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Every key of a mount and of a surface, declared once: its type, range, default and description.
 
-A new key is one field here, and the code that reads it (docs/adding-a-key.md). ``key`` takes the description for
+A new key is one field here, and the code that reads it (docs/adding.md). ``key`` takes the description for
 ``--help`` and the documentation, the name of the value, an example for keys without a default, and the limits that
 msgspec checks; if a key may be absent, its limits belong to the inner type. Every key of ``[mount]`` is also a flag of
 ``run``, except those with ``flag=False``, and so is every key that only a surface has. In a flag, commas separate the

@@ -162,7 +162,7 @@ def test_the_printed_tables_are_up_to_date() -> None:
     assert list(TABLES.problems()) == []
 
 
-@pytest.mark.parametrize("page", ["TARGET", "KEYS"])
+@pytest.mark.parametrize("page", ["TARGET", "KEYS", "PROVE"])
 def test_an_old_page_is_told(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = tmp_path / "old.md"
     old.write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")

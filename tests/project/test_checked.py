@@ -1,4 +1,4 @@
-"""The page of mounts that were checked is made from the files of the checks, and says which are simulated."""
+"""The table of checked mounts is made from the files of the checks, and says which are simulated."""
 
 from __future__ import annotations
 
@@ -23,11 +23,9 @@ def test_every_file_has_the_form_that_prove_writes(file: Path) -> None:
     assert {"reads", "motions", "goto", "program"} <= result.stages.keys() <= {stage.name for stage in STAGES}
 
 
-def test_the_page_lists_every_file_and_marks_the_simulated_mounts() -> None:
-    compatibility = script("docs/compatibility.py")
-    page = compatibility.page()
-    assert compatibility.PAGE.read_text("utf-8") == page, "run python docs/compatibility.py"
+def test_the_table_lists_every_file_and_marks_the_simulated_mounts() -> None:
+    table = script("docs/tools/checked.py").checked_table()
     results = [msgspec.json.decode(file.read_bytes(), type=ProofFile) for file in FILES]
     simulated = sum(result.simulated for result in results)
-    assert simulated >= len(KINDS) and page.count("| a simulation |") == simulated
-    assert page.count("| an owner |") == len(results) - simulated
+    assert simulated >= len(KINDS) and table.count("| a simulation |") == simulated
+    assert table.count("| an owner |") == len(results) - simulated
