@@ -21,8 +21,7 @@ WITHOUT = {
     "metrics": "the console has no figures for Prometheus",
     "mqtt": "the mounts cannot be shown on an MQTT broker",
 }
-#: Seconds in a day; how many days before their end data are reported as old.
-DAY, SOON = 86400.0, 60.0
+DAY = 86400.0
 #: What only astropy needs, and a computer with an almanac does not; when its last days are told.
 SKY, FEW = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
 #: The usual TCP ports of a gateway, and who connects to them.
@@ -110,26 +109,8 @@ def clock(facts: Facts) -> Iterator[Said]:
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
-    """Check how long the tables of the Earth's rotation and of the leap seconds last; without astropy, how long the
-    almanac lasts.
-    """
-    if facts.without_astropy:
-        yield _almanac(facts)
-        return
-    tables = {
-        "the Earth's rotation (IERS)": (facts.rotation_until, "sidereal time is off by a few hundredths of a second"),
-        "the leap seconds": (facts.leap_seconds_until, "the next leap second, if there is one, is not known"),
-    }
-    renewal = f"{facts.pip} install --upgrade astropy-iers-data, while there is a network"
-    for name, (until, effect) in tables.items():
-        if until is None:
-            yield BAD, f"the table of {name} cannot be read", f"{facts.pip} install --force-reinstall astropy-iers-data"
-        elif facts.now > until:
-            yield NOTE, f"the table of {name} ended on {_day(until)}: {effect}", renewal
-        elif facts.now > until - SOON * DAY:
-            yield NOTE, f"the table of {name} ends on {_day(until)}", renewal
-        else:
-            yield GOOD, f"the table of {name} goes on until {_day(until)}", ""
+    """Check that the sky can be calculated: by astropy, or by the almanac of another computer."""
+    yield _almanac(facts) if facts.without_astropy else (GOOD, "the sky is calculated by astropy", "")
 
 
 def _almanac(facts: Facts) -> Said:

@@ -80,10 +80,8 @@ class Facts(Struct, frozen=True):
     python: tuple[int, int, int]
     system: str
     now: float
-    #: When the astronomy data were published, and how long their UT1 and leap seconds are valid.
+    #: When the astronomy data were published.
     published: float | None
-    rotation_until: float | None
-    leap_seconds_until: float | None
     #: When the days end that the almanac has from today on; None if it does not have today.
     almanac_until: float | None
     packages: list[Package]

@@ -41,7 +41,6 @@ from gateway.transport.wires import group_of
 PRODUCT, DATA = "mount-gateway", "astropy-iers-data"
 #: Extras that only developers of mount-gateway need.
 DEVELOPING = ("test", "judges", "dev", "docs", "single-file")
-_UNIX_EPOCH_MJD, _DAY = 40587.0, 86400.0
 
 
 def version(name: str) -> str:
@@ -93,34 +92,6 @@ def release_date(release: str) -> float | None:
     return datetime(year, month, day, tzinfo=UTC).timestamp()
 
 
-def rotation_until() -> float | None:
-    """Return the last day for which UT1 is observed or predicted, Unix seconds; None if it cannot be read."""
-    path = _data("finals2000A.all")
-    try:
-        lines = [] if path is None else path.read_bytes().splitlines()
-        day = next(float(line[7:15]) for line in reversed(lines) if line[58:68].strip())
-    except (OSError, ValueError, StopIteration):
-        return None
-    return (day - _UNIX_EPOCH_MJD) * _DAY
-
-
-def leap_seconds_until() -> float | None:
-    """Return the day on which the list of leap seconds expires, Unix seconds; None if it cannot be read."""
-    path = _data("Leap_Second.dat")
-    try:
-        text = "" if path is None else path.read_text("ascii", "replace")
-        match = re.search(r"File expires on (\d+ \w+ \d{4})", text)
-        return match and datetime.strptime(f"{match[1]} +0000", "%d %B %Y %z").timestamp()
-    except (OSError, ValueError):
-        return None
-
-
-def _data(name: str) -> Path | None:
-    """Return the path of an astronomy data file without importing astropy."""
-    spec = importlib.util.find_spec("astropy_iers_data")
-    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "data" / name
-
-
 #: Programs that are known to disturb serial ports.
 MEDDLERS = ("ModemManager", "brltty")
 #: Timeout of timedatectl, and of a gateway's answer, seconds.
@@ -138,8 +109,6 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),
         published=release_date(version(DATA)),
-        rotation_until=rotation_until(),
-        leap_seconds_until=leap_seconds_until(),
         almanac_until=_almanac_until(time.time(), almanac),
         packages=list(needed()),
         missing_extras=missing_extras(),
