@@ -44,7 +44,6 @@ def page(night: Night, source: str) -> str:
             "dots are the longest. Red: something was noted about the mount or its line.",
             _wide(plots.over_time(night)),
         ))  # fmt: skip
-        parts.append(_section("How often it took how long", "", _wide(plots.histogram(night))))
     parts += [
         _section("Programs", "", table_of_programs(night)),
         _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", of_programs=True)),
@@ -235,6 +234,5 @@ text { fill: var(--ink); font: 12px system-ui, -apple-system, "Segoe UI", Roboto
 .dot { fill: var(--track) } .day { fill: var(--day) } .twilight { fill: var(--twilight) } .dark { fill: var(--dark) }
 .spread { fill: var(--band) } .middle { fill: none; stroke: var(--track); stroke-width: 1.5 }
 .longest { fill: var(--slew) } .fault { stroke: var(--fault); stroke-width: 1.25 } .refusal { fill: var(--refusal) }
-.bar { fill: var(--track) } .bar.longer { fill: var(--refusal) }
 @media print { body { background: none } section { break-inside: avoid } }
 """

@@ -11,8 +11,8 @@ from gateway.astro.spherical import separation
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, clock, path, picture, tag, text
 
-#: The number of intervals of the night, and of bars of the histogram.
-PARTS, BARS = 240, 60
+#: The number of intervals of the night.
+PARTS = 240
 #: The vertical scale shows this part of the reply times, times a margin.
 SHOWN, ROOM = 0.99, 1.3
 
@@ -93,33 +93,6 @@ def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
             parts.append([])
         parts[-1].append(spread)
     return parts
-
-
-def histogram(night: Night) -> str:
-    """Plot how many replies took how long."""
-    reach, height, width = _longest(night), 220.0, 900.0
-    counts = [0] * (BARS + 1)
-    for took in night.took:
-        counts[min(BARS, int(took * 1000.0 / reach * BARS))] += 1
-    frame = PlotFrame(0.0, reach * (BARS + 1) / BARS, 0.0, max(counts) * 1.08, width, height)
-    side = (frame.x(frame.ended) - frame.x(0.0)) / (BARS + 1)
-    step = _round(max(counts))
-    values = [(step * number, f"{step * number:,.0f}") for number in range(int(max(counts) / step) + 1)]
-    drawn = [frame.axes_of(values, _milliseconds(reach))]
-    for number, count in enumerate(counts):
-        top = frame.y(count)
-        if count:
-            drawn.append(tag(
-                "rect", x=frame.x(0.0) + number * side + 0.5, y=top, width=side - 1.0, height=frame.foot - top,
-                class_="bar" if number < BARS else "bar longer",
-            ))  # fmt: skip
-    return picture(width, height, "".join(drawn), "How often the mount took how long to answer")
-
-
-def _milliseconds(reach: float) -> list[tuple[float, str]]:
-    step = _round(reach) / 2 if _round(reach) >= 2 else _round(reach)
-    ticks = [(step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1)]
-    return [*ticks[:-1], (reach, "longer")] if reach - ticks[-1][0] < step / 2 else [*ticks, (reach, "longer")]
 
 
 #: Motion faster than this (degrees a second) counts as slewing; a longer gap than this (seconds) breaks the line.

@@ -81,18 +81,14 @@ class PlotFrame:
     def axes(self, values: Iterable[tuple[float, str]]) -> str:
         """Draw the grid lines and labels of the value scale and of the time scale."""
         brief = self.ended - self.began < 300
-        return self.axes_of(values, [(time, clock(time, brief)) for time in self.times()])
-
-    def axes_of(self, values: Iterable[tuple[float, str]], below: Iterable[tuple[float, str]]) -> str:
-        """Like `axes`, with given labels for both scales."""
         drawn = [
             tag("line", x1=LEFT, x2=self.width - RIGHT, y1=self.y(value), y2=self.y(value), class_="grid")
             + text(label, LEFT - 8, self.y(value) + 4, "tick", "end")
             for value, label in values
         ]
-        for time, label in below:
+        for time in self.times():
             drawn.append(tag("line", x1=self.x(time), x2=self.x(time), y1=TOP, y2=self.foot, class_="grid"))
-            drawn.append(text(label, self.x(time), self.height - 8, "tick"))
+            drawn.append(text(clock(time, brief), self.x(time), self.height - 8, "tick"))
         return "".join(drawn)
 
     def times(self) -> list[float]:

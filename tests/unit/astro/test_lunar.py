@@ -55,7 +55,7 @@ def libration(moon: tuple[float, float, float], unix: float) -> tuple[float, flo
 
 
 def test_meeus_example_53a() -> None:
-    """1992 April 12, 0h TD: the optical libration l' = -1.206, b' = +4.194; his Moon is at 133.167265, -3.229127, 368409.7 km."""
+    """1992 April 12, 0h TD: l' = -1.206, b' = +4.194; his Moon is at 133.167265, -3.229127, 368409.7 km."""
     unix = calendar.timegm((1992, 4, 12, 0, 0, 0)) - 69.184
     longitude, latitude, tilt = math.radians(133.167265), math.radians(-3.229127), math.radians(23.440636)
     x = math.cos(latitude) * math.cos(longitude)
