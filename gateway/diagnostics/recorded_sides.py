@@ -3,28 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from gateway.app.config import parse_endpoint
-from gateway.app.recording.format import Recording
+from gateway.app.recording.format import Event, Recording
 from gateway.clients.any_protocol.deciding import may_change
 from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
 from gateway.protocols.registry import ANY, surface_protocols
-
-
-class _Said(Protocol):
-    """A line of a recording."""
-
-    @property
-    def side(self) -> str: ...
-    @property
-    def arrow(self) -> str: ...
-    @property
-    def data(self) -> bytes: ...
-
-
-_T = TypeVar("_T", bound=_Said)
 
 
 class RecordedSides:
@@ -44,10 +30,10 @@ class RecordedSides:
         self.protocols[side] = surface_protocols(self.surfaces[number - 1])[0]
         return number
 
-    def introduced(self, lines: Iterable[_T]) -> Iterator[_T]:
+    def introduced(self, lines: Iterable[Event]) -> Iterator[Event]:
         """Yield the same lines, each after the protocol of its connection is known: if the first bytes were needed to
         recognise it, they are yielded after the line that names the protocol."""
-        held: dict[str, list[_T]] = {}
+        held: dict[str, list[Event]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)
             if line.arrow == "+":

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def add_decode(commands: Commands) -> None:
     decode = commands.add_parser(
         "decode",
-        description="Prints a recording, command by command. Understands recordings of run --record, pyserial's "
-        "spy://, socat -x, and the bare bytes that a client sent.",
+        description="Prints a recording, command by command. Understands recordings of run --record, and logs of "
+        "pyserial's spy:// and of socat -x.",
         epilog="Example:\n  mount-gateway decode night.rec | less",
     )
     decode.add_argument("file", type=Path, metavar="FILE", help="the recording, or the capture")
@@ -31,7 +31,7 @@ def add_decode(commands: Commands) -> None:
 
 
 def _decode(arguments: argparse.Namespace) -> int:
-    from gateway.diagnostics.decode import Capture, NoConversation, decode, folded
+    from gateway.diagnostics.decode import Capture, decode
     from gateway.diagnostics.log.conversation import Side
     from gateway.diagnostics.recorded_sides import RecordedSides
 
@@ -43,12 +43,9 @@ def _decode(arguments: argparse.Namespace) -> int:
         lines = decode(sides.introduced(capture), sides.side, recording.settings["began"])
     else:
         protocol = arguments.protocol or _guessed(capture, path)
-        lines = decode(capture, lambda side: Side(protocol), None)
-    try:
-        for line in folded(lines) if capture.bare else lines:
-            print(line)
-    except NoConversation as error:
-        raise UserError(f"{path}: {error}") from None
+        lines = decode(capture, lambda side: Side(protocol), 0.0)
+    for line in lines:
+        print(line)
     if recording is not None and recording.cut:
         print(recording.cut)
     return 0
@@ -56,16 +53,7 @@ def _decode(arguments: argparse.Namespace) -> int:
 
 def _guessed(capture: Capture, path: Path) -> str:
     """Guess the protocol of a capture from the bytes that a client sent. Raises UserError."""
-    from gateway.diagnostics.decode import is_text
-
-    sample = capture.sample()
-    if capture.bare and is_text(sample):
-        raise UserError(
-            f"{path}: this is text, and no capture of a serial line; decode reads recordings of "
-            "run --record, pyserial's spy://, socat -x, and the bare bytes that a client sent "
-            "(with --protocol whatever they look like)"
-        )
-    protocol = guess(sample)
+    protocol = guess(capture.sample())
     if protocol is None:
         raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
     return protocol

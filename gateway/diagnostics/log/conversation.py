@@ -19,9 +19,6 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
 
-#: Seconds assumed between two bytes of a capture without times: long enough for the framer to give up on a stray byte,
-#: and short enough not to tear a command apart.
-APART = 0.2
 #: How many commands may wait for their replies, and how many bytes may wait to become a complete reply.
 DUE, LONGEST = 256, 4096
 
@@ -53,32 +50,19 @@ class Side:
     """One connection (a client's or the mount's), and the commands that still wait for their replies."""
 
     def __init__(self, protocol: str, model: str | None = None) -> None:
-        self._now = 0.0
         framing, self._reply_rules = framer_and_replies(protocol, model)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
         #: Messages that are sent without being asked for.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
-        #: The number of unknown commands; the bytes received as commands, and how many of these were valid.
-        self.unknown = self.heard = self.understood = 0
 
     # --- commands ---------------------------------------------------------------------------------------------------
 
-    def commands(self, data: bytes, at: float | None) -> Iterator[Heard]:
-        """Yield the commands that these bytes complete. ``at`` is when they arrived, in seconds; None if unknown."""
-        self.heard += len(data)
-        for frame in self._frames(data, at):
+    def commands(self, data: bytes, at: float) -> Iterator[Heard]:
+        """Yield the commands that these bytes complete. ``at`` is when they arrived, in seconds."""
+        for frame in self._framer.feed(data, at):
             yield self.command(frame)
-
-    def _frames(self, data: bytes, at: float | None) -> Iterator[bytes]:
-        if at is not None:
-            self._now = at
-            yield from self._framer.feed(data, at)
-            return
-        for number in range(len(data)):
-            self._now += APART
-            yield from self._framer.feed(data[number : number + 1], self._now)
 
     def command(self, frame: bytes) -> Heard:
         """Describe a complete command; from now on its reply is due."""
@@ -87,7 +71,6 @@ class Side:
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
         match = self._reply_rules.protocol.find(frame)
         if match is None:
-            self.unknown += 1
             return Heard(frame, f"no command of the {self.protocol} protocol", fails=True)
         command, picture = match
         try:
@@ -96,7 +79,6 @@ class Side:
             if command.replies:
                 self._due.append(Send(command.name))
             return Heard(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
-        self.understood += len(frame)
         if command.replies:
             self._due.append(Send(command.name, values))
         fields = format_fields(self.protocol, command.name, values)
