@@ -1,8 +1,8 @@
 """Maintains the almanac: starts a process that calculates missing days, and stores them for the next start.
 
 The process that serves mounts imports neither astropy nor numpy. All gateways of a user share one file; the holder of
-its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in
-memory. Between two attempts there is a minute, after a failure an hour.
+its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in memory. There
+is a minute between two attempts, and an hour after a failure.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import stat
 import subprocess
 import threading
 import time
@@ -23,7 +22,6 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
-from gateway.system.runtime_folders import user
 
 #: The number of days per calculation, from the first missing day; and the days ahead that must always be available.
 AHEAD, LEFT = 30, 10
@@ -37,48 +35,25 @@ FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CRE
 
 def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
     """Return an almanac with these days, and why it cannot be stored. Raises OSError, ValueError."""
-    path, trouble = cache_folder() / "almanac", ""
+    path, almanac = cache_folder() / "almanac", stored()
+    lacking = [day for day in days if day not in almanac.days]
+    if not lacking:
+        return almanac, ""
+    almanac = almanac.joined(calculated(lacking)).newest()
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
-        try:
-            _make_folder(path.parent)
-            _wait(lock)
-        except OSError as error:
-            trouble = f"{path.parent}: {error.strerror or error}"
-        almanac = stored()
-        lacking = [day for day in days if day not in almanac.days]
-        if lacking:
-            almanac = almanac.joined(calculated(lacking)).newest()
-            try:
-                if not trouble:
-                    replace_file(path, almanac.encoded())
-            except OSError as error:
-                trouble = f"{path}: {error.strerror or error}"
-        return almanac, trouble
+        if not path.is_absolute():
+            raise OSError("there is no home folder")
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        lock.acquire()
+        replace_file(path, almanac.encoded())
+    except LockHeld:
+        pass  # another gateway stores the same days now
+    except OSError as error:
+        return almanac, f"{path}: {error.strerror or error}"
     finally:
         lock.release()
-
-
-def _wait(lock: PidLock) -> None:
-    """Acquire a lock, which its holder releases in a while. Raises OSError."""
-    for _ in range(int(LONGEST * 10.0)):
-        try:
-            return lock.acquire()
-        except LockHeld:
-            time.sleep(0.1)
-    raise OSError("another process is writing there")
-
-
-def _make_folder(folder: Path) -> None:
-    """Create the cache folder if it is missing. Raises OSError if it is none in which only this user can write."""
-    if not folder.is_absolute():
-        raise OSError("there is no home folder")
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    status = folder.lstat()
-    if not stat.S_ISDIR(status.st_mode):
-        raise OSError("is not a folder")
-    if user() is not None and (status.st_uid != user() or status.st_mode & 0o022):
-        raise OSError("other users can write there")
+    return almanac, ""
 
 
 def calculated(days: Collection[int]) -> Almanac:
