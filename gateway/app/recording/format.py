@@ -21,8 +21,6 @@ MARK = "# mount-gateway recording "
 FORMAT = 1
 #: The side of the last line of a complete recording.
 RECORDER = "recording"
-#: The beginning of that line if the recording ended early because it could not be written.
-STOPPED = "stopped here"
 #: ``+ -`` are connections opened and closed, ``~`` the protocol that was recognised on a connection, ``!`` a note or a
 #: refusal, ``*`` a person's request that was carried out, ``^ v`` the mount's port opened and lost.
 ARROWS = "<>+-~!*^v"
@@ -59,8 +57,6 @@ class Recording:
         self.settings = _head(parts[0])
         #: After iterating: a sentence that says why the recording is incomplete; empty if it is complete.
         self.cut = ""
-        #: The file in which the recording continues, if it does.
-        self.continues_in: Path | None = None
 
     def __iter__(self) -> Iterator[Event]:
         """Yield the events, reading the files step by step. Raises UserError with file and line."""
@@ -75,17 +71,11 @@ class Recording:
 
     def _missing(self, last: Event | None) -> str:
         """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
-        file = self.parts[-1]
-        ended = last is not None and (last.side, last.arrow) == (RECORDER, "!")
-        if self.continues_in is not None:
-            return f"{file}: the recording continues{_when(last)} in {self.continues_in}"
-        if ended and last is not None and last.data.startswith(STOPPED.encode()):
-            return f"{file}: the recording {last.data.decode('latin-1')}"
-        if ended:
+        if last is not None and (last.side, last.arrow) == (RECORDER, "!"):
             return ""
         return (
-            f"{file}: the recording breaks off{_when(last)}, because the gateway was killed or still runs: what "
-            "was written is good up to there"
+            f"{self.parts[-1]}: the recording breaks off{_when(last)}, because the gateway was killed or still runs, "
+            "the disk was full, or it continues in a newer file: what was written is good up to there"
         )
 
     def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
@@ -138,12 +128,7 @@ def read(path: Path) -> Recording:
             break  # it belongs to another run
         parts.append(older)
         settings, first = head, first + 1
-    recording = Recording(parts[::-1])
-    if name != path:
-        newer = part_path(name, int(number) - 1) if int(number) > 1 else name
-        if newer.exists() and is_recording(newer) and _head(newer)["began"] == settings["began"]:
-            recording.continues_in = newer
-    return recording
+    return Recording(parts[::-1])
 
 
 def is_recording(path: Path) -> bool:

@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from gateway.app.recording.format import FORMAT, LONGEST_LINE, MARK, RECORDER, STOPPED, escape, is_recording, part_path
+from gateway.app.recording.format import FORMAT, MARK, RECORDER, escape, is_recording, part_path
 from gateway.core.about import commit, version
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.core.waiting import TimedEvent, in_thread, mark_retrieved
 from gateway.core.wire_log import MOUNT, Entry
-from gateway.system.files import open_plain, plain_file
+from gateway.system.files import plain_file
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -40,8 +40,6 @@ PAUSE, LOOK, WAITING = 0.1, 1.0, 100_000
 PORTION = 32
 #: Only the owner may read a recording: the site's coordinates are in it.
 PRIVATE = 0o600
-#: Bytes that are cut off on a full disk, to make room for the line that says so.
-ROOM = 300
 
 
 class Recorder:
@@ -144,9 +142,8 @@ class Recorder:
             try:
                 self._append("".join(lines))
                 full |= self._size >= self._longest and self._next_file()
-            except OSError as error:
-                reason = f"it could not be written any more: {explain_os_error(error)}"
-                self._end_early(f"{self._at:.6f} {RECORDER} ! {STOPPED}, {reason}\n")
+            except OSError:
+                self._close_file()
                 raise
         return full
 
@@ -170,19 +167,6 @@ class Recorder:
         self._warned |= first
         self._open(self._at)
         return first
-
-    def _end_early(self, line: str) -> None:
-        """End a file that cannot be written any more with this line, after the last complete line that leaves room for
-        it.
-        """
-        with contextlib.suppress(OSError):
-            with open_plain(self._path) as file:
-                file.seek(max(0, self._size - ROOM - LONGEST_LINE))
-                cut = file.tell() + file.read(self._size - ROOM - file.tell()).rfind(b"\n") + 1
-            os.ftruncate(self._file, cut)
-            os.lseek(self._file, cut, os.SEEK_SET)
-            self._append(line)
-        self._close_file()
 
     def _close_file(self) -> None:
         file, self._file = self._file, -1
