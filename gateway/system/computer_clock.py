@@ -35,14 +35,16 @@ def board_without_clock(root: Path = Path("/")) -> bool:
     return any(map(os.path.exists, models)) and not any((root / "dev").glob("rtc*"))
 
 
-def synchronised() -> bool:
-    """Whether the kernel says that a time source keeps its clock right; True if the kernel does not say."""
+def synchronised() -> bool | None:
+    """Whether the kernel says that a time source keeps its clock right; None if it does not say."""
+    if sys.platform != "linux":
+        return None
     try:
         state = _Timex()
         result = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
     except (OSError, AttributeError):
-        return True
-    return result < 0 or not (result == _ERROR or state.status & _UNSYNCHRONISED)
+        return None
+    return None if result < 0 else not (result == _ERROR or state.status & _UNSYNCHRONISED)
 
 
 class Kernel:
@@ -54,5 +56,5 @@ class Kernel:
 
     def __call__(self) -> bool:
         if self._board and time.monotonic() - self._asked > _ASK_AGAIN:
-            self._asked, self._lost = time.monotonic(), not synchronised()
+            self._asked, self._lost = time.monotonic(), synchronised() is False
         return self._lost

@@ -15,7 +15,6 @@ import os
 import platform
 import re
 import shutil
-import subprocess
 import sys
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -32,6 +31,7 @@ from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import holder, is_usb_or_named, local_ports
 from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
+from gateway.system.computer_clock import synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
 from gateway.system.processes import PROC, listeners
@@ -94,7 +94,7 @@ def release_date(release: str) -> float | None:
 
 #: Programs that are known to disturb serial ports.
 MEDDLERS = ("ModemManager", "brltty")
-#: Timeout of timedatectl, and of a gateway's answer, seconds.
+#: Timeout of a gateway's answer, seconds.
 PATIENCE = 3.0
 UDEV = Path("/run/udev/data")
 
@@ -115,7 +115,7 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         ports=list(ports()),
         groups=granted,
         active_groups=active,
-        clock_synchronized=clock_synchronized(),
+        clock_synchronized=synchronised(),
         meddlers=processes_named(MEDDLERS),
         listeners=listening(USUAL),
         state_folder=str(folder),
@@ -143,19 +143,6 @@ def ports() -> Iterator[Port]:
             holder=holder(port.url),
             modem_manager_ignores=os.name == "posix" and modem_manager_ignores(port.url),
         )
-
-
-def clock_synchronized() -> bool | None:
-    """Whether a time source keeps this computer's clock right; None if the system does not say."""
-    command = shutil.which("timedatectl")
-    if command is None:
-        return None
-    try:
-        asked = [command, "show", "--property=NTPSynchronized", "--value"]
-        said = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE, check=False).stdout.strip()
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return {"yes": True, "no": False}.get(said)
 
 
 def unwritable(folder: Path) -> str:

@@ -104,19 +104,6 @@ def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) ->
     assert [package.name for package in gathering.needed(extra="library")] == ["more"]
 
 
-@pytest.mark.parametrize(("said", "kept"), [("yes\n", True), ("no\n", False), ("", None)])
-def test_whether_the_clock_is_kept(
-    said: str, kept: bool | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    command = tmp_path / "timedatectl"
-    command.write_text(f"#!/bin/sh\nprintf '{said}'\n")
-    command.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert gathering.clock_synchronized() is kept
-    command.unlink()
-    assert gathering.clock_synchronized() is None
-
-
 def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert gathering.unwritable(tmp_path) == "" and gathering.unwritable(tmp_path / "to" / "be made") == ""
     (tmp_path / "file").touch()
