@@ -162,7 +162,7 @@ class Gateway:
     def begin(self) -> None:
         """Open the line and identify the mount."""
         self.controller.start()
-        self.controller.spawn(self.fit())
+        self.controller.spawn(self.present_fitting_model())
 
     async def _open_control(self) -> None:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
@@ -184,7 +184,7 @@ class Gateway:
             return await halt(request, self.controller, self.store)
         return await self.request_handler.take(request)
 
-    async def fit(self) -> None:
+    async def present_fitting_model(self) -> None:
         """When the mount is identified, present a model that fits it on surfaces for which the user named none."""
         await self.controller.identified.wait()
         while True:

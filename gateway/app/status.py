@@ -118,7 +118,7 @@ class AverageRate:
         return (count - before) / (now - then) if now > then else 0.0
 
 
-def status(lines: Sequence[StatusLine], columns: int | None = None) -> str:
+def status_text(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
     parts = [_parts(line) for line in lines]
     text = ""
@@ -135,12 +135,12 @@ def _parts(line: StatusLine) -> list[str]:
     if not line.online:
         points, is_doing = f"{line.state}{': ' if line.reason else ''}{line.reason}", ""
     else:
-        points, is_doing = where(line), activity(line)
+        points, is_doing = position_text(line), activity(line)
     programs = f"{line.programs or 'no'} program{'' if line.programs == 1 else 's'}"
     return [line.name, points, is_doing, programs, f"{line.rate:.1f}/s"]
 
 
-def where(line: StatusLine) -> str:
+def position_text(line: StatusLine) -> str:
     """Return where the mount points, as text."""
     if line.position is None:
         return "no position yet"

@@ -64,13 +64,15 @@ def _parsed(typed: list[str]) -> argparse.Namespace:
     """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
     if not typed:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
-    typed = suggestions.page(typed)
+    typed = suggestions.normalized_help(typed)
     if typed[0] not in (*COMMANDS, *ABOUT):
-        raise suggestions.command(typed[0], commands_of(parser()))
+        raise suggestions.unknown_command(typed[0], commands_of(parser()))
     arguments, left = parser(typed[:1]).parse_known_args(typed)
     if left:
         every = commands_of(parser())
-        raise suggestions.extra(left, every[typed[0]], [other for name, other in every.items() if name != typed[0]])
+        raise suggestions.unexpected_words(
+            left, every[typed[0]], [other for name, other in every.items() if name != typed[0]]
+        )
     return arguments
 
 

@@ -14,7 +14,7 @@ from importlib import import_module
 from itertools import groupby
 from typing import Any, NoReturn, TypeAlias
 
-from gateway.cli.suggestions import example, plainly
+from gateway.cli.suggestions import example, in_plain_words
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
 
@@ -140,7 +140,7 @@ class Parser(argparse.ArgumentParser):
         return Layout(self.prog, width=self._width)
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
+        raise UserError(in_plain_words(message, self.prog, example(self._text_below(), self.prog)))
 
     def _get_option_tuples(self, option_string: str) -> Any:
         """Return the flags that a word abbreviates. ``--name``, a key that has no flag, does not mean ``--names``."""

@@ -53,7 +53,7 @@ _PAGES = {
 }
 
 
-def page(arguments: Sequence[str]) -> list[str]:
+def normalized_help(arguments: Sequence[str]) -> list[str]:
     """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
     flag = _PAGES.get(arguments[0]) if arguments else None
     if flag == "--help":
@@ -61,7 +61,7 @@ def page(arguments: Sequence[str]) -> list[str]:
     return list(arguments) if flag is None else [flag]
 
 
-def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:
+def unknown_command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:
     """Return the error for a first word that is no command; ``commands`` are their parsers by name."""
     if word.startswith("-"):
         flag = word.partition("=")[0]
@@ -79,7 +79,7 @@ def command(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserE
     return UserError(f"there is no command {word!r}; {right}")
 
 
-def plainly(message: str, prog: str, example: str) -> str:
+def in_plain_words(message: str, prog: str, example: str) -> str:
     """Return argparse's message in plain words, with an example if an argument is missing."""
     for pattern, ours in _PLAINLY:
         if match := re.fullmatch(pattern, message):
@@ -97,7 +97,7 @@ def example(text: str, prog: str) -> str:
     return next(lines, "")
 
 
-def extra(
+def unexpected_words(
     arguments: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]
 ) -> UserError:
     """Return the error for words that a command does not take: unknown flags, and superfluous arguments."""

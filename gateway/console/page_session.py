@@ -20,7 +20,7 @@ from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
 from gateway.console.shown.publisher import encoded
-from gateway.console.shown.view import COARSE, coordinates, on_page
+from gateway.console.shown.view import COARSE, coordinates, in_page_wording
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
@@ -44,7 +44,7 @@ async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
         where = entry.where
     goal = await of_date(controller, where)
     fault = await controller.preview(goal)
-    why = "" if fault is None else on_page(explain(fault, controller.policy.limits))
+    why = "" if fault is None else in_page_wording(explain(fault, controller.policy.limits))
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
 
 
@@ -260,7 +260,7 @@ class PageSession:
         await self._answer(message.id, True, f"the recording is in {path}", more)
 
     async def _tell(self, message: Message, answer: Answer) -> None:
-        await self._answer(message.id, answer.done, on_page(answer.text))
+        await self._answer(message.id, answer.done, in_page_wording(answer.text))
 
     async def _answer(self, number: int, done: bool, text: str, more: dict[str, Any] | None = None) -> None:
         if number:

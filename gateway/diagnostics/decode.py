@@ -16,7 +16,7 @@ from gateway.app.recording.format import LONGEST_LINE, Event, Recording, is_reco
 from gateway.core.errors import UserError
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.layout import Row, plain
-from gateway.diagnostics.log.printing import happened
+from gateway.diagnostics.log.printing import describe_event
 
 #: Bytes that are read from a file at once, and bytes of client data that suffice to recognise the protocol.
 PIECE = 16_384
@@ -95,7 +95,7 @@ def _socat(path: Path) -> Iterator[Event]:
 
 
 def decode(events: Iterable[Event], of: Callable[[str], Side], began: float) -> Iterator[str]:
-    """Yield lines of text. ``of`` makes the decoder of a connection by its name; ``began`` is in Unix seconds."""
+    """Yield lines of text. ``of`` takes a connection's name and returns its decoder; ``began`` is in Unix seconds."""
     talks: dict[str, Side] = {}
     for event in events:
         if event.side not in talks or event.arrow in "+~":
@@ -104,7 +104,7 @@ def decode(events: Iterable[Event], of: Callable[[str], Side], began: float) -> 
         if event.arrow not in "<>":
             if event.arrow == "-":
                 del talks[event.side]
-            yield _line(event, began, b"", happened(event.arrow, event.data.decode("latin-1")))
+            yield _line(event, began, b"", describe_event(event.arrow, event.data.decode("latin-1")))
             continue
         pieces = side.commands(event.data, event.at) if event.arrow == ">" else side.replies(event.data)
         yield from [_line(event, began, heard.data, heard.text) for heard in pieces]

@@ -63,7 +63,7 @@ class SameMount:
             return
         context = self._context
         place, status = context.driver.last, context.cache.value(op.GetStatus)
-        clock = context.site_clock.running(context.site_clock.mount_clock)
+        clock = context.site_clock.present_time(context.site_clock.mount_clock)
         if place is None or status is None or clock is None:
             return
         host, tracked = context.site_clock.host(), status.tracking is not op.Tracking.OFF

@@ -124,7 +124,7 @@ class Identification:
         while self._cache.value(op.GetIdentity) is None:
             identified = identified or await self._find()
             if identified:
-                await self.learn(op.GetIdentity())
+                await self.read_once(op.GetIdentity())
             if self._link.state != "up":
                 return  # identification begins again when the line is up
             if self._cache.value(op.GetIdentity) is None:
@@ -132,19 +132,19 @@ class Identification:
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
         elif self._left is not None:
-            await self.learn(op.GetStatus())
-            await self.learn(op.GetSite())
+            await self.read_once(op.GetStatus())
+            await self.read_once(op.GetSite())
             await self._judge(self._left)
         await self._check()
         self.identified.emit(None)
         self._context.found.set()
         self._context.known.set()
-        await self.learn(op.GetStatus())
-        await self.learn(op.GetSite())
+        await self.read_once(op.GetStatus())
+        await self.read_once(op.GetSite())
         self._context.site_clock.mount_asked()
         if self._has_wrong_hemisphere():
-            await self.learn(op.GetStatus())
-        await self.learn(op.GetClock())
+            await self.read_once(op.GetStatus())
+        await self.read_once(op.GetClock())
         self._sync.resume()
         self._context.settled.set()
         note_contradictions(self._context)
@@ -171,7 +171,9 @@ class Identification:
         axes: frozenset[int] = frozenset()
         with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(LONGEST):
-                slewing = await self._slews() and (not left.goto or await self._slews())  # bars may be old for a moment
+                slewing = await self._reports_goto() and (
+                    not left.goto or await self._reports_goto()
+                )  # bars may be old for a moment
                 if slewing != left.goto:  # a goto has ended, or has replaced an arrow
                     self._leave_alone()
                     return
@@ -203,22 +205,22 @@ class Identification:
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
             await asyncio.sleep(WATCH_CLOSELY)
             with contextlib.suppress(Fault):
-                resting = rests(await self._turning()) and not await self._slews()
+                resting = rests(await self._turning()) and not await self._reports_goto()
         if resting and self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count:
             self._reconciler.begin_stop()
 
-    async def _slews(self) -> bool:
+    async def _reports_goto(self) -> bool:
         """Return whether the mount reports a goto, whoever has begun it. Raises Fault."""
         self._driver.moved_by_others = True
         return bool(await self._runner.perform(op.Slewing(), READ))
 
     async def _turning(self) -> Pair:
         """Return the speeds of both axes, degrees a second, by two positions. Raises Fault."""
-        before = await self._look()
+        before = await self._read_axes()
         await asyncio.sleep(max(0.0, before.at + APART - self._context.now()))
-        return turning(before, await self._look())
+        return turning(before, await self._read_axes())
 
-    async def _look(self) -> AxisSample:
+    async def _read_axes(self) -> AxisSample:
         """Return the position as readings of the axes. Raises Fault."""
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
@@ -231,7 +233,7 @@ class Identification:
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 
-    async def learn(self, operation: op.Operation) -> None:
+    async def read_once(self, operation: op.Operation) -> None:
         """Read something once and store it."""
         try:
             value = await self._runner.perform(operation, READ)

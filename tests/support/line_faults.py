@@ -257,7 +257,7 @@ class Trial:
         while True:
             await asyncio.sleep(self.random.uniform(5.0, 20.0))
             for operation in (op.GetSite(), op.GetClock(), op.GetIdentity()):
-                await controller.identification.learn(operation)
+                await controller.identification.read_once(operation)
 
     async def _watcher(self) -> None:
         """Compare everything else that the controller delivers with the simulator."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from gateway.app.api.mount import Mount
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.reach import ANSWERED, request, running
+from gateway.app.control.reach import ANSWERED, request, running_gateways
 from gateway.app.watchdog.client import Watchdog, available
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
@@ -113,7 +113,7 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
     folder, if it is not the default one. Nothing stays open between two requests, and a motion continues after the
     program that requested it has ended. Raises UserError if no gateway runs, or if several do.
     """
-    gateways = running(mount, state)
+    gateways = running_gateways(mount, state)
     if not gateways:
         raise UserError(f"no gateway runs here{f' for {mount}' if mount else ''}; mount-gateway run starts one")
     if len(gateways) > 1:

@@ -189,7 +189,7 @@ def _no_answer(why: str) -> Answer:
     return Answer(FAILED, why, NoAnswer.__name__)
 
 
-def running(only: str | None, state: str | None) -> list[ControlEndpoint]:
+def running_gateways(only: str | None, state: str | None) -> list[ControlEndpoint]:
     """Return the gateways on this computer that accept requests: of one mount or all, of a state folder or all."""
     gateways = search(scope_of(state)).gateways
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]

@@ -59,7 +59,7 @@ class PhoneLines:
     def __init__(self) -> None:
         self._told: dict[tuple[str, int], str] = {}
 
-    def news(self, offers: Iterable[Offer]) -> list[str]:
+    def new_lines(self, offers: Iterable[Offer]) -> list[str]:
         """Return the lines of new and changed offers."""
         lines = []
         for offer in offers:

@@ -39,9 +39,9 @@ def add_which(command: argparse.ArgumentParser, which: str = "which one, where s
 
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
     """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
-    from gateway.app.control.reach import running
+    from gateway.app.control.reach import running_gateways
 
-    return running(None if all_of_them else arguments.mount, arguments.state)
+    return running_gateways(None if all_of_them else arguments.mount, arguments.state)
 
 
 def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:

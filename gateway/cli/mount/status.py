@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.status import OLD_AFTER, AverageRate, Served, State, activity, status, where
+from gateway.app.status import OLD_AFTER, AverageRate, Served, State, activity, position_text, status_text
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
@@ -84,9 +84,9 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
                     screen.say(str(surface))
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
-                screen.show(status([look], screen.columns))
+                screen.show(status_text([look], screen.columns))
             else:
-                print(status([look]), flush=True)
+                print(status_text([look]), flush=True)
             if await gateway_client.cancelled_while_waiting(done):
                 break
     finally:
@@ -109,7 +109,7 @@ def lines(state: State) -> Iterator[str]:
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
-    position = where(look)  # includes the age of an old position
+    position = position_text(look)  # includes the age of an old position
     if look.position is not None and look.age <= OLD_AFTER:
         position += f", {look.age:.0f} s ago"
     doing = activity(look) if look.online else ""  # not known now

@@ -45,7 +45,7 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
             "tcp://HOST:PORT puts it elsewhere"
         )
         return
-    for line in phone.news(console_offers(web)):
+    for line in phone.new_lines(console_offers(web)):
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)

@@ -151,9 +151,9 @@ def _port_advice(gateway: Gateway, reason: str, other: int | None) -> str:
             f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
             "need another --surface, end it and start it with that one, too"
         )
-    from gateway.diagnostics.detect.ports import gateway_of_another, holder
+    from gateway.diagnostics.detect.ports import gateway_of_another, port_holder
 
-    who = holder(gateway.mount.where)
+    who = port_holder(gateway.mount.where)
     if not who and (theirs := gateway_of_another()):
         return f"{theirs}: sudo mount-gateway status shows that, and where programs connect"
     return f"{who or 'it'} has to be ended first"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from msgspec.structs import replace
 
-from gateway.app.status import AverageRate, StatusLine, status
+from gateway.app.status import AverageRate, StatusLine, status_text
 from gateway.diagnostics.log.as_json import warning
 from gateway.system import streams
 from gateway.system.systemd import is_expected, notify, watchdog
@@ -109,7 +109,7 @@ class StatusLines:
     def line(self, columns: int | None = None) -> str:
         """Return the status of all gateways on one line."""
         try:
-            return status([status_line(gateway, rate) for gateway, rate in self._gateways], columns)
+            return status_text([status_line(gateway, rate) for gateway, rate in self._gateways], columns)
         except ValueError as error:  # a mount may report any value, and systemd's watchdog must be fed
             return str(error)[:columns]
 

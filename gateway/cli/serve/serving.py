@@ -163,7 +163,7 @@ async def serve_mounts(
                 await asyncio.wait([first], timeout=SETTLED_WITHIN)
             for caution in gateway.cautions():
                 screen.warn(caution)
-            for line in phone.news(network_offers(gateway.names())):
+            for line in phone.new_lines(network_offers(gateway.names())):
                 screen.say(line)
             for name in gateway.names():
                 screen.say(f"ready {name}")
@@ -213,7 +213,7 @@ async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer
     """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi."""
     while True:
         await asyncio.sleep(LOOK_EVERY)
-        for line in phone.news(reached()):
+        for line in phone.new_lines(reached()):
             say(line)
 
 

@@ -18,7 +18,7 @@ import msgspec
 from gateway.app.gateway import Gateway
 from gateway.app.status import AverageRate
 from gateway.console.shown import view
-from gateway.console.shown.talk import MOST, ConversationView, spoken
+from gateway.console.shown.talk import MOST, ConversationView, surface_spoken
 from gateway.core.wire_log import MOUNT, Entry, show
 
 #: How many answer times are stored for new pages.
@@ -91,7 +91,8 @@ class ConnectedPrograms:
             client, side = visit.client, visit.client.log.name
             rate = self._rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
             yield {
-                "name": show(side.encode()), "surface": spoken(surface, visit.protocol), "profile": visit.profile,
+                "name": show(side.encode()), "surface": surface_spoken(surface, visit.protocol),
+                "profile": visit.profile,
                 "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
                 "read_only": client.runner.rights.read_only,
             }  # fmt: skip

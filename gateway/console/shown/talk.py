@@ -95,13 +95,13 @@ def connected(gateway: Gateway) -> dict[str, str]:
     """Return the surface of every connection, by the connection's name in the log."""
     surfaces = zip(gateway.names(), gateway.acceptors, strict=False)
     return {
-        visit.client.log.name: spoken(surface, visit.protocol)
+        visit.client.log.name: surface_spoken(surface, visit.protocol)
         for surface, acceptor in surfaces
         for visit in acceptor.connections()
     }
 
 
-def spoken(surface: str, protocol: str) -> str:
+def surface_spoken(surface: str, protocol: str) -> str:
     """Return the surface of a client; if the surface takes any protocol, with the client's own."""
     what, at, where = surface.partition("@")
     return f"{protocol}{at}{where}" if what == ANY else surface

@@ -41,8 +41,8 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
         "asleep": look.asleep, "parked": activity(look).endswith("parked"), "held": look.held,
         "goto_unparks": controller.driver.goto_unparks, "wanted": list(shown.wanted),
-        "allowed": [on_page(text) for text in shown.allowed],
-        "lately": [on_page(text) for text in shown.lately],
+        "allowed": [in_page_wording(text) for text in shown.allowed],
+        "lately": [in_page_wording(text) for text in shown.lately],
         "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
@@ -52,7 +52,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def on_page(text: str) -> str:
+def in_page_wording(text: str) -> str:
     """Return a sentence in the page's wording."""
     return text.replace(RELEASE, "")
 

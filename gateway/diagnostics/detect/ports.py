@@ -109,7 +109,7 @@ def unsupported_device(where: str) -> str:
     return next((known[name] for name in names if name in known), "")
 
 
-def holder(url: str) -> str:
+def port_holder(url: str) -> str:
     """Return the program that has a port open, as ``name (process 123)``; empty if there is none or it cannot be known.
 
     Opening the port checks locks as well; this finds programs that take no lock, before their port is touched. The

@@ -21,7 +21,7 @@ from pynmea2 import NMEASentence
 from gateway.core.errors import Fault
 from gateway.diagnostics.detect.identify import FoundMount, identify
 from gateway.diagnostics.detect.port_listener import PortListener, Tunable
-from gateway.diagnostics.detect.ports import SerialPortInfo, gateway_of_another, holder, serving_gateway
+from gateway.diagnostics.detect.ports import SerialPortInfo, gateway_of_another, port_holder, serving_gateway
 from gateway.protocols.base.spec import Question
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
@@ -216,7 +216,7 @@ async def look(
     """
     if wire is None and (process := serving_gateway(place.url)):
         return PortFinding(place, SERVED, reason=f"mount-gateway, process {process}")
-    who = holder(place.url) if wire is None else ""
+    who = port_holder(place.url) if wire is None else ""
     if who:
         return PortFinding(place, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time

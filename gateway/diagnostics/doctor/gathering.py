@@ -28,7 +28,7 @@ from gateway.app.control.reach import Scope, ask_state, reachable, search, unrea
 from gateway.app.status import State
 from gateway.astro.ephemeris.almanac import DAY, stored
 from gateway.core.about import full_version
-from gateway.diagnostics.detect.ports import holder, is_usb_or_named, local_ports
+from gateway.diagnostics.detect.ports import is_usb_or_named, local_ports, port_holder
 from gateway.diagnostics.doctor.checks import USUAL
 from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
 from gateway.system.computer_clock import synchronised
@@ -140,7 +140,7 @@ def ports() -> Iterator[Port]:
             usb=is_usb_or_named(port.url),
             permitted=os.name != "posix" or os.access(port.url, os.R_OK | os.W_OK),
             group=group_of(port.url),
-            holder=holder(port.url),
+            holder=port_holder(port.url),
             modem_manager_ignores=os.name == "posix" and modem_manager_ignores(port.url),
         )
 

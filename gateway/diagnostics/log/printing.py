@@ -275,7 +275,7 @@ class Rows:
             note = entry.note
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
                 note = note.replace(note.partition(",")[0], surface, 1)
-            return Heard(entry.data, happened(entry.arrow, _plain(note)))
+            return Heard(entry.data, describe_event(entry.arrow, _plain(note)))
         side = self._sides.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT:
             # A client that connected before this log began: its next command shows its protocol.
@@ -295,7 +295,7 @@ class Rows:
         return side.command(entry.data) if entry.arrow == ">" else side.reply(entry.data)
 
 
-def happened(arrow: str, note: str) -> str:
+def describe_event(arrow: str, note: str) -> str:
     """Describe an event that carries no bytes."""
     return (" " if arrow == "~" else ", ").join(filter(None, (EVENTS.get(arrow, ""), note)))
 

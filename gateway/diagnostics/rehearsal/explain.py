@@ -22,7 +22,15 @@ from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import STANDS_FOR, MountKind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import format_fields
-from gateway.diagnostics.rehearsal.play import Before, Play, Player, changes, is_refused, stage, watched
+from gateway.diagnostics.rehearsal.play import (
+    Before,
+    Play,
+    Player,
+    is_refused,
+    may_change_mount,
+    observation_time,
+    stage,
+)
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.surface import ACKNOWLEDGED
@@ -156,19 +164,22 @@ def play_one(
 
     async def play() -> tuple[Play, str, str]:
         async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
-            await whole_gateway.gateway.fit()
+            await whole_gateway.gateway.present_fitting_model()
             await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(
                 frame,
                 Before() if row is None else commands_before(face, row),
-                watched(command, aligned and bool(command.replies)),
+                observation_time(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
             presented = traits(face, command, dict(whole_gateway.face.model))
             said = outcome(row, driven, MountKind(mount.model or "", counted_version(mount), aligned, wedge), presented)
             if is_refused(played, command, whole_gateway.face.surface):
                 return played, "refused", said
             idle = (
-                said in ("translated", "refused") and not played.of("act") and row and any(map(changes, row.operations))
+                said in ("translated", "refused")
+                and not played.of("act")
+                and row
+                and any(map(may_change_mount, row.operations))
             )
             return played, NOTHING_TO_DO if idle else said, said
 

@@ -81,12 +81,12 @@ class Play(NamedTuple):
         return tuple(event for event in self.events if event.kind == kind)
 
 
-def watched(command: Command, aligned: bool) -> float:
+def observation_time(command: Command, aligned: bool) -> float:
     """Return how long a command is observed after its reply, seconds."""
     return GLANCE if command.question else WATCHED if aligned else WATCHED_SETTING
 
 
-def changes(name: str) -> bool:
+def may_change_mount(name: str) -> bool:
     """Whether an operation of this name may change the mount."""
     kind = named(name)
     return kind is not None and not issubclass(kind, Read)

@@ -70,7 +70,7 @@ class ReceivedReply(Struct):
     values: Values
     fault: Fault | None
     asked: float
-    came: float
+    arrived_at: float
 
 
 class ReplyVerifier:
@@ -105,7 +105,7 @@ class ReplyVerifier:
                 break  # the driver asked for this answer by ``patience``
             if command.unverified(reply.values) if callable(command.unverified) else command.unverified:
                 break
-            took = reply.came - reply.asked
+            took = reply.arrived_at - reply.asked
             if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:
                 slow += 1
                 continue
@@ -202,8 +202,8 @@ class ReplyVerifier:
 
     def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
-        took = min(before.came - before.asked, 2.5 * self._line.typical_rtt)
-        return NEAR + self._fastest * (after.came - before.came + took)
+        took = min(before.arrived_at - before.asked, 2.5 * self._line.typical_rtt)
+        return NEAR + self._fastest * (after.arrived_at - before.arrived_at + took)
 
     def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
@@ -240,8 +240,8 @@ def _seconds(values: Values) -> float:
 def _clock_agrees(before: ReceivedReply, after: ReceivedReply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
-    drift = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
-    slack = CLOCK_TOLERANCE + (before.came - before.asked) + (after.came - after.asked)
+    drift = (now - then - (after.arrived_at - before.arrived_at) + DAY / 2) % DAY - DAY / 2
+    slack = CLOCK_TOLERANCE + (before.arrived_at - before.asked) + (after.arrived_at - after.asked)
     others = [name for name in after.values if name not in (*_OF_THE_DAY, *_FORM)]
     return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
 

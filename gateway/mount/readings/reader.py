@@ -112,7 +112,7 @@ class Reader:
             return entry.value
         if not any(course_of(self._context, kind, entry).rates) and self._was_given(kind, entry.reading.complete):
             return NOT_CACHED  # nothing says how it goes on: a mount that moves is asked, rather than a value repeated
-        return self._going_on(kind, entry, self._instant())
+        return self._position_at(kind, entry, self._instant())
 
     def _was_given(self, kind: Kind, complete: float) -> bool:
         """Whether the reading that was complete at this time was given to a client, longer ago than a moment."""
@@ -145,7 +145,7 @@ class Reader:
             self._context.note(
                 f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
-        return self._going_on(kind, entry, self._now()) if self._moves else entry.value
+        return self._position_at(kind, entry, self._now()) if self._moves else entry.value
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the last answers may be given again."""
@@ -166,7 +166,7 @@ class Reader:
             self._cache.version += 1
         return self._moment
 
-    def _going_on(self, kind: Kind, entry: CachedAnswer, moment: float) -> object:
+    def _position_at(self, kind: Kind, entry: CachedAnswer, moment: float) -> object:
         """Return where a moving mount is at a moment."""
         return type(entry.value)(*place(course_of(self._context, kind, entry), moment))
 

@@ -248,13 +248,13 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
 # --- altitude ---------------------------------------------------------------------------------------------------------
 
 
-def leaving(limits: Limits, before: float, now: float, margin: float = 0.0) -> bool:
+def leaving(limits: Limits, before: float, after: float, margin: float = 0.0) -> bool:
     """Whether an altitude is outside the limits, or within ``margin`` degrees of them, and is getting worse.
 
     Limits of -90 and 90 degrees are off, because nothing lies beyond them.
     """
-    sinking = limits.lowest > -90.0 and now < limits.lowest + margin and now < before
-    rising = limits.highest < 90.0 and now > limits.highest - margin and now > before
+    sinking = limits.lowest > -90.0 and after < limits.lowest + margin and after < before
+    rising = limits.highest < 90.0 and after > limits.highest - margin and after > before
     return sinking or rising
 
 

@@ -50,7 +50,7 @@ class Setting(Struct, frozen=True):
         """Whether it could not be sent at once. Then the mount's present value is read before the setting is sent."""
         return self.due > 0.0
 
-    def running(self, now: float) -> Operation:
+    def value_now(self, now: float) -> Operation:
         """Return the value to be sent now; a clock has run on since it was requested."""
         if isinstance(self.value, SetClock):
             return replace(self.value, unix=self.value.unix + now - self.since)
@@ -157,7 +157,7 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place)
 
 def clock_is_ours(sent: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
     """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
-    values = [value for setting in sent if isinstance(value := setting.running(now), SetClock)]
+    values = [value for setting in sent if isinstance(value := setting.value_now(now), SetClock)]
     if before is None or not values:
         return False
     times = (before.unix, *(value.unix for value in values))

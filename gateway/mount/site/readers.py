@@ -43,7 +43,7 @@ class ReadBy:
         If the program has set only a zone, that replaces the offset.
         """
         settings = self.settings
-        moment = self._known.running(settings.clock or self._known.mount_clock)
+        moment = self._known.present_time(settings.clock or self._known.mount_clock)
         return moment if moment is None or settings.zone is None else Moment(moment.unix, settings.zone)
 
     def unix(self) -> float:

@@ -140,7 +140,9 @@ class SyncSettings:
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = pending_settings.clock_is_ours(sent, site_clock.running(site_clock.mount_clock), value, self._now())
+            ours = pending_settings.clock_is_ours(
+                sent, site_clock.present_time(site_clock.mount_clock), value, self._now()
+            )
             changed = site_clock.take_mount_clock(value, ours)
         else:
             changed = site_clock.take_mount_site(
@@ -206,7 +208,7 @@ class SyncSettings:
             tried = True
             self._sending, self._incoming.sending = kind_of(value), type(value) if place else None
             self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_SENT:], setting)
-            await self._runner.perform(setting.running(self._now()), SETTING)
+            await self._runner.perform(setting.value_now(self._now()), SETTING)
         except Busy:
             self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_FOR)
         except NoAnswer as fault:
@@ -244,7 +246,7 @@ class SyncSettings:
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.takes_site_aligned:
             return True
-        if self._is_set(setting.running(self._now())):
+        if self._is_set(setting.value_now(self._now())):
             return False
         if await self.may_set():
             return True
@@ -259,7 +261,7 @@ class SyncSettings:
 
     async def _settled_by_reading(self, setting: Setting) -> bool:
         """Read the mount's value. Return whether it equals the setting or was changed at the mount. Raises Fault."""
-        running = setting.running(self._now())
+        running = setting.value_now(self._now())
         if isinstance(running, op.SetClock):
             changed = self.take_value(await self._runner.perform(op.GetClock(), READ))
         else:
@@ -271,7 +273,7 @@ class SyncSettings:
 
     async def _acknowledged(self, setting: Setting) -> None:
         """Note that the mount has received a setting. Its clock is read, because it counts whole seconds."""
-        running = setting.running(self._now())
+        running = setting.value_now(self._now())
         news = not self._is_set(running)
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
@@ -280,7 +282,7 @@ class SyncSettings:
             if news:
                 note_set(self._context, setting)
         elif isinstance(running, op.SetClock):
-            before = self._site_clock.running(self._site_clock.mount_clock)
+            before = self._site_clock.present_time(self._site_clock.mount_clock)
             self._site_clock.take_mount_clock(
                 op.Moment(running.unix, running.offset, running.dst), ours=True, by=setting.by
             )

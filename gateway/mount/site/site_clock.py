@@ -136,7 +136,7 @@ class SiteClock:
         others = [place for place in (self.gps_site, self.configured, self.confirmed) if place is not None]
         return None if any(degrees_apart(site, place) <= CONFIRMS for place in others) else known[0]
 
-    def running(self, held: tuple[Moment, float] | None) -> Moment | None:
+    def present_time(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return the present time of a clock that was read earlier."""
         if held is None:
             return None
@@ -177,7 +177,7 @@ class SiteClock:
 
     def take_mount_clock(self, moment: Moment, ours: bool = False, by: str | None = None) -> bool:
         """Like ``take_mount_site``, for the clock; a change is more than 30 s."""
-        before = self.running(self.mount_clock)
+        before = self.present_time(self.mount_clock)
         self.mount_clock = (moment, self.now())
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
@@ -217,7 +217,7 @@ class SiteClock:
 
     def same_clock(self, operation: SetClock, seconds: float) -> bool:
         """Whether the mount's clock shows this already, in the same zone and within so many seconds."""
-        shown = self.running(self.mount_clock)
+        shown = self.present_time(self.mount_clock)
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def has_own(self, operation: Operation) -> bool:
@@ -286,13 +286,16 @@ class BestSources:
         known = self._site_clock
         times = [
             Time(moment.unix, source, by=known.clock_by if source is MOUNT else "")
-            for moment, source in ((known.running(known.mount_clock), MOUNT), (known.running(known.gps_clock), GPS))
+            for moment, source in (
+                (known.present_time(known.mount_clock), MOUNT),
+                (known.present_time(known.gps_clock), GPS),
+            )
             if moment is not None
         ]
         host = known.host()
         if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in times):
             return [*times, Time(host, COMPUTER)]
-        program = known.running(known.programs.newest_clock)
+        program = known.present_time(known.programs.newest_clock)
         known_times = [Time(program.unix, PROGRAM)] if program is not None else []
         return times or [*known_times, Time(host, COMPUTER, doubtful=True)]
 
@@ -303,7 +306,7 @@ class BestSources:
     def best_time(self) -> Time:
         """Return the first of ``times``. If the mount has reported a time, the others need not be computed."""
         known = self._site_clock
-        moment = known.running(known.mount_clock)
+        moment = known.present_time(known.mount_clock)
         return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_by)
 
     def unix(self) -> float:

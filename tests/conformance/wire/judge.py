@@ -15,7 +15,7 @@ from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import MountKind, outcome, remarks, taken
-from gateway.diagnostics.rehearsal.play import Play, changes, is_refusal, is_refused, refusal_form
+from gateway.diagnostics.rehearsal.play import Play, is_refusal, is_refused, may_change_mount, refusal_form
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
@@ -56,7 +56,7 @@ class Case(NamedTuple):
 
 def writes(row: SurfaceRow | None) -> bool:
     """Whether a row has operations that may change the mount."""
-    return row is not None and any(map(changes, row.operations))
+    return row is not None and any(map(may_change_mount, row.operations))
 
 
 def differences(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -> list[str]:
@@ -69,7 +69,7 @@ def differences(case: Case, seen: Seen, surface: Surface, asked: frozenset[str])
 
 def _unlisted(case: Case, seen: Seen) -> Iterator[str]:
     listed = case.row.operations if case.row is not None else []
-    decides = changes if writes(case.row) else bool  # a row names the reads of a function that changes nothing
+    decides = may_change_mount if writes(case.row) else bool  # a row names the reads of a function that changes nothing
     if unlisted := [name for name in seen.deciding if decides(name) and name not in listed]:
         yield f"asks for {', '.join(unlisted)}, and asks does not list it"
 
@@ -85,7 +85,7 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
         return {"refused", "translated"} if by_mount else {"refused"}
     if play.wire:
         return {"translated"}
-    if not command.question and any(map(changes, asked)):
+    if not command.question and any(map(may_change_mount, asked)):
         return set(get_args(Outcome)) - {"refused"} if not seen.kept or not case.mount.aligned else {"kept"}
     if play.of("baud") or (seen.kept and not command.question):
         return {"kept"}

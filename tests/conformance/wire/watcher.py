@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from gateway.core.motion_kinds import ENDS
 from gateway.core.operations import Operation, Read, named
-from gateway.diagnostics.rehearsal.play import WATCHED_SETTING, Before, Play, Player, changes
+from gateway.diagnostics.rehearsal.play import WATCHED_SETTING, Before, Play, Player, may_change_mount
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relayed
@@ -30,7 +30,7 @@ class Seen(NamedTuple):
     def deciding(self) -> list[str]:
         """The operations that decide what becomes of a command: those that change the mount, else the reads of it."""
         can = {name for mount in mounts() for name in load(mount).driver}
-        return [name for name in self.asked if changes(name)] or [name for name in self.asked if name in can]
+        return [name for name in self.asked if may_change_mount(name)] or [name for name in self.asked if name in can]
 
 
 class Watcher(Player):

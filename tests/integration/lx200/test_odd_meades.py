@@ -239,7 +239,7 @@ def test_a_telescope_keeps_its_name_when_its_answers_are_lost() -> None:
                 return answer
 
             wire.feed = lossy
-            await bridge.controller.identification.learn(op.GetIdentity())
+            await bridge.controller.identification.read_once(op.GetIdentity())
             identity = bridge.controller.cache.value(op.GetIdentity)
             assert (identity.product, identity.model, lost) == ("Autostar", "autostar", [])
 

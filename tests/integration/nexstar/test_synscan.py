@@ -125,7 +125,7 @@ def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
 def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_that_fits(mount: str, presented: str) -> None:
     async def session() -> None:
         async with Bridge(mount, presented="nexstar", surface="synscan") as bridge:
-            await bridge.gateway.fit()
+            await bridge.gateway.present_fitting_model()
             client = bridge.client()
             assert await client.ask(b"V") == b"042705#"
             assert await client.ask(b"m") == (b"\0#" if presented == "synscan" else b"\x80#")

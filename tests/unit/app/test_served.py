@@ -63,18 +63,18 @@ def test_they_are_those_of_now(addresses: list[str]) -> None:
 
 def test_a_line_is_told_once_and_again_when_it_changes(addresses: list[str]) -> None:
     phone, offers = (PhoneLines(), [Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("lx200", "tcp", "127.0.0.1", 1)])
-    assert len(phone.news(offers)) == 1
-    assert phone.news(offers) == []
+    assert len(phone.new_lines(offers)) == 1
+    assert phone.new_lines(offers) == []
     addresses[:] = ["10.0.0.5"]
-    assert phone.news(offers) == ["on your phone: 10.0.0.5, port 4030"]
-    assert phone.news(offers) == []
+    assert phone.new_lines(offers) == ["on your phone: 10.0.0.5, port 4030"]
+    assert phone.new_lines(offers) == []
 
 
 async def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) -> None:
     """As after a start before the Wi-Fi, and with a new lease."""
     said, phone = list[str](), PhoneLines()
     offers = [Offer("lx200", "tcp", "0.0.0.0", 4030)]
-    assert phone.news(offers)[0].startswith("no other computer")
+    assert phone.new_lines(offers)[0].startswith("no other computer")
     task = asyncio.ensure_future(serving._say_new_addresses(phone, lambda: offers, said.append))
     await asyncio.sleep(60.0)
     assert said == []

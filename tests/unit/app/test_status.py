@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.mount_state import mount_state
-from gateway.app.status import AverageRate, State, StatusLine, status
+from gateway.app.status import AverageRate, State, StatusLine, status_text
 from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import StatusLines, status_line
@@ -55,7 +55,7 @@ def seen(**others: Any) -> StatusLine:
     ],
 )  # fmt: skip
 def test_everything_is_on_it(line: StatusLine, text: str) -> None:
-    assert status([line]) == text
+    assert status_text([line]) == text
 
 
 @each(
@@ -71,13 +71,13 @@ def test_everything_is_on_it(line: StatusLine, text: str) -> None:
     ],
 )
 def test_a_narrow_one_tells_what_matters_most(columns: int, text: str) -> None:
-    assert status([seen()], columns) == text
+    assert status_text([seen()], columns) == text
 
 
 def test_it_never_is_longer_than_the_room() -> None:
     both = [seen(name="pier"), seen(name="dome", state="down", reason="cannot open /dev/ttyUSB1: no such port")]
-    assert status(both).count("|") == 1
-    assert all(len(status(both, columns)) <= columns for columns in range(160))
+    assert status_text(both).count("|") == 1
+    assert all(len(status_text(both, columns)) <= columns for columns in range(160))
 
 
 @pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
@@ -123,7 +123,7 @@ async def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
         await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
         await asyncio.sleep(1)
         assert status_line(gateway(bridge, "pier"), rate).name == "pier"
-        assert "slewing" in status([status_line(pier, rate)])
+        assert "slewing" in status_text([status_line(pier, rate)])
         assert status_line(pier, rate).rate > 0
         assert pier.state().drawn().sky == "closed form"
         moment = bridge.controller.sources.times()[0].unix

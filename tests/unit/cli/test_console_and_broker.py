@@ -17,9 +17,9 @@ from gateway.transport.listening import in_brackets
 )
 def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
     page: Any = SimpleNamespace(where=f"tcp://{in_brackets(host)}:4080")
-    assert bool(console_offers(page)) is wide and bool(PhoneLines().news(console_offers(page))) is wide
+    assert bool(console_offers(page)) is wide and bool(PhoneLines().new_lines(console_offers(page))) is wide
 
 
 def test_its_address_is_told() -> None:
     page: Any = SimpleNamespace(where="tcp://192.0.2.7:4080")
-    assert b"".join(PhoneLines().news(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"
+    assert b"".join(PhoneLines().new_lines(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"

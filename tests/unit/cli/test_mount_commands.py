@@ -189,7 +189,7 @@ def test_of_two_mounts_with_the_same_text_the_processes_are_told(
 ) -> None:
     """Two demos: no --mount tells them apart."""
     twins = [ControlEndpoint("nexstar@sim", pid, 1, "") for pid in (71, 72)]
-    monkeypatch.setattr("gateway.app.control.reach.running", lambda mount, state: twins)
+    monkeypatch.setattr("gateway.app.control.reach.running_gateways", lambda mount, state: twins)
     assert main(["goto", "Polaris"]) == 2
     told = capsys.readouterr().err
     assert "end one of them" in told

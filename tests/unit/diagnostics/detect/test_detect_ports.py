@@ -24,7 +24,7 @@ from gateway.cli import main
 from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, parse_port, ports
-from gateway.diagnostics.detect.ports import holder, lasting_name, local_ports
+from gateway.diagnostics.detect.ports import lasting_name, local_ports, port_holder
 from gateway.diagnostics.detect.scan_port import Patience
 from gateway.system.processes import Process
 from gateway.transport.baud import misread
@@ -215,9 +215,9 @@ def test_who_has_a_port_without_a_lock_is_named(tmp_path: Path) -> None:
     port, link = tmp_path / "ttyUSB0", tmp_path / "by-id"
     port.write_bytes(b"")
     link.symlink_to(port)
-    assert holder(str(port)) == ""
+    assert port_holder(str(port)) == ""
     with port.open("rb"):
-        assert f"(process {os.getpid()})" in holder(str(link))
+        assert f"(process {os.getpid()})" in port_holder(str(link))
         finding = asyncio.run(look(at(str(link))))
     assert (finding.state, finding.seconds) == ("busy", 0.0)
     assert "in use by" in finding.reason
