@@ -339,7 +339,7 @@ class Trial:
         place = site_clock.mount_site
         if place != self.site:
             self._is_wrong("site", f"{place}, not {self.site}")
-        clock = site_clock.running(site_clock.mount_clock)
+        clock = site_clock.present_time(site_clock.mount_clock)
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
