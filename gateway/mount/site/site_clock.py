@@ -21,9 +21,8 @@ from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 #: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
-#: Degrees by which a program changes a site so far that the former site counts, and seconds for which it does; settings
-#: within this time are a single change.
-FAR, FORMER_FOR, ONE_CHANGE = 2.0, 12 * 3600.0, 30.0
+#: Degrees by which programs change a site so far that the former site counts, and seconds for which it does.
+FAR, FORMER_FOR = 2.0, 12 * 3600.0
 #: Degrees within which another source confirms a site.
 CONFIRMS = 0.5
 #: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
@@ -127,14 +126,17 @@ class SiteClock:
         return place
 
     def former_site(self) -> Place | None:
-        """Return the mount's site before a program changed it by more than 2 degrees, for 12 h at most, and until the
-        owner, GPS or the configuration confirms the new site.
+        """Return the mount's site before programs changed it, at once or in steps, by more than 2 degrees. It counts
+        for 12 h at most, and until the owner, GPS or the configuration confirms the new site.
         """
         site, known = self.mount_site, self._former
-        if site is None or known is None or self.now() - known[1] > FORMER_FOR or degrees_apart(site, known[0]) <= FAR:
+        if site is None or known is None or self.now() - known[1] >= FORMER_FOR or self._is_confirmed(site):
             return None
-        others = [place for place in (self.gps_site, self.configured, self.confirmed) if place is not None]
-        return None if any(degrees_apart(site, place) <= CONFIRMS for place in others) else known[0]
+        return known[0] if degrees_apart(site, known[0]) > FAR else None
+
+    def _is_confirmed(self, site: Place) -> bool:
+        others = (self.gps_site, self.configured, self.confirmed)
+        return any(place is not None and degrees_apart(site, place) <= CONFIRMS for place in others)
 
     def present_time(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return the present time of a clock that was read earlier."""
@@ -166,11 +168,10 @@ class SiteClock:
         changed = not ours and before is not None and not _same_place(before, place)
         if changed:
             self.programs.forget("site")
-        if changed:
             self._former = None
-        elif ours and before is not None and degrees_apart(before, place) > FAR:
-            lately = self._former is not None and self.now() - self._former[1] < ONE_CHANGE
-            self._former = self._former if lately else (before, self.now())
+        elif before is not None and not _same_place(before, place):
+            counts = self._former is not None and self.now() - self._former[1] < FORMER_FOR
+            self._former = self._former if counts and not self._is_confirmed(before) else (before, self.now())
         self.site_by = "" if changed else self.site_by if by is None else by
         self.changed.emit(None)
         return changed

@@ -13,6 +13,7 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Contradicted, NearSun, WayBlocked
 from gateway.diagnostics.virtual_time import run
+from gateway.mount.site.site_clock import SiteClock
 from tests.integration.safety.test_altitude import at_rest, notes
 from tests.integration.safety.test_ways import pointed
 from tests.support.in_process_gateway import Bridge
@@ -153,6 +154,23 @@ def test_the_site_before_counts_for_the_sun_when_a_program_changes_it_far(confir
             assert "on the page" in str(refused.value)
 
     run(program())
+
+
+def test_the_site_before_counts_however_small_the_steps_were_that_led_away() -> None:
+    clock = [1000.0]
+    known = SiteClock(lambda: clock[0], lambda: 1.8e9, None)
+    known.take_mount_site(op.Place(45.0, 60.0))
+    for step in range(1, 16):
+        clock[0] += 40.0
+        known.take_mount_site(op.Place(45.0, 60.0 - 2.5 * step), ours=True, by="10.0.0.7")
+    assert known.former_site() == op.Place(45.0, 60.0)
+    known.confirmed = op.Place(45.0, 22.5)
+    assert known.former_site() is None
+    known.take_mount_site(op.Place(45.0, -22.5), ours=True, by="10.0.0.7")
+    assert known.former_site() == op.Place(45.0, 22.5), "the confirmed one"
+    clock[0] += 12 * 3600.0
+    known.take_mount_site(op.Place(45.0, -30.0), ours=True, by="10.0.0.7")
+    assert known.former_site() == op.Place(45.0, -22.5), "the first one is too old"
 
 
 def test_a_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
