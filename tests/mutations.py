@@ -259,7 +259,7 @@ MUTATIONS = [
     # --- one cache, one vocabulary, one state
     Mutation(
         "a reply in the mount's own words is shared after an order",
-        r"entry\.value if entry\.orders == self\.orders or isinf\(entry\.lasts\)",
+        r"entry\.value if entry\.orders == self\.orders or isinf\(entry\.fresh_for\)",
         "entry.value if True",
         "tests/integration/sharing tests/integration/settings tests/integration/lx200",
     ),

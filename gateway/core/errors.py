@@ -81,7 +81,7 @@ class Fault(GatewayError):
 
     default_text = "Not possible."
     #: An explanation for a terminal or a page; {sun} and {sync} are the limits.
-    means = ""
+    explanation = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
     took = 0.0
     #: Whether the command may have reached the mount.
@@ -146,7 +146,7 @@ class NearSun(Fault):
     """The target, or the path to it, is nearer to the Sun than the operator allows."""
 
     default_text = "Too close to the Sun."
-    means = "By day the gateway keeps the tube {sun:g}° from the Sun; with a solar filter, --sun changes that."
+    explanation = "By day the gateway keeps the tube {sun:g}° from the Sun; with a solar filter, --sun changes that."
 
 
 class Contradicted(Fault):
@@ -159,28 +159,28 @@ class PastMeridian(Fault):
     """The target is farther from the meridian than the operator's limit of the hour angle."""
 
     default_text = "Beyond the hour angle limit."
-    means = "The hour angle limit keeps the tube from the pier."
+    explanation = "The hour angle limit keeps the tube from the pier."
 
 
 class NotAligned(Fault):
     """The hand control is not aligned, so its coordinates mean nothing."""
 
     default_text = "Mount not aligned."
-    means = "Align it at the hand control, then ask again."
+    explanation = "Align it at the hand control, then ask again."
 
 
 class SyncTooFar(Fault):
     """A sync farther from the present position than ``sync_limit``."""
 
     default_text = "Sync too far from present position."
-    means = "All syncs since the last alignment may add up to {sync:g}°."
+    explanation = "All syncs since the last alignment may add up to {sync:g}°."
 
 
 class Stopped(Fault):
     """A stop arrived before the motion could be started."""
 
     default_text = "Stopped."
-    means = "A stop or another order came before it was done."
+    explanation = "A stop or another order came before it was done."
 
 
 class Unsupported(Fault):
@@ -193,14 +193,16 @@ class NoAnswer(Fault):
     """The mount did not reply, or its line is lost."""
 
     default_text = "No answer from mount."
-    means = "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."
+    explanation = (
+        "Is it switched on, and the cable in the hand control? mount-gateway status shows the state of the line."
+    )
 
 
 class Asleep(NoAnswer):
     """The mount hibernates: the command was not sent, because the mount would not answer."""
 
     default_text = "The mount is asleep."
-    means = "Unpark it, or wake it by its own keys."
+    explanation = "Unpark it, or wake it by its own keys."
 
 
 class Garbled(NoAnswer):
@@ -226,7 +228,7 @@ class Busy(Fault):
     """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
 
     default_text = "The mount is busy."
-    means = "Ask again in a moment."
+    explanation = "Ask again in a moment."
 
 
 class NoDevice(Fault):

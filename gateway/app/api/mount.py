@@ -199,16 +199,16 @@ class Mount:
     async def _state(self, fresh: bool) -> State:
         return msgspec.json.decode((await self._answer(requests.StateRequest(fresh))).text, type=State)
 
-    async def _ask(self, request: requests.Base, lasts: float = 0.0) -> str:
+    async def _ask(self, request: requests.Base, duration: float = 0.0) -> str:
         """Send a request, and return the text of the answer. Raises Fault."""
         named = cast(requests.Request, checked(replace(request, who=self._who)))
-        text = (await self._answer(named, lasts)).text
+        text = (await self._answer(named, duration)).text
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):
             self._goal = request.number
         return text
 
-    async def _answer(self, request: requests.Request, lasts: float = 0.0) -> requests.Answer:
-        answer = await self._send(request, lasts)
+    async def _answer(self, request: requests.Request, duration: float = 0.0) -> requests.Answer:
+        answer = await self._send(request, duration)
         if answer.outcome == requests.FAILED:
             raise getattr(errors, answer.fault or NoAnswer.__name__, Fault)(answer.text)
         return answer

@@ -125,8 +125,8 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
 def connected(endpoint: ControlEndpoint) -> Mount:
     """Return the mount of a gateway by its control endpoint."""
 
-    async def send(wish: requests.Request, lasts: float) -> requests.Answer:
-        return await request(endpoint, wish, ANSWERED + lasts)
+    async def send(wish: requests.Request, duration: float) -> requests.Answer:
+        return await request(endpoint, wish, ANSWERED + duration)
 
     return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
 

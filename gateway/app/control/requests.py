@@ -82,9 +82,9 @@ def explain(fault: Fault, limits: Limits) -> str:
     """Return a refusal for a person: the text that programs get, followed by an explanation."""
     if limits.by_page and isinstance(fault, NARROWED):
         return f"{fault} {BY_PAGE.format(limits)}"
-    if fault.brief or not fault.means:  # a text with a brief form says what to do
+    if fault.brief or not fault.explanation:  # a text with a brief form says what to do
         return str(fault)
-    return f"{fault} {fault.means.format(sun=limits.sun, sync=limits.sync)}"
+    return f"{fault} {fault.explanation.format(sun=limits.sun, sync=limits.sync)}"
 
 
 async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:

@@ -53,7 +53,7 @@ class Velocity(NamedTuple):
 
     rate: float
     error: float
-    way: float
+    distance: float
     run_on: float
     short: bool
 
@@ -65,14 +65,14 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
     if motion.before is None or motion.after is None:
         return None
     number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended - motion.began
-    way = telescope.turned(motion.before, motion.after)[number]
+    distance = telescope.turned(motion.before, motion.after)[number]
     even = [place for place in motion.places if place.at > motion.began + RUN_UP]
     span = even[-1].at - even[0].at if even else 0.0
     last = motion.places[-1] if motion.places else motion.before
     rest, left = abs(telescope.turned(last, motion.after)[number]), motion.ended - last.at
-    long = rest > (left + 2.0 * RUN_ON) * speed + MORE  # then the whole way does not show the rate
+    long = rest > (left + 2.0 * RUN_ON) * speed + MORE  # then the whole distance does not show the rate
     if (short := span < SPAN) and not long:
-        rate = way / lasted
+        rate = distance / lasted
         error = SHORT * abs(rate) + 2.0 * tick / lasted
     elif len(two := even[:1] + even[-1:] if not short else list(motion.places[-2:])) == 2:
         span = two[1].at - two[0].at
@@ -80,8 +80,8 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
         part = SHORT if short else STEPPED if telescope.driver.moves_by_gotos else EVEN
         error = part * abs(rate) + 2.0 * tick / span
     else:
-        rate, error = copysign(speed, way), inf
-    return Velocity(rate, error, abs(way), rest - abs(rate) * left, short)
+        rate, error = copysign(speed, distance), inf
+    return Velocity(rate, error, abs(distance), rest - abs(rate) * left, short)
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
@@ -104,7 +104,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
     for axis, pair in enumerate(PAIRS, 1):
         report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
-    run_ons = [(abs(rate.real), way) for _, rate in moved if abs(rate.real) >= FAST for way in rate.run_ons]
+    run_ons = [(abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST for distance in rate.run_ons]
     report.add(run_on_finding(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
     report.add(await tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
@@ -122,29 +122,29 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
     if onwards is None or back is None:
         return Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused)
     rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
-    way, least = max(onwards.way, back.way), STEPS * telescope.ticks[axis - 1]
-    run_ons = (onwards.run_on, back.run_on) if way > least else ()
-    finding = rate_finding(what, abs(rate), error, speed, onwards, way, least)
+    distance, least = max(onwards.distance, back.distance), STEPS * telescope.ticks[axis - 1]
+    run_ons = (onwards.run_on, back.run_on) if distance > least else ()
+    finding = rate_finding(what, abs(rate), error, speed, onwards, distance, least)
     return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.short))
 
 
 def rate_finding(
-    what: str, rate: float, error: float, speed: float, one: Velocity, way: float, least: float
+    what: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
 ) -> Finding:
-    """Return the finding on a rate; ``way`` is how far the axis turned, ``least`` the way below which it shows
+    """Return the finding on a rate; ``distance`` is how far the axis turned, ``least`` the distance below which it shows
     nothing.
     """
     measured, assumed = rate_text(rate), rate_text(speed)
-    if way <= least:
+    if distance <= least:
         if speed * LONGEST > 2.0 * least:
             return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:
         return Finding(what, NOT_MEASURABLE, "it runs on for too long", assumed)
     off = abs(rate - speed)
-    if off <= max(EVEN * speed, 0.0 if one.short else error):
+    if off <= max(EVEN * speed, 0.0 if measured_velocity.short else error):
         return Finding(what, SAME, measured, assumed)
-    if one.short and (off <= error or rate < speed):
+    if measured_velocity.short and (off <= error or rate < speed):
         return Finding(what, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
     return Finding(what, DIFFERS, measured, assumed, MEANS)
 
@@ -164,16 +164,16 @@ def direction_finding(pair: tuple[Direction, Direction], turned_round: list[bool
     return Finding(what, DIFFERS, "reversed" if all(turned_round) else "reversed at some rates", "", means)
 
 
-def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, lasts: float) -> Finding:
-    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes ``lasts``
+def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:
+    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes ``run_on_time``
     seconds.
     """
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
-    rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * lasts), pair[0]))
-    allowed = rate * (lasts + 2.0 * exchange)
-    measured, assumed = f"{max(0.0, most):.1f}° from {rate_text(rate)}", f"{rate * lasts:.1f}°"
+    rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * run_on_time), pair[0]))
+    allowed = rate * (run_on_time + 2.0 * exchange)
+    measured, assumed = f"{max(0.0, most):.1f}° from {rate_text(rate)}", f"{rate * run_on_time:.1f}°"
     if most <= 1.5 * allowed + MORE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits must stop the mount that much earlier: set run-on in gateway.toml."

@@ -85,7 +85,7 @@ class CachedAnswer(Struct):
 
     value: Any
     at: float = 0.0
-    lasts: float = 0.0
+    fresh_for: float = 0.0
     asked: float = 0.0
     orders: int = 0
     reading: Reading | None = None
@@ -118,7 +118,7 @@ class ReadingsCache:
 
     def store(self, kind: Kind, entry: CachedAnswer, now: float) -> None:
         """Store an answer that has just arrived."""
-        entry.at, entry.lasts = now, MAX_AGE.get(kind, 0.0)
+        entry.at, entry.fresh_for = now, MAX_AGE.get(kind, 0.0)
         self.entries[kind] = entry
         self.look_again(kind)
 
@@ -170,10 +170,10 @@ class ReadingsCache:
         if entry is None or entry.forgotten:
             return NOT_CACHED
         age, link = now - entry.at, self._link
-        if age <= min(entry.lasts, LAST_POSITION):  # whatever the line
+        if age <= min(entry.fresh_for, LAST_POSITION):  # whatever the line
             return entry.value
-        lasts = max(entry.lasts, EXCHANGES * link.typical_rtt) if link.state == "up" else LAST_POSITION
-        return entry.value if age <= lasts else NOT_CACHED
+        fresh_for = max(entry.fresh_for, EXCHANGES * link.typical_rtt) if link.state == "up" else LAST_POSITION
+        return entry.value if age <= fresh_for else NOT_CACHED
 
     def last(self, kind: Kind) -> Any:
         """Return the last reading, even if it is no longer true; None before the first."""
@@ -183,7 +183,7 @@ class ReadingsCache:
     def until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the readings of these kinds are fresh."""
         entries = [self.entries.get(kind) for kind in kinds]
-        return min(0.0 if entry is None or entry.forgotten else entry.at + entry.lasts for entry in entries)
+        return min(0.0 if entry is None or entry.forgotten else entry.at + entry.fresh_for for entry in entries)
 
     def age(self, kind: Kind, now: float) -> float:
         """Return the seconds since the last reading."""
@@ -198,19 +198,19 @@ class ReadingsCache:
     def native_reply(self, operation: op.NativeRequest, now: float) -> Any:
         """Return the mount's reply to a request, or the Fault that came instead, if fresh, else NOT_CACHED."""
         entry = self._native_replies.get(operation)
-        if entry is None or now - entry.at >= entry.lasts:
+        if entry is None or now - entry.at >= entry.fresh_for:
             return NOT_CACHED
-        return entry.value if entry.orders == self.orders or isinf(entry.lasts) else NOT_CACHED
+        return entry.value if entry.orders == self.orders or isinf(entry.fresh_for) else NOT_CACHED
 
     def keep_native_reply(
-        self, operation: op.NativeRequest, answer: bytes | Fault, lasts: float, orders: int, now: float
+        self, operation: op.NativeRequest, answer: bytes | Fault, fresh_for: float, orders: int, now: float
     ) -> None:
         """Store the reply to a request that was sent after so many ``orders``; if there are too many, drop
         the oldest.
         """
         self._native_replies.pop(operation, None)
-        if lasts:
-            self._native_replies[operation] = CachedAnswer(answer, now, lasts, orders=orders)
+        if fresh_for:
+            self._native_replies[operation] = CachedAnswer(answer, now, fresh_for, orders=orders)
         if len(self._native_replies) > REMEMBERED:
             del self._native_replies[next(iter(self._native_replies))]
 

@@ -40,7 +40,7 @@ class Extrapolation(Struct, frozen=True):
     begins: Reading
     rates: Pair = (0.0, 0.0)
     rooms: Pair = (inf, inf)
-    lasts: float = 0.0
+    duration: float = 0.0
 
 
 def course(
@@ -61,14 +61,14 @@ def course(
     if before is None or rates is None:
         return Extrapolation(last)
     rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
-    lasts = LONGEST
+    duration = LONGEST
     if polar:
         to_pole = POLEWARD - last.place[1] if rates[1] > 0.0 else POLEWARD + last.place[1]
         ends = last.at[0] + _until(rates[0], TURN), last.at[1] + _until(rates[1], to_pole)
-        lasts = min(lasts, min(ends) - last.complete)
-        if lasts < 0.0:
+        duration = min(duration, min(ends) - last.complete)
+        if duration < 0.0:
             return Extrapolation(last)
-    return Extrapolation(last, rates, rooms, lasts)
+    return Extrapolation(last, rates, rooms, duration)
 
 
 def place(going: Extrapolation, now: float) -> Pair:
@@ -76,7 +76,7 @@ def place(going: Extrapolation, now: float) -> Pair:
     begins = going.begins
     if going.rates == (0.0, 0.0):
         return begins.place
-    then = begins.complete + max(-EARLIER, min(now - begins.complete, going.lasts))
+    then = begins.complete + max(-EARLIER, min(now - begins.complete, going.duration))
     first, second = (
         max(-room, min(room, rate * (then - at)))
         for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True)

@@ -321,15 +321,15 @@ class Reader:
 
     async def _ask_native(self, operation: op.NativeRequest) -> bytes:
         await self._context.known.wait()
-        orders, lasts = self._cache.orders, OWN_AGE.get(operation.keep, 0.0)
+        orders, fresh_for = self._cache.orders, OWN_AGE.get(operation.keep, 0.0)
         try:
             answer: bytes = await self._runner.perform(operation, READ)
         except (NoDevice, Silence) as fault:
             # A mount that does not know a request will not know it later, and each timeout takes long: keep a Silence.
-            lasts = inf if isinstance(fault, Silence) else lasts
-            self._cache.keep_native_reply(operation, type(fault)(str(fault)), lasts, orders, self._now())
+            fresh_for = inf if isinstance(fault, Silence) else fresh_for
+            self._cache.keep_native_reply(operation, type(fault)(str(fault)), fresh_for, orders, self._now())
             raise
-        self._cache.keep_native_reply(operation, answer, lasts, orders, self._now())
+        self._cache.keep_native_reply(operation, answer, fresh_for, orders, self._now())
         return answer
 
     async def _ask(self, operation: op.Operation) -> object:
