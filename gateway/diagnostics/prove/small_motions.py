@@ -131,8 +131,8 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 def rate_finding(
     what: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
 ) -> Finding:
-    """Return the finding on a rate; ``distance`` is how far the axis turned, ``least`` the distance below which it shows
-    nothing.
+    """Return the finding on a rate; ``distance`` is how far the axis turned, ``least`` the distance below which it
+    shows nothing.
     """
     measured, assumed = rate_text(rate), rate_text(speed)
     if distance <= least:
@@ -165,8 +165,8 @@ def direction_finding(pair: tuple[Direction, Direction], turned_round: list[bool
 
 
 def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:
-    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes ``run_on_time``
-    seconds.
+    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes
+    ``run_on_time`` seconds.
     """
     what = "run-on after a stop"
     if not run_ons:
