@@ -28,8 +28,8 @@ from gateway.astro.offline import go_offline
 from gateway.diagnostics.virtual_time import run
 from tests.support import sampling
 from tests.support.forked import Forked
-from tests.support.order import seed, shuffled
 from tests.support.process import ALIVE, Running
+from tests.support.random_order import seed, shuffled
 
 _COUNT = itertools.count()
 #: Allocations between two runs of the garbage collector, for its three generations.

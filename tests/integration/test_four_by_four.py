@@ -14,10 +14,10 @@ import pytest
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.diagnostics.virtual_time import run
-from tests.support.faces import Face
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import TwoGateways
+from tests.support.typed_programs import Face
 
 #: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
 SURFACES = [("lx200", "lx200gps"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", None)]

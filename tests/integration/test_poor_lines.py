@@ -9,7 +9,7 @@ import pytest
 from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.poor_line import LineFaults, insert_poor_line, poll
-from tests.support.poor_lines import LINES, MOUNTS, first_answer, polled
+from tests.support.poor_line_replies import LINES, MOUNTS, first_answer, polled
 
 
 @pytest.mark.parametrize("moving", [False, True])

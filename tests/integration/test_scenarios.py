@@ -8,8 +8,8 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.evening import LOWEST, NORTH, SOUTH, STEPS, Play, play
-from tests.support.faces import face
 from tests.support.in_process_gateway import Bridge
+from tests.support.typed_programs import face
 
 #: Model, version, and what the user must say because the hand control cannot.
 MOUNTS: list[tuple[str, str, dict[str, Any]]] = [

@@ -17,10 +17,10 @@ import pytest
 
 from gateway.astro.spherical import separation
 from gateway.diagnostics.virtual_time import run
-from tests.support.faces import degrees_of, nexstar_angle, nexstar_clock, unix_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import TwoGateways, equatorial
+from tests.support.typed_programs import degrees_of, nexstar_angle, nexstar_clock, unix_of
 
 ARCSECOND = 1.0 / 3600.0
 #: Half a tick of HH:MM:SS and of sDD*MM:SS, and of 24 bits on the way.

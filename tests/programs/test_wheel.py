@@ -22,8 +22,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.doc_blocks import without_code
 from tests.support.each import each
-from tests.support.pages import without_code
 
 ROOT = Path(__file__).parents[2]
 #: Prints where the installed package finds its tables.

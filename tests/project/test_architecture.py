@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from tests.support.doc_blocks import PAGES, ROOT
 from tests.support.each import each
-from tests.support.pages import PAGES, ROOT
 from tests.support.process import Running
 from tests.support.scripts import script
 

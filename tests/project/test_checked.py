@@ -10,7 +10,7 @@ import pytest
 
 from gateway.diagnostics.prove.findings import ProofFile
 from gateway.diagnostics.prove.guide import STAGES
-from tests.support.proven import CHECKED, KINDS
+from tests.support.prove_setup import CHECKED, KINDS
 from tests.support.scripts import script
 
 FILES = sorted(CHECKED.glob("*.json"))

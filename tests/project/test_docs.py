@@ -17,8 +17,8 @@ import pytest
 from gateway.app.control import stop_command
 from gateway.cli import main
 from gateway.cli.command_line import COMMANDS, parser
+from tests.support.doc_blocks import PAGES, blocks, commands, installed, spans
 from tests.support.each import each
-from tests.support.pages import PAGES, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
 from tests.unit.app.test_python_api import PROGRAMS
 

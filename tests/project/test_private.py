@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.support.pages import ROOT
+from tests.support.doc_blocks import ROOT
 
 #: What is used all the same. A name is taken from this list with its last use, and none is added.
 NAMES = """_almanac_until _asked _available _buffer _cache _coasts_until _connect_watchdog _deferred _degrees _down

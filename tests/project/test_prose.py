@@ -6,8 +6,8 @@ import re
 from difflib import SequenceMatcher
 from pathlib import Path
 
+from tests.support.doc_blocks import PAGES, ROOT, prose
 from tests.support.each import each
-from tests.support.pages import PAGES, ROOT, prose
 
 #: Lines shorter than this may resemble each other, as headings and the ends of paragraphs do.
 LONG = 40

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.doc_blocks import ROOT
 from tests.support.each import each
-from tests.support.pages import ROOT
 
 sys.path.insert(0, str(ROOT / "release"))
 import build

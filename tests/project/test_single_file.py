@@ -20,7 +20,7 @@ import pytest
 
 from gateway.astro.ephemeris import keeper
 from gateway.astro.ephemeris.almanac import DAY, stored
-from tests.support.pages import ROOT
+from tests.support.doc_blocks import ROOT
 from tests.support.process import Running, ask
 
 #: Seconds until the file is made; on a machine that has other work to do.

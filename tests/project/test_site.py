@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.pages import PAGES, ROOT
+from tests.support.doc_blocks import PAGES, ROOT
 from tests.support.scripts import script
 
 #: What a browser loads by itself.

@@ -13,7 +13,7 @@ from msgspec import Struct
 from gateway.astro.axes import Build
 from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
 from gateway.protocols.lx200.simulator import motion, tracking
-from tests.support.faces import nexstar_angle
+from tests.support.typed_programs import nexstar_angle
 
 RATES = ("guide", "center", "find", "max")
 _MEADE_RATE = dict(zip(RATES, (b"RG", b"RC", b"RM", b"RS"), strict=True))

@@ -8,7 +8,7 @@ from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.protocols.registry import ANY
 from gateway.transport.web_server import WebServer
-from tests.support.callers import Caller
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 
 PLACE = "tcp://127.0.0.1:0"

@@ -20,10 +20,10 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
-from tests.support.faces import FACES, Face, Refusal, face
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
 from tests.support.truth import altitude, moving, sampled
+from tests.support.typed_programs import FACES, Face, Refusal, face
 
 NORTH, SOUTH = (45.0, 10.0), (-33.5, -70.25)
 LOWEST = 5.0

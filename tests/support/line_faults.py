@@ -24,7 +24,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
-from tests.support.faulty import FaultyWire, Kind
+from tests.support.faulty_line import FaultyWire, Kind
 from tests.support.in_process_gateway import Bridge, Visitor
 
 #: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.

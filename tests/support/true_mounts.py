@@ -20,7 +20,7 @@ from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.guide import STAGES
 from gateway.diagnostics.prove.telescope import WHO
 from gateway.protocols.wireformat.command_set import load
-from tests.support.proven import Onlooker, Proven, run_calm
+from tests.support.prove_setup import Onlooker, Proven, run_calm
 
 MOUNTS = tuple(f"{protocol}:{model}" for protocol in ("nexstar", "lx200", "alpaca") for model in load(protocol).models)
 CHECKS = 20

@@ -19,9 +19,9 @@ from gateway.mount.policy import Limits
 from gateway.protocols.base.session import Shared
 from gateway.transport.handler import Connected
 from tests.integration.test_four_by_four import NORTH, SOUTH, does_what_is_ordered
-from tests.support.faces import Face
 from tests.support.in_process_gateway import Bridge
 from tests.support.two_gateways import TwoGateways
+from tests.support.typed_programs import Face
 
 MOUNTS = [
     ("nexstar", "cge", False),

@@ -14,9 +14,9 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.evening import EXACT, LOWEST, NORTH, SOUTH, STEPS, Play, Steps, must, off, play
-from tests.support.faces import FACES, Refusal, face
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
+from tests.support.typed_programs import FACES, Refusal, face
 
 KINDS = ("german", "altaz", "polar")
 

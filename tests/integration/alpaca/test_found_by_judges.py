@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.faces import Refusal, face
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
+from tests.support.typed_programs import Refusal, face
 
 
 @pytest.mark.parametrize("lacks", [frozenset(), frozenset({"tracking_put"})], ids=["all", "without SetTracking"])

@@ -12,9 +12,9 @@ import pytest
 
 from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, separation, wrap360
-from tests.support.faces import dms, hms, parse_dec, parse_ra
 from tests.support.process import Running, ask, run_to_end
 from tests.support.sampling import WHOLE
+from tests.support.typed_programs import dms, hms, parse_dec, parse_ra
 
 SITE = Observer(45.0, 10.0)
 #: Half a second of right ascension, and half an arcsecond.

@@ -21,9 +21,9 @@ from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.registry import PROTOCOLS
 from tests.support.each import each
 from tests.support.evening import MODELS, SYNSCANS, evening, off
-from tests.support.faces import FACES
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import overhead
+from tests.support.typed_programs import FACES
 
 NAMES = {"onstep": "On-Step", "teenastro": "TeenAstro"}
 

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.faces import unix_of
 from tests.support.in_process_gateway import Bridge
+from tests.support.typed_programs import unix_of
 
 #: 9 o'clock in the evening of 14 March, five hours west of Greenwich: 15 March, 02:00 UTC.
 PIECES = {"SL": b":SL21:00:00#", "SC": b":SC03/14/27#", "SG": b":SG+05#"}

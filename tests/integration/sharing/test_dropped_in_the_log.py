@@ -9,7 +9,7 @@ import pytest
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200 import framing as lx200
 from gateway.protocols.nexstar.framing import NexStarFramer
-from tests.support.callers import Caller
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 
 

@@ -17,7 +17,7 @@ from gateway.clients.access import AccessRules, Rights
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.virtual_time import run
-from tests.support.callers import Caller
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.unit.transport.test_ports import address, ask
 

@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.support import sampling
-from tests.support.swallow import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
+from tests.support.lost_commands import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
 
 #: What is slower than a tenth of a degree a second says nothing by its position.
 WORDS = [

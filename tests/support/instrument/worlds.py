@@ -21,7 +21,7 @@ from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun
-from tests.support.faces import dms, hms
+from tests.support.typed_programs import dms, hms
 
 #: Degrees: the Sun is up from here on, and no tube comes nearer to it than the circle.
 RISEN, CIRCLE = -0.9, 20.0

@@ -20,8 +20,8 @@ from gateway.clients.strangers import IDLE, Greeting, Piece, Recogniser, Strange
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
-from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.support.manual_files import raw, rows
 from tests.support.transcript_files import files, read

@@ -9,8 +9,8 @@ import asyncio
 
 import pytest
 
-from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 
 MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}

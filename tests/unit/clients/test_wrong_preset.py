@@ -9,7 +9,7 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.clients.wrong_preset import advice
-from tests.support.callers import Caller
+from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import Running
 

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, MeasuredRate, write
-from tests.support.proven import EVENING, KINDS, Proven, checked
+from tests.support.prove_setup import EVENING, KINDS, Proven, checked
 
 #: Another site under the same sky, and when that is so some weeks later.
 SITE, DAY = (52.37, -71.31), 86164.0905

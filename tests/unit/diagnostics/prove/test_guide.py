@@ -18,7 +18,7 @@ from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import SAME, Finding, Findings, load, save
 from gateway.diagnostics.prove.guide import STAGES, GuidedCheck
 from gateway.diagnostics.prove.telescope import WHO, CheckedMount
-from tests.support.proven import Onlooker, Proven, run_calm
+from tests.support.prove_setup import Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
 from tests.support.true_mounts import CHECKS, SLEWS, alarms, point
 from tests.support.true_mounts import MOUNTS as TRUE

@@ -14,7 +14,7 @@ from gateway.core.operations import Direction
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Findings
 from gateway.diagnostics.prove.telescope import UNCHANGED, WHO, CheckedMount
-from tests.support.proven import Onlooker, Proven, run_calm
+from tests.support.prove_setup import Onlooker, Proven, run_calm
 
 
 def _moves(proven: Proven, change: Callable[[int, float], float]) -> None:

@@ -23,7 +23,7 @@ from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import SerialTransport
 from tests.support.each import each
-from tests.support.faulty import Kind
+from tests.support.faulty_line import Kind
 from tests.support.in_process_gateway import Bridge
 from tests.support.line_faults import trial
 from tests.support.sampling import as_a_rule
