@@ -1,8 +1,8 @@
 """A simulated mount that ``prove`` checks: a whole gateway with both surfaces, on virtual time, and a person.
 
 The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
-line or a progress holds its words. ``python -m tests.support.prove_setup`` writes the files of simulated mounts anew that
-docs/prove.md lists.
+line or a progress holds its words. ``python -m tests.support.prove_setup`` writes the files of simulated mounts anew
+that docs/prove.md lists.
 """
 
 from __future__ import annotations
