@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import re
 import sys
 from collections.abc import Callable
 from typing import TypeAlias
@@ -202,9 +201,8 @@ def place(arguments: argparse.Namespace) -> requests.Where:
 
 def _angle(text: str, what: str, most: float, least: float) -> float:
     """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
-    plain = re.sub(r"[hdms°'\"′″*]", ":", text.lower()).rstrip(":")
     try:
-        value = sexagesimal.parse(plain.encode(), least=1)
+        value = sexagesimal.parse_typed(text)
     except ValueError:
         raise UserError(f"{text!r} is not {what}: write it like 05:34:32, or in degrees like 83.63") from None
     if not least <= value <= most:

@@ -52,6 +52,14 @@ def parse(raw: bytes, least: int = 2) -> float:
     return -value if match[1] == b"-" else value
 
 
+def parse_typed(text: str) -> float:
+    """Parse an angle as people type it, with or without units: ``5h34m32s``, ``22°00'52"``, ``-33 51``, ``83.63``.
+
+    Raises ValueError.
+    """
+    return parse(re.sub(r"[hdms°'\"′″*:\s]+", ":", text.strip().lower()).rstrip(":").encode(), least=1)
+
+
 def unsigned(raw: bytes) -> bytes:
     """Return the text unchanged. Raises ValueError if it has a sign, in a form that has none."""
     if b"-" in raw or b"+" in raw:

@@ -195,14 +195,13 @@ def test_what_is_behind_an_address_is_no_port_of_this_computer() -> None:
     assert "mount-gateway detect" in port_advice("/dev/ttyUSB9")
 
 
-def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bytes_that_are_no_recording_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     noise = tmp_path / "noise.bin"
     noise.write_bytes(b"\x7fELF" + bytes(range(256)) * 64)
     assert main(["decode", "--protocol", "nexstar", str(noise)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert "noise.bin" in err
-    assert "name that with --protocol" in err
+    assert "noise.bin: this is no recording" in err
 
 
 def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:

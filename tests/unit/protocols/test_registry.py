@@ -98,7 +98,9 @@ def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_pat
     text = text.replace("\nPROTOCOLS", entry, 1).replace("ALPACA)}", "ALPACA, TOY)}")
     (protocols / "registry.py").write_text(text, "utf-8")
     capture = tmp_path / "capture"
-    capture.write_bytes(b"?\n!05:34:32,+22*00:52\n?\n")
+    for sent in (b"?\n", b"!05:34:32,", b"+22*00:52\n", b"?\n"):
+        with capture.open("a") as file:
+            file.write(f"000000.100 TX   0000  {sent.hex(' ').upper()}\n")
     done = subprocess.run(
         [sys.executable, THIRD / "tried.py", capture],
         cwd=tmp_path,
