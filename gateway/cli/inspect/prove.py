@@ -223,15 +223,10 @@ def checked(config: Config) -> Config:
     """
     from msgspec.structs import replace
 
-    from gateway.app.config import SurfaceConfig
-    from gateway.protocols.registry import mounts, streams
-    from gateway.transport.listening import SERVED
-
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
     mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun))
-    inside = [SurfaceConfig(at=f"{protocol}@{SERVED}") for protocol in mounts() if protocol in streams()]
-    return replace(config, mount=[mount], surface=[*config.surface, *inside], status=False, log=False, wait=False)
+    return replace(config, mount=[mount], status=False, log=False, wait=False)
 
 
 def summary(findings: Findings) -> Iterator[str]:

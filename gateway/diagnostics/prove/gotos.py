@@ -7,7 +7,7 @@ the Sun.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Iterable
 from math import cos, inf, radians
 
 from gateway.astro.spherical import separation, wrap180
@@ -30,9 +30,6 @@ MERIDIAN, BESIDE = 15.0, 3.0
 HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 #: The gotos of the stage: there, back, a goto that is cancelled, and back again.
 STEPS = 4
-
-#: Carries out a goto, and returns why it was refused, and which position was told at its end, None if only the mount's.
-Go = Callable[[op.Equatorial], Awaitable[tuple[str, op.Equatorial | None]]]
 
 
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
@@ -108,12 +105,7 @@ async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Go 5° and back, and go again and cancel it. Raises Ended."""
-
-    async def go(to: op.Equatorial) -> tuple[str, None]:
-        return await telescope.goto(to, LONGEST), None
-
-    means = "Gotos of your mount end elsewhere than they should."
-    places = await there_and_back(telescope, report, ("goto of 5°", "goto back"), go, means)
+    places = await _there_and_back(telescope, report)
     if places is None:
         return
     start, goal = places
@@ -133,31 +125,27 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         await telescope.rest()
 
 
-async def there_and_back(
-    telescope: CheckedMount, report: StageReporter, names: tuple[str, str], go: Go, means: str
-) -> tuple[op.Equatorial, op.Equatorial] | None:
-    """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended.
-
-    ``means``: the consequence for the owner if a goto ends, or is cancelled, somewhere else.
-    """
+async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tuple[op.Equatorial, op.Equatorial] | None:
+    """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended."""
     start = (await telescope.rest()).sky
     goal, refused = await nearby_goal(telescope, start)
     if goal is None:
-        report.add(Finding(names[0], NOT_TRIED, refused))
+        report.add(Finding("goto of 5°", NOT_TRIED, refused))
         return None
-    for number, (what, to) in enumerate(zip(names, (goal, start), strict=True)):
+    for number, (what, to) in enumerate((("goto of 5°", goal), ("goto back", start))):
         report.progress(number, STEPS, what)
         began = telescope.now()
-        refused, explanation = await go(to)
-        if refused:
+        if refused := await telescope.goto(to, LONGEST):
             report.add(Finding(what, NOT_TRIED, refused))
             return None
         said = await telescope.look()
         took, arrived = telescope.now() - began, await telescope.rest()
-        off = degrees_apart(explanation or arrived.sky, to)
+        off = degrees_apart(arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
         if off > NEAR + max(telescope.ticks):
-            report.add(Finding(what, DIFFERS, measured, "at its goal", means))
+            report.add(
+                Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
+            )
         elif telescope.drift(said, arrived) > RESTS:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
             report.add(Finding(what, DIFFERS, f"{measured}; it reported its end too early", "at rest", early))

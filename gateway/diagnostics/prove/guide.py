@@ -16,7 +16,7 @@ from gateway.app.gateway import Gateway
 from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import Fault, UserError
-from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions, view
+from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, rest_of
 from gateway.diagnostics.prove.telescope import WHO, CheckedMount, Ended, StoppedByOthers
 
@@ -46,7 +46,6 @@ STAGES: tuple[Stage, ...] = (
     Stage("motions", "turns it all ways at all rates, up to 5°: about 5 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
     Stage("guiding", "sends short pulses in all directions: about 1 min.", True, guiding.run),
-    Stage("program", "goes 5° and back by another protocol: about 15 s.", True, view.run),
     Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
 

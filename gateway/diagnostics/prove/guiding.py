@@ -9,9 +9,6 @@ from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_text
 from gateway.diagnostics.prove.telescope import ACROSS, CheckedMount, Ended
-from gateway.diagnostics.prove.view import SurfaceConnection
-from gateway.protocols.registry import surfaces
-from gateway.protocols.wireformat.command_set import load
 
 #: Pulses in each direction, seconds of each, and seconds between two.
 PULSES, LASTS, EVERY = 20, 0.2, 0.5
@@ -35,37 +32,32 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
-    presented = next(name for name in surfaces() if "guiding" in load(name).extra("prove.toml"))
-    program, pulse = SurfaceConnection(telescope, presented), load(presented).extra("prove.toml")["guiding"]["pulse"]
     telescope.mine = True
-    try:
-        for axis, pair in enumerate(PAIRS, 1):
-            ways, late = list[float](), 0.0
-            for direction in pair:
-                before = await telescope.rest()
-                for number in range(PULSES):
-                    done = 2 * PULSES * (axis - 1) + PULSES * len(ways) + number
-                    report.progress(done, 4 * PULSES, f"pulses {direction.word}")
-                    await program.ask(pulse, direction=direction.value, ms=int(LASTS * 1000.0))
-                    due = telescope.now() + max(EVERY, EXCHANGES * exchange)
-                    await asyncio.sleep(due - telescope.now())
-                    late += (telescope.now() - due) / PULSES / len(pair)
-                    telescope.check()
-                after = await telescope.rest()
-                if telescope.moved(before, after, tracks=True) > ACROSS:
-                    raise Ended("it turned much farther than by pulses: somebody pressed its keys")
-                ways.append(telescope.turned(before, after)[axis - 1])
-            rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
-            if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
-                rate = abs(rate)
-            assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
-            finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
-            if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
-                reason = "this computer or its line was too busy for pulses as short as these"
-                finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
-            report.add(finding)
-    finally:
-        program.close()
+    for axis, pair in enumerate(PAIRS, 1):
+        ways, late = list[float](), 0.0
+        for direction in pair:
+            before = await telescope.rest()
+            for number in range(PULSES):
+                done = 2 * PULSES * (axis - 1) + PULSES * len(ways) + number
+                report.progress(done, 4 * PULSES, f"pulses {direction.word}")
+                due = telescope.now() + max(EVERY, EXCHANGES * exchange)
+                await telescope.pulse(direction, int(LASTS * 1000.0))
+                await asyncio.sleep(due - telescope.now())
+                late += (telescope.now() - due) / PULSES / len(pair)
+                telescope.check()
+            after = await telescope.rest()
+            if telescope.moved(before, after, tracks=True) > ACROSS:
+                raise Ended("it turned much farther than by pulses: somebody pressed its keys")
+            ways.append(telescope.turned(before, after)[axis - 1])
+        rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
+        if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
+            rate = abs(rate)
+        assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
+        finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
+        if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
+            reason = "this computer or its line was too busy for pulses as short as these"
+            finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
+        report.add(finding)
 
 
 def guide_rate_finding(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:

@@ -13,6 +13,9 @@ from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
+from gateway.app.control.operations import packed
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
 from gateway.astro.spherical import SIDEREAL_RATE, hour_angle_to_horizon, separation, wrap180
@@ -244,6 +247,10 @@ class CheckedMount:
             if not over:
                 await self.ask(requests.CancelRequest(number))
         return ""
+
+    async def pulse(self, direction: op.Direction, ms: int) -> None:
+        """Send a guide pulse, as a guiding program does; one that is refused moves nothing."""
+        await self.ask(replace(packed(op.Pulse(direction, ms), requests.new_number()), who=WHO))
 
     def _refused(self, answer: requests.Answer) -> str:
         """Return why an order was refused; empty if it was not. Raises Ended."""

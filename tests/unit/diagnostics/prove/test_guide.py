@@ -86,11 +86,10 @@ MOMENTS: dict[str, tuple[str, float, str, float]] = {
     "a goto back": ("goto back", 1.2, "sss", 20.0),
     "a cancelled goto": ("goto, cancelled on the way", 1.2, "sss", 20.0),
     "guiding": ("pulses south", 1.2, "ssss", 20.0),
-    "program": ("goto of a program", 1.2, "sssss", 20.0),
-    "settings": ("8/8", 0.1, "ysssss", 20.0),
+    "settings": ("7/7", 0.1, "yssss", 20.0),
 }
 #: The stages in which something of the check moves.
-MOVE = list(MOMENTS)[2:9]
+MOVE = list(MOMENTS)[2:8]
 
 
 def _space(proven: Proven, person: Onlooker) -> None:
@@ -228,7 +227,7 @@ def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
                 assert min(truth.sun_distance for truth in proven.truths) > min(first, 40.0) - 0.2
             if what == "held" or (what == "unaligned" and "nexstar" in mount):  # the others do not tell that
                 refused = [line for line in person.said if ": not now" in line]
-                assert len(refused) >= 4 and sum(words in line for line in refused) == 1, person.said
+                assert len(refused) >= 3 and sum(words in line for line in refused) == 1, person.said
                 assert all(line.endswith((words, ": not now either.")) or words in line for line in refused)
                 assert not any(truth.moving for truth in proven.truths)
 
@@ -239,7 +238,7 @@ def test_the_sky_of_a_mount_that_is_not_aligned_is_compared_another_time() -> No
     async def play() -> None:
         async with Proven("nexstar:6-8se", aligned=False) as proven:
             found = await proven.check(person := Onlooker("yq"))
-            assert any(line.startswith("2/8 sky: not now: it is not aligned") for line in person.said), person.said
+            assert any(line.startswith("2/7 sky: not now: it is not aligned") for line in person.said), person.said
             assert list(found.stages) == ["reads"] and len(person.asked) == 2
 
     run_calm(play())
@@ -343,7 +342,7 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
             again = Onlooker("ssyssss")
             found = await proven.check(again)
             assert found.whole("motions") and not found.of("differs")
-            assert [line[:10] for line in again.said if "goes on behind what was measured" in line] == ["4/8 motion"]
+            assert [line[:10] for line in again.said if "goes on behind what was measured" in line] == ["4/7 motion"]
             verdicts = {one.what: one.verdict for one in found.stages["motions"]}
             assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
 
@@ -437,7 +436,7 @@ def test_the_page_shows_that_a_check_is_under_way() -> None:
 def test_every_stage_says_what_comes_in_one_sentence() -> None:
     for stage in STAGES:
         assert stage.will.endswith(".") and len(stage.will) <= 60
-    assert [stage.name for stage in STAGES if stage.moves] == ["place", "motions", "goto", "guiding", "program"]
+    assert [stage.name for stage in STAGES if stage.moves] == ["place", "motions", "goto", "guiding"]
 
 
 def test_findings_of_other_files_are_none(tmp_path: Path) -> None:
