@@ -188,7 +188,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync over the pole counts as if the mount kept the way in which it points",
-        r"if len\(others\) > 1 or \(driver\.told_beyond and not by_sky\):",
+        r"if doubtful and not by_sky:",
         "if False:",
         f"{SAFETY}/test_syncs_over_the_pole.py",
     ),

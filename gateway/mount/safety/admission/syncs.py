@@ -26,6 +26,8 @@ from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
 GOTO_END, CHECK_EVERY = 2.5, 0.2
+#: Degrees from the pole or the zenith within which nobody knows in which way a mount takes its tube after a sync.
+AT_POLE = 1.0
 MOVING = "The mount is moving, so nothing is centred: sync when it has stopped."
 #: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
 SAME_TARGET = 0.5
@@ -82,7 +84,8 @@ async def _turns(
         others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
     first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0
     turns = [(first, sense * (end[1] - start[1]))]
-    if len(others) > 1 or (driver.told_beyond and not by_sky):
+    doubtful = len(others) > 1 or driver.told_beyond or start[1] > 90.0 - AT_POLE
+    if doubtful and not by_sky:
         turns.append((wrap180(first + 180.0), wrap180(sense * (180.0 - end[1] - start[1]))))
     return turns
 
