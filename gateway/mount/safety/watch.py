@@ -36,7 +36,6 @@ from gateway.mount.safety.allow import (
     farthest,
     first_stretch,
 )
-from gateway.mount.safety.altitude_axis import AltitudeAxis
 from gateway.mount.safety.hour_angle import HourAngleWatch
 from gateway.mount.site.pending_settings import SKY
 
@@ -87,7 +86,7 @@ class LimitWatch:
         self.sky = SkyChange(mount)
         #: When a position last came while the mount may have been tracking.
         self.tracked_at = NEVER
-        self.altitude_axis, self.hour_angle = AltitudeAxis(mount), HourAngleWatch(mount, reader.tube_side)
+        self.hour_angle = HourAngleWatch(mount, reader.tube_side)
         #: When the last motion ended, and when the last goto did.
         self.at_rest_since = self._goto_ended_at = NEVER
         self.path = CheckedPath()
@@ -131,7 +130,7 @@ class LimitWatch:
     @property
     def axes_interval(self) -> float | None:
         """How often to read the axes for the limits, seconds; None if that is not needed."""
-        return self.altitude_axis.interval(self._moves) or self.hour_angle.interval(self._moves)
+        return self.hour_angle.interval(self._moves)
 
     @property
     def fastest(self) -> float:
@@ -168,7 +167,6 @@ class LimitWatch:
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.observed = replace(self.observed, before=None, last=None, farthest=())
-            self.altitude_axis.forget(synced=True)
             self.hour_angle.forget()
         self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._moves)
         if not isinstance(operation, op.Move | op.MoveAxis):
@@ -211,11 +209,8 @@ class LimitWatch:
             return
         self._deadline.disarm()
         self._check_axes(now, place)
-        if not self.altitude_axis.available:
-            self.altitude_axis.forget()
         if self.sky.has_changed(now, self.moved_by_others):
             last = None
-            self.altitude_axis.forget()
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.at, last.place)
@@ -240,31 +235,20 @@ class LimitWatch:
         self.observed = replace(self.observed, farthest=farthest(view))
         self._apply(allow(view))
 
-    def check_altitude_axis(self, axes: op.Horizontal) -> None:
-        """Take an axis reading: azimuth and altitude on an alt-azimuth mount."""
-        now, last = self._mount.now(), self.observed.last
-        self.hour_angle.take_reading(axes, now)
-        if last is None or last.altitude is None or now < self._coasts_until:
-            return
-        change = self.altitude_axis.take_reading(axes, self.observed, now, self._moves)
-        if change is None:
-            self._reader.shared(op.GetStatus())
-        elif any(change):
-            self._astray = self._astray or self._mount.movement.slewing  # its path was checked without this
-            for word in self.altitude_axis.messages(*change):
-                self._mount.note(word)
-            self.observed = fold.add_first_position(self.observed, self._sample(last.at, last.place))
+    def check_axes(self, axes: op.Horizontal) -> None:
+        """Take an axis reading."""
+        self.hour_angle.take_reading(axes, self._mount.now())
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry
         position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        own, axis = tuple(by_mount(mount, self.altitude_axis)), self.altitude_axis
-        others = () if axis.available or not own else by_others(mount, self._limits)  # the axis tells it anyhow
+        own = tuple(by_mount(mount))
+        others = by_others(mount, self._limits) if own else ()
         altitudes = tuple(source.altitude(position) for source in (*own, *others))
         altitude, hour_angle = (altitudes[0], astrometry.sidereal_time() - position.ra) if own else (None, None)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era = (mount.suns.era, axis.shifts, len(altitudes))
+        era = (mount.suns.era, mount.frame(), len(altitudes))
         return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, altitudes[1:], len(own))
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
@@ -278,7 +262,6 @@ class LimitWatch:
             mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.observed.across > REALIGNED * mount.fastest:
             mount.synced.forget()
-            self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.observed = fold.lifted(self.observed, status.equatorial, mount.speed(last.lifting))
         if not moving.ordered and (not self._at_own_park or self._left_park(status)):

@@ -95,7 +95,7 @@ class SiteAstrometry:
 
 
 class Shift(NamedTuple):
-    """The pointing error of the tube, degrees, from the axis readings or from syncs.
+    """A possible pointing error of the tube, degrees, from syncs.
 
     In azimuth and altitude, or if ``polar`` in hour angle and declination.
     """
@@ -106,14 +106,10 @@ class Shift(NamedTuple):
 
 
 class PointingFrame(NamedTuple):
-    """How the mount derives axes from coordinates (``polar`` or alt-az), and the pointing errors of syncs.
-
-    ``measured`` is the pointing error by the axis readings; None if the mount does not report its axes.
-    """
+    """How the mount derives axes from coordinates (``polar`` or alt-az), and the pointing errors of syncs."""
 
     polar: bool = False
     shifts: tuple[Shift, ...] = ()
-    measured: Shift | None = None
 
 
 _POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
@@ -122,37 +118,27 @@ _POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
 class TubeFrame:
     """Returns, when called, the present ``PointingFrame``.
 
-    ``measured`` is the axis readings minus the calculated azimuth (None: unknown) and altitude, degrees; None if the
-    mount does not report its axes (``safety/altitude_axis.py``). Then the syncs give the error, and that of the second
-    axis has either sign: beyond the pole or the zenith, and on the other side of the pier, it turns the other way.
+    The syncs give the errors. That of the second axis has either sign: beyond the pole or the zenith, and on the other
+    side of the pier, it turns the other way.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
         self._cache, self._driver, self._synced, self._sources = cache, driver, synced, sources
-        self.measured: tuple[float | None, float] | None = None
         self._polar = False
 
     def __call__(self) -> PointingFrame:
         status, total = self._cache.value(op.GetStatus), self._synced.value
         self._polar = self._polar if status is None else status.equatorial
         plain = _POLAR if self._polar else _ALTAZ
-        if total == NO_SYNC and not any(self.measured or ()):
+        if total == NO_SYNC:
             return plain
         polar = self._polar or self._driver.emulates_sync
-        measured = self.measured if not self._polar else None
-        if measured is not None:
-            candidates = [
-                Shift(-shift[0] if measured[0] is None else measured[0], measured[1], False) for shift in total.axes
-            ]
-        else:
-            place = self._sources.site() if polar else None
-            sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
-            candidates = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
-            candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
+        place = self._sources.site() if polar else None
+        sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
+        candidates = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
+        candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
         shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > OFF))
-        if not shifts:
-            return plain
-        return PointingFrame(self._polar, shifts, None if measured is None else shifts[0])
+        return PointingFrame(self._polar, shifts) if shifts else plain
 
 
 class Sun(NamedTuple):
@@ -231,16 +217,6 @@ class SunAvoidance:
         horizon = self._astrometry.horizon(position)
         shifted = fold_declination(horizon.az + shift.first, horizon.alt + shift.second)
         return self._astrometry.equatorial(op.Horizontal(*shifted))
-
-    def altitude(self, position: op.Equatorial, shift: Shift) -> float:
-        """Return the altitude of the tube while the mount reports ``position``, degrees. It needs a site."""
-        return self._astrometry.horizon(self.tube(position, shift)).alt
-
-    def believed(self, tube: op.Equatorial, shift: Shift) -> op.Equatorial:
-        """Return the position that the mount reports when the tube has the direction ``tube``: the inverse
-        of ``tube``.
-        """
-        return self.tube(tube, shift._replace(first=-shift.first, second=-shift.second))
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
         """Return the distance of the tube from a Sun while the mount reports ``position``, degrees."""

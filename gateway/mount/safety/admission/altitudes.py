@@ -1,6 +1,6 @@
 """The altitudes of a place by every source that counts.
 
-First by the mount's own site and clock, corrected by its axes. If the syncs since the alignment were wrong, the tube is
+First by the mount's own site and clock. If the syncs since the alignment were wrong, the tube is
 elsewhere. And other sources of site and time may be right that contradict the best one. The first judges by all limits,
 the others by the altitudes that somebody has written.
 """
@@ -14,26 +14,22 @@ from typing import NamedTuple
 
 from gateway.astro.spherical import SIDEREAL_RATE, wrap360
 from gateway.core.errors import BelowHorizon, Contradicted, Fault
-from gateway.core.operations import Equatorial, Place
+from gateway.core.operations import Equatorial
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.contradictions import Contradiction, at_length, briefly, contradictions
-from gateway.mount.safety.altitude_axis import AltitudeAxis
 from gateway.mount.site.astrometry import Shift
 
 
 class Source(NamedTuple):
     """What an altitude is told by: the mount's own data, or a ``shift`` of the tube by syncs, or another source.
 
-    ``tilt`` is the reading of the altitude axis minus the calculated altitude, degrees. ``contradicts`` is another
-    source of site and time, and ``place`` its site.
+    ``contradicts`` is another source of site and time.
     """
 
     mount: Context
-    tilt: float = 0.0
     shift: Shift | None = None
     contradicts: Contradiction | None = None
-    place: Place | None = None
 
     @property
     def own(self) -> bool:
@@ -42,11 +38,10 @@ class Source(NamedTuple):
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
-        if self.contradicts is not None and self.place is not None:
-            latitude, longitude = self.place.latitude, self.place.longitude
+        if self.contradicts is not None and (place := self.contradicts.place) is not None:
             sky, unix = self.mount.astrometry.sky, self.contradicts.unix
-            return sky.horizon(position.ra, position.dec, latitude, longitude, unix)[1]
-        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.shift)).alt + self.tilt
+            return sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
+        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
         """Check an altitude by this source. Raises BelowHorizon or TooHigh; Contradicted, if it is not the mount's own,
@@ -69,16 +64,16 @@ class Source(NamedTuple):
             ) from None
 
 
-def by_mount(mount: Context, axis: AltitudeAxis) -> Iterator[Source]:
+def by_mount(mount: Context) -> Iterator[Source]:
     """Yield what the mount itself tells of altitudes, its own data first; nothing without a site."""
     if mount.sources.site() is not None:
-        yield Source(mount, tilt=axis.tilt or 0.0)
-        yield from by_syncs(mount, axis)
+        yield Source(mount)
+        yield from by_syncs(mount)
 
 
-def by_syncs(mount: Context, axis: AltitudeAxis) -> Iterator[Source]:
+def by_syncs(mount: Context) -> Iterator[Source]:
     """Yield where the tube is if the syncs were wrong."""
-    for shift in axis.shifts:
+    for shift in mount.frame().shifts:
         yield Source(mount, shift=shift)
 
 
@@ -89,15 +84,15 @@ def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
         return
     for contradiction in contradictions(mount.sources.sites(), mount.sources.times()):
         if contradiction.place is not None:
-            yield Source(mount, contradicts=contradiction, place=contradiction.place)
+            yield Source(mount, contradicts=contradiction)
 
 
-def check_goal(mount: Context, axis: AltitudeAxis, limits: Limits, goal: Equatorial) -> None:
+def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> None:
     """Check the altitude of a goal by every source. Raises BelowHorizon or TooHigh, with its value, when it rises, and
     the sources that say otherwise; Contradicted. It needs a site.
     """
     check_altitude(mount, limits, goal)
-    for source in (*by_syncs(mount, axis), *by_others(mount, limits)):
+    for source in (*by_syncs(mount), *by_others(mount, limits)):
         source.check(limits, source.altitude(goal))
 
 

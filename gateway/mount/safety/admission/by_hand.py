@@ -130,8 +130,7 @@ class HandAdmission:
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
-        if not self._watch.altitude_axis.available:  # which tells the altitude, whatever the clocks say
-            start = start._replace(altitudes=(*start.altitudes, *by_others(mount, limits)))
+        start = start._replace(altitudes=(*start.altitudes, *by_others(mount, limits)))
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
@@ -184,11 +183,8 @@ class HandAdmission:
             position = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             position = await self._ask.read_now(op.Position())
-        axis = self._watch.altitude_axis
-        if axis.available:
-            await axis.measure(self._ask)
         turned = await self._turned(position) if self._watch.hour_angle.watched else None
-        return Start(position, status, tuple(by_mount(mount, axis)), turned, tuple(mount.suns.up()))
+        return Start(position, status, tuple(by_mount(mount)), turned, tuple(mount.suns.up()))
 
     async def _turned(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""

@@ -212,7 +212,7 @@ class MotionAdmission:
         if mount.sources.site() is None:
             self._note_once("site unknown: gotos are not checked against the horizon")
         else:
-            check_goal(mount, self._watch.altitude_axis, limits, goal)
+            check_goal(mount, limits, goal)
             status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
             if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
                 check_past(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
@@ -245,13 +245,9 @@ class MotionAdmission:
         target is checked.
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
-        if self._watch.altitude_axis.synced and self._watch.altitude_axis.available:
-            await self._watch.altitude_axis.measure(self._ask)
         limit, suns = mount.suns.limit, mount.suns.up()
-        tube = mount.suns.frame.measured
-        believed = goal if axes is None or tube is None else mount.suns.believed(goal, tube)
         for sun in suns:
-            if mount.suns.distance(believed, sun) < limit:
+            if mount.suns.distance(goal, sun) < limit:
                 raise too_near(mount.sources, sun)
         status = await self._status()
         if not status.aligned:
@@ -271,8 +267,8 @@ class MotionAdmission:
 
         def journey(shift: Shift | None) -> Journey:
             """The journey of the tube, whose true direction may differ from the mount's coordinates by ``shift``."""
-            start, end = mount.suns.tube(position, shift), mount.suns.tube(believed, shift)
-            return Journey(status.equatorial, start, others, end, axes if tube is None or shift == tube else None)
+            start, end = mount.suns.tube(position, shift), mount.suns.tube(goal, shift)
+            return Journey(status.equatorial, start, others, end, axes if shift is None else None)
 
         for sun in suns:
             allowed = min(limit, mount.suns.distance(position, sun) - 0.01)
@@ -281,17 +277,16 @@ class MotionAdmission:
                 raise too_near(mount.sources, sun, way=True)
         if mount.sources.site() is None:
             return
-        ways = check_ways(mount, written, journey(tube))
-        along = [point for way in ways for point in slew_paths.path_points(way)]
-        unsynced = (journey(shift) for shift in self._watch.altitude_axis.shifts)
+        unsynced = [journey(shift) for shift in mount.frame().shifts]
+        ways = check_ways(mount, written, journey(None), unsynced)
         self._path.take(
-            along,
+            [point for way in ways for point in slew_paths.path_points(way)],
             slew_paths.zeniths(mount, status.equatorial)[0],
             all(len(paths_within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
             lost,
         )
         # the hour angle on the way is not examined
-        others_leave = len(ways) < len(paths_of(mount, journey(tube)))
+        others_leave = len(ways) < len(paths_of(mount, journey(None)))
         self._path.clear = self._path.clear and not others_leave and limits.hour_angle is None
 
 

@@ -9,7 +9,7 @@ expressed like a German mount's, so that Sun, zenith and nadir are the same for 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import copysign, isfinite, sqrt
 from typing import NamedTuple
 
@@ -175,13 +175,16 @@ def _first(turn: Pair, stretch: float) -> Pair:
     return max(-stretch, min(stretch, turn[0])), max(-stretch, min(stretch, turn[1]))
 
 
-def check_ways(mount: Context, limits: Limits, journey: Journey) -> list[Path]:
-    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it.
-    Its text names a place to go to first, if there is one, and has at most 60 characters, because LX200 programs show
-    no more.
+def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Sequence[Journey] = ()) -> list[Path]:
+    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it,
+    also one of the tube's if the syncs were wrong (``unsynced``). Its text names a place to go to first, if there is
+    one, and has at most 60 characters, because LX200 programs show no more.
     """
     paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.fastest
-    if paths and len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey)):
+    begin = [
+        len(paths_within(mount, limits, one, stretch)) == len(paths_of(mount, one)) for one in (journey, *unsynced)
+    ]
+    if paths and all(begin):
         return paths
     where = "low" if paths_within(mount, replace(limits, lowest=-90.0), journey) else "high"
     for azimuth, altitude in BETWEEN:

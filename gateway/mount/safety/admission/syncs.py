@@ -20,7 +20,6 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.by_hand import pointing
 from gateway.mount.safety.admission.slew_paths import sun_reading
-from gateway.mount.safety.altitude_axis import TOO_HIGH
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
@@ -78,7 +77,7 @@ async def _turns(
     driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
     start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, wanted))
     tells_axes = driver.implementation(op.AxisPosition) is not None
-    if not by_sky and (equatorial or start[1] > TOO_HIGH or not tells_axes):  # else by an offset, or its axes tell it
+    if not by_sky:  # else by an offset
         others = await pointing(mount, ask, watch)
     if driver.german and not tells_axes and watch.observed.upright and len(others) > 1:
         others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle

@@ -32,7 +32,6 @@ from gateway.mount.safety.admission.by_hand import Start, check_either_way, chec
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
 from gateway.mount.safety.admission.slew_paths import Journey, check_ways, is_clear, path_points, paths_within
 from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
-from gateway.mount.safety.altitude_axis import altitude_of, corrected
 from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.unattended import SunAhead
@@ -104,8 +103,6 @@ def test_the_arithmetic_of_axes_and_sums(n: list[float]) -> None:
     geometry = Geometry(Build.GERMAN, n[4])
     watch, steps = StallWatch(), count()
     for decide in (
-        lambda: altitude_of(n[0]),
-        lambda: corrected(n[0], n[1], n[2], n[3], n[4]),
         lambda: past_meridian(turned_by_side(n[0], "W"), german=True),
         lambda: check_past(limits, n[1], german=False),
         lambda: check_sync(n[0], SyncSum(n[1], n[2]), [(n[3], n[4]), (n[5], n[6])], here, there),
@@ -164,11 +161,11 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 lambda: context.suns.distances(here),
                 lambda: SunAhead(context, controller.reader, controller.watch).check(here),
                 lambda: controller.watch.check_position(here),
-                lambda: controller.watch.check_altitude_axis(op.Horizontal(n[0], n[1])),
+                lambda: controller.watch.check_axes(op.Horizontal(n[0], n[1])),
             ]
             shifts = Shift(n[0], n[1], True), Shift(n[2], n[3], False)
             for some_limits in (limits, context.policy.limits):
-                start = Start(here, status, (Source(context, n[7]), *(Source(context, shift=one) for one in shifts)))
+                start = Start(here, status, (Source(context), *(Source(context, shift=one) for one in shifts)))
                 journey = Journey(status.equatorial, here, {False, True}, goal)
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),
