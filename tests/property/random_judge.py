@@ -132,12 +132,6 @@ class Judge:
     def believed(self) -> tuple[float, float]:
         return folded(*self.sim.mechanics.believed(self.bridge.clock()))
 
-    def by_axis(self) -> bool:
-        """Whether the altitude axis decides, whatever was synced: an alt-az NexStar that tells where its axes are."""
-        return (
-            self.protocol == "nexstar" and self.sim.mechanics.build.name == "ALTAZ" and self.bridge.driver.supports("z")
-        )
-
     def turned(self, before: tuple[float, float], after: tuple[float, float]) -> float:
         """How far the axis turned that turned most."""
         return max(abs((q - p + 180.0) % 360.0 - 180.0) for p, q in zip(before, after, strict=True))
@@ -157,7 +151,7 @@ class Judge:
         speed_of_axes = self.turned(before[1], axes) / elapsed
         jumped = moved > 2.0 * speed_of_axes * elapsed + 0.1  # by a sync; a look later it is seen where it leads
         speed = moved / elapsed
-        altitude = folded(0.0, axes[1])[1] if self.by_axis() else self.altitude(*here)
+        altitude = self.altitude(*here)
         beyond = {
             "low": self.lowest - altitude,
             "high": altitude - self.highest,
@@ -276,9 +270,6 @@ class TrueJudge(Judge):
 
     def believed(self) -> tuple[float, float]:
         return folded(*self.sim.truth())
-
-    def by_axis(self) -> bool:
-        return False
 
     def tolerance(self) -> float:
         return 1.0 + max(super().tolerance(), 0.5 * float(self.sim.mechanics.fastest))

@@ -57,7 +57,7 @@ def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
             client = bridge.client()
             client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
             await asyncio.sleep(2)
-            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
+            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00")
             await asyncio.sleep(0.01)
             reply = await client.ask(b"Z")
             assert len(reply) == 10, reply
