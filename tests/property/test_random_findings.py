@@ -53,11 +53,11 @@ def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
     """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
 
     async def program() -> None:
-        async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.3) as bridge:
+        async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
             client = bridge.client()
             client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
             await asyncio.sleep(2)
-            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00")
+            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
             await asyncio.sleep(0.01)
             reply = await client.ask(b"Z")
             assert len(reply) == 10, reply

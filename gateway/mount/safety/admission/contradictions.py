@@ -86,7 +86,7 @@ def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     if sun.confirmed and sun.shift is not None:
         off = max(abs(sun.shift.first), abs(sun.shift.second))
         return NearSun(
-            f"{text} Since a sync or the alignment its axes are {off:.0f} degrees off: align the mount again.",
+            f"{text} If the syncs were wrong, its axes are {off:.0f} degrees off: align the mount again.",
             f"The Sun, by its axes: {off:.0f} degrees off. Align it again.",
         )
     sites, times = sources.sites(), sources.times()
