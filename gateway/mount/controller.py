@@ -84,7 +84,7 @@ class MountController:
         reader.position.connect(watch.check_position)
         self.sun_ahead = SunAhead(context, reader, watch)
         reader.position.connect(self.sun_ahead.check)
-        reader.axes.connect(watch.check_axes)
+        reader.axes.connect(watch.hour_angle.take_reading)
         reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._on_status)
         consequences = Consequences(context, gate, reader, watch, self.ends)

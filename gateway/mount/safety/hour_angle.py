@@ -117,11 +117,11 @@ class HourAngleWatch:
         """Forget the followed angle: positions before and after now cannot be compared."""
         self._readings, self._turned = (), None
 
-    def take_reading(self, axes: op.Horizontal, now: float) -> None:
+    def take_reading(self, axes: op.Horizontal) -> None:
         """Take an axis reading."""
         turned = turned_by_axes(self._mount, axes) if self.watched and reports_axes(self._mount) else None
         if turned is not None and not self._mount.movement.slewing:
-            self._add(now, turned)
+            self._add(self._mount.now(), turned)
 
     def look(self, observed: Observed) -> PastNow | None:
         """Return how far the tube is past the meridian at the last position; None if unknown or during a goto."""

@@ -235,10 +235,6 @@ class LimitWatch:
         self.observed = replace(self.observed, farthest=farthest(view))
         self._apply(allow(view))
 
-    def check_axes(self, axes: op.Horizontal) -> None:
-        """Take an axis reading."""
-        self.hour_angle.take_reading(axes, self._mount.now())
-
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
         mount, astrometry = self._mount, self._mount.astrometry

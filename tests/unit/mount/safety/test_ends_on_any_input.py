@@ -161,7 +161,7 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
                 lambda: context.suns.distances(here),
                 lambda: SunAhead(context, controller.reader, controller.watch).check(here),
                 lambda: controller.watch.check_position(here),
-                lambda: controller.watch.check_axes(op.Horizontal(n[0], n[1])),
+                lambda: controller.watch.hour_angle.take_reading(op.Horizontal(n[0], n[1])),
             ]
             shifts = Shift(n[0], n[1], True), Shift(n[2], n[3], False)
             for some_limits in (limits, context.policy.limits):
