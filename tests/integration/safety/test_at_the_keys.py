@@ -132,7 +132,7 @@ def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_
                 assert await goes(bridge, owner, az, 25.0) < 0.3
                 assert abs(truth_of(bridge.sim).hour_angle) > 45.0
             assert bridge.sim.tracking
-            await asyncio.sleep(15.0)
+            await asyncio.sleep(25.0)
             assert not bridge.sim.tracking, "in the west it leads farther beyond the limit"
 
     run(program())
