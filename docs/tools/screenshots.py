@@ -71,7 +71,7 @@ async def main() -> None:
         config = MountConfig(at="nexstar:cpc@sim", site=SITE, state=folder)
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
         gateway = Gateway(config, surfaces, clock=clock, wire_log=WireLog(clock))
-        gateway.sky.use(calculated([int(EVENING // 86400)], []))
+        gateway.sky.use(calculated([int(EVENING // 86400)]))
         with patch("gateway.app.simulated.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
         server = WebServer(partial(load_console, ConsoleConfig(), [gateway]))

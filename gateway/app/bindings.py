@@ -247,7 +247,7 @@ def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[st
         outside = [
             network for network in here if not any(network.overlaps(other) for other in allowed if other.version == 4)
         ]
-        return f"{where}: allow shuts out the network {outside[0]}, where phones would connect" if outside else ""
+        return f"{where}: allow excludes the network {outside[0]}, from which phones connect" if outside else ""
     if surface.read_only is True:
         return ""
     only = "".join(f"{network}," for network in here[:1])

@@ -100,7 +100,7 @@ class MountState(Struct, frozen=True, dict=True):
         if not self.sites:
             return ""
         doubts = "".join(f"; {doubt.other}: {doubt.remedy}" for doubt in self.site_doubts)
-        return f"{site_text(self.sites[0].place)}, told by {self.sites[0].who.rstrip(',')}{doubts}"
+        return f"{site_text(self.sites[0].place)}, from {self.sites[0].who.rstrip(',')}{doubts}"
 
     @property
     def time(self) -> str:
@@ -111,7 +111,7 @@ class MountState(Struct, frozen=True, dict=True):
         except (OverflowError, OSError, ValueError):  # a mount may report any year
             return ""
         doubts = "".join(f"; {doubt.line}" for doubt in self.clock_doubts)
-        return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.who}{doubts}"
+        return f"{moment:%Y-%m-%d %H:%M:%S} UTC, from {best.who}{doubts}"
 
     @property
     def goal_text(self) -> str:

@@ -196,7 +196,7 @@ def application(
     async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
         try:
             if not addressed_here(request, names):
-                turned_away(request, "it calls this computer by a name that is not in names", logs)
+                turned_away(request, "it uses a name for this computer that is not in names", logs)
                 raise web.HTTPForbidden(reason=OTHER_NAME)
             response = await handler(request)
         except web.HTTPException as error:
@@ -228,7 +228,7 @@ def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambd
 
     async def guarded(request: web.Request) -> web.StreamResponse:
         from_page = from_own_page(request.headers, request.path)
-        if reason := refusal(request) if from_page else "Only the own page of this server may request this.":
+        if reason := refusal(request) if from_page else "Only pages of this server may request this.":
             raise web.HTTPForbidden(reason=reason)
         return await handler(request)
 

@@ -37,7 +37,7 @@ def add_completion(commands: Commands) -> None:
         description="Prints a script with which your shell completes commands and flags when you press TAB.",
         epilog=HOW,
     )
-    completion.add_argument("shell", choices=SHELLS, help="the shell that it is for")
+    completion.add_argument("shell", choices=SHELLS, help="your shell")
     completion.set_defaults(run=lambda arguments: print(script(arguments.shell)))
 
 

@@ -23,7 +23,7 @@ Examples:
   mount-gateway fleet --mqtt mqtt://broker.local
       all mounts that gateways show there (mount-gateway run --mqtt URL), on a page at port 4090
   mount-gateway fleet --mqtt mqtts://observatory@broker.example.org --password-file password.txt
-      the same on a broker that lets in only whom it knows
+      the same on a broker with users and passwords
 
 The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1:4090 COMPUTER
 """
@@ -34,8 +34,8 @@ def add_fleet(commands: Commands) -> None:
 
     fleet = commands.add_parser(
         "fleet",
-        description="Shows every mount on an MQTT broker in the browser: what it does, where it points, whether it is "
-                    "there; with STOP for each and for all. It moves nothing. Serves until Ctrl-C.",
+        description="Shows every mount of an MQTT broker on a page in the browser, with a STOP for each and one for "
+        "all. It moves nothing. Ctrl-C ends it.",
         epilog=EXAMPLES,
     )  # fmt: skip
     fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")

@@ -71,9 +71,9 @@ def unknown_command(word: str, commands: Mapping[str, argparse.ArgumentParser]) 
         right = f"write a command before it: mount-gateway {has} {word}" if has else "a command comes first"
         return UserError(f"{flag}: {right}; mount-gateway --help lists the commands")
     if word.endswith(".toml"):
-        return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
+        return UserError(f"{word!r} is not a command; did you mean mount-gateway run {word}?")
     if "@" in word:
-        return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
+        return UserError(f"{word!r} is not a command; did you mean mount-gateway run --mount {word}?")
     close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *similar(word.lower(), list(commands))]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
@@ -88,7 +88,7 @@ def in_plain_words(message: str, prog: str, example: str) -> str:
             if message.startswith("missing") and example:
                 return f"{message}; for example: {example}"
             break
-    return f"{message} ({prog} --help tells more)"
+    return f"{message} ({prog} --help explains it)"
 
 
 def example(text: str, prog: str) -> str:
@@ -106,7 +106,7 @@ def unexpected_words(
     if not word.startswith("-"):
         if "@" in word and "--mount" in _flags(asked):
             return UserError(f"{word}: write --mount before the mount, and --surface before where programs connect")
-        return UserError(f"{word!r}: {name} takes no such word ({asked.prog} --help tells more)")
+        return UserError(f"{word!r}: {name} does not take it ({asked.prog} --help explains it)")
     flags = sorted(flag for flag in _flags(asked) if flag.startswith("--"))
     right = f"{asked.prog} --help lists them"
     if has := [other.prog for other in others if word in _flags(other)]:

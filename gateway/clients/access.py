@@ -99,7 +99,7 @@ class ClientAdmission:
         """
         host, most = new.host, self._access.most
         if not self._access.admits(host):
-            why = "it is not in allow"
+            why = "its address is not in allow"
         elif len(hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
         elif hosts.count(host) >= (part := share(host, most)):

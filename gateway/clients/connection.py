@@ -132,8 +132,8 @@ class ClientConnection:
         if not self._logged_late:
             self._logged_late = True
             self.client.log.note(
-                "sends faster than its commands can be carried out: they are too old "
-                "to begin a motion until it has caught up"
+                "sends commands faster than the mount accepts them: the gateway begins no motion for it until it "
+                "has caught up"
             )
 
     def peer_closed(self) -> None:

@@ -79,7 +79,7 @@ def _short(place: Sequence[float]) -> tuple[float, float]:
 SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
 AT_ONCE = 32
-LOOKS_ONLY = "This page only looks. Enter the pin to act; a stop needs none."
+LOOKS_ONLY = "This page only looks. Enter the pin to act; STOP needs none."
 
 
 class Socket(Protocol):

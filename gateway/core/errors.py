@@ -11,7 +11,7 @@ import errno
 from collections.abc import Iterable
 from pathlib import Path
 
-_NOT_YOURS = "choose a folder that you may write to, or run this as the user whom it belongs to"
+_NOT_YOURS = "choose a folder that you may write to, or run this as its owner"
 _NO_ROOM = "make room on that disk (df -h shows which is full), or choose a folder on another one"
 #: Error of the system -> what to do about it.
 _STEPS = {
@@ -53,7 +53,7 @@ def explain_file_error(path: Path | str, error: OSError, *, reading: bool = Fals
     if error.errno == errno.EISDIR:
         return "this is a folder: write the name of a file in it"
     if error.errno in (errno.EEXIST, errno.ENOTDIR):
-        return "there is a file of that name, where a folder is needed"
+        return "this is a file, and a folder is needed"
     if reading and error.errno == errno.EACCES:
         return f"{error.strerror}; ls -l {path} shows whose it is: run this as that user, or let yours read it"
     return explain_os_error(error)
@@ -166,7 +166,7 @@ class NotAligned(Fault):
     """The hand control is not aligned, so its coordinates mean nothing."""
 
     default_text = "Mount not aligned."
-    explanation = "Align it at the hand control, then ask again."
+    explanation = "Align it at the hand control, then try again."
 
 
 class SyncTooFar(Fault):
@@ -180,7 +180,7 @@ class Stopped(Fault):
     """A stop arrived before the motion could be started."""
 
     default_text = "Stopped."
-    explanation = "A stop or another order came before it was done."
+    explanation = "A stop or another request came first."
 
 
 class Unsupported(Fault):
@@ -202,7 +202,7 @@ class Asleep(NoAnswer):
     """The mount hibernates: the command was not sent, because the mount would not answer."""
 
     default_text = "The mount is asleep."
-    explanation = "Unpark it, or wake it by its own keys."
+    explanation = "Unpark it, or wake it at the hand control."
 
 
 class Garbled(NoAnswer):
@@ -228,7 +228,7 @@ class Busy(Fault):
     """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
 
     default_text = "The mount is busy."
-    explanation = "Ask again in a moment."
+    explanation = "Try again in a moment."
 
 
 class NoDevice(Fault):

@@ -77,7 +77,7 @@ def _password(file: str | None) -> str | None:
     except OSError as error:
         raise UserError(f"{file}: {explain_file_error(file, error, reading=True)}") from None
     except UnicodeDecodeError:
-        raise UserError(f"{file}: this is no UTF-8 text") from None
+        raise UserError(f"{file}: this is not UTF-8 text") from None
 
 
 class Client(Protocol):

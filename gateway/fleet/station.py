@@ -65,7 +65,7 @@ class Orders:
             return
         word, _, rest = text.partition(" ")
         if retained:
-            self._refuse(text, "it has the retain flag, and is not obeyed: publish orders without it")
+            self._refuse(text, "ignored because of its retain flag: publish orders without it")
         elif text == "stop":
             self._stop()
         elif len(text) > LONGEST:
@@ -167,8 +167,8 @@ class BrokerPresence:
 
     def _report_conflict(self, other: str, owner: str) -> None:
         self.conflict = (
-            f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: only stop is obeyed until "
-            "one of them has another one (--mqtt-id)"
+            f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: both obey only stop "
+            f"until you change one of them (--mqtt-id)"
         )
         if other not in self._answered and len(self._answered) < MOST:
             self._answered.add(other)

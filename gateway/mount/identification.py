@@ -91,7 +91,7 @@ class Identification:
             self._context.note(
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
-            self._reconciler.begin_stop("stopped when the connection to the mount was lost and open again")
+            self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
     def _stop_owed(self, commands: list[bytes]) -> None:
         """Add the stop commands if a stop is owed, or if no position confirms yet that the mount received the last

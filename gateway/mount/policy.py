@@ -58,7 +58,7 @@ class Limits(Struct, frozen=True):
         """Return these limits, made tighter by a page for all clients. Raises Invalid."""
         limits = self.narrowed(**asked)
         if any(value not in (None, getattr(limits, name)) for name, value in asked.items()):
-            raise Invalid(f"The configuration allows {self}; a page narrows that.")
+            raise Invalid(f"The configuration allows {self}; a page can only narrow that.")
         if limits.lowest >= limits.highest:
             raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
         return replace(limits, by_page=limits != self)

@@ -41,7 +41,7 @@ def raise_limit(programs: int, parts: int) -> str:
     if most >= wanted:
         return ""
     return (
-        f"this system lets mount-gateway have {most} files open at a time: no more than about "
+        f"this system lets mount-gateway have {most} files open at a time, so no more than about "
         f"{max(0, most - wanted + programs)} programs can be connected, not the {programs} of max-clients; "
         f"ulimit -n {wanted} before it is started, or LimitNOFILE={wanted} in its systemd unit, makes room"
     )

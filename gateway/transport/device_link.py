@@ -36,8 +36,7 @@ class DeviceLink:
         if os.path.exists(self.path) and not old.startswith(TERMINALS):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
             raise UserError(
-                f"cannot make {self.path}: there is {what} of that name already; it is left alone: remove "
-                "it, or write another name"
+                f"cannot make {self.path}: there is {what} of that name already: remove it, or choose another name"
             )
         if not old or old == self._target or not os.path.exists(old):
             return
@@ -45,8 +44,8 @@ class DeviceLink:
         if owner != user() or not self._claim.left_behind:
             whose = "another program" if owner == user() else user_name(owner)
             raise UserError(
-                f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in "
-                "use; it is left alone: write another name"
+                f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use: choose "
+                f"another name"
             )
 
     def point(self, target: str) -> None:

@@ -14,8 +14,8 @@ from gateway.transport.wires import SerialTransport
 RETRY_AFTER = 1.0
 #: What to do about a port for programs that does not exist.
 PAIR = (
-    "; a program's serial port is one end of a pair, and this is the other, which has to be there before the gateway "
-    "starts; on Linux and macOS pty:/tmp/port makes both"
+    "; a program opens one end of a pair of ports and the gateway the other: make the pair first. On Linux and "
+    "macOS, pty:/tmp/port makes both"
 )
 
 

@@ -251,7 +251,7 @@ def _who_may_use(device: str) -> str:
     with contextlib.suppress(OSError):
         if os.stat(device).st_mode & 0o060 != 0o060:
             return (
-                f"no group may use {device}, as that of serial ports may: plug in a USB adapter, which has a name like "
+                f"no group may use {device}: plug in a USB adapter, which has a name like "
                 f"/dev/ttyUSB0; if the mount is at {device}, allow it: sudo chgrp {USUAL_GROUP} {device} && sudo chmod "
                 f"660 {device}"
             )

@@ -337,7 +337,7 @@ async def set_clock(b: Bridge) -> bool:
 def _kept(b: Bridge) -> Fault:
     """The outcome of a site or clock that was not sent: the gateway serves it from then on, and logs why."""
     said = [entry.note for entry in b.entries if entry.note]
-    if any("kept in the gateway" in note for note in said):
+    if any("stored in the gateway" in note for note in said):
         return ClientState()
     return Refused("not in force") if any("it is not in force" in note for note in said) else Fault("nothing")
 

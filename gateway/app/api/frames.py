@@ -48,7 +48,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
     """
     match = load(_known(protocol)).find(frame)
     if match is None:
-        raise FrameError(f"{frame!r} is no command of the {protocol} protocol")
+        raise FrameError(f"{frame!r} is not a command of the {protocol} protocol")
     command, template = match
     try:
         return Frame(protocol, command.name, template.decode(frame), command.help)
@@ -84,7 +84,7 @@ def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
         try:
             return Frame(protocol, name, template.decode(reply), command.help, form.fault)
         except ValueError as error:
-            why = f"{reply!r} is no reply to {name} ({command.help}): {error}"
+            why = f"{reply!r} is not a reply to {name} ({command.help}): {error}"
     raise FrameError(why)
 
 
@@ -122,7 +122,7 @@ class Splitter:
 def _known(protocol: str) -> str:
     """Return ``protocol``. Raises FrameError if the registry does not have it."""
     if protocol not in PROTOCOLS:
-        raise FrameError(f"{protocol!r} is no protocol; there are {_listed(PROTOCOLS)}")
+        raise FrameError(f"{protocol!r} is not a protocol; there are {_listed(PROTOCOLS)}")
     return protocol
 
 

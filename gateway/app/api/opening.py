@@ -58,7 +58,7 @@ async def open_gateway(
     block stops the mount and closes everything.
     """
     for name in settings.keys() & ONLY_RUN:
-        raise UserError(f"open_gateway: {name} is no setting of this function: {ONLY_RUN[name]}.")
+        raise UserError(f"open_gateway: {name} is not a setting of this function: {ONLY_RUN[name]}.")
     tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
         "surface": [
@@ -118,7 +118,7 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
         raise UserError(f"no gateway runs here{f' for {mount}' if mount else ''}; mount-gateway run starts one")
     if len(gateways) > 1:
         names = ", ".join(sorted(endpoint.title for endpoint in gateways))
-        raise UserError(f"{len(gateways)} mounts run here; name the one you mean: {names}")
+        raise UserError(f"{len(gateways)} mounts run on this computer; choose one: {names}")
     return connected(gateways[0])
 
 

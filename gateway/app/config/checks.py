@@ -109,14 +109,14 @@ def _names(config: Config) -> Iterator[Mistake]:
         yield Mistake(("mount",), "at least one mount is needed")
     for number, name in enumerate(names):
         if name is None and len(names) > 1:
-            yield Mistake(("mount", number, "name"), "is needed where there are several mounts")
+            yield Mistake(("mount", number, "name"), "is needed with several mounts")
         elif name is not None and name in names[:number]:
-            yield Mistake(("mount", number, "name"), f"{name!r} is the name of another mount already")
+            yield Mistake(("mount", number, "name"), f"another mount already has the name {name!r}")
     known = [name for name in names if name is not None]
     for number, surface in enumerate(config.surface):
         if surface.mount is None and len(names) > 1:
             yield Mistake(
-                ("surface", number, "mount"), f"is needed where there are several; write one of {', '.join(known)}"
+                ("surface", number, "mount"), f"is needed with several mounts; write one of {', '.join(known)}"
             )
         elif surface.mount is not None and surface.mount not in known:
             hint = suggest(surface.mount, known) if known else "the mount has no name"
@@ -133,7 +133,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
         spoke = surface_protocols(parse_endpoint(surface.at).protocol)
         known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
-            reason = f"{surface.client!r}: no such program is known; {suggest(surface.client, known)}"
+            reason = f"{surface.client!r}: this program is not known; {suggest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), reason)
 
 
@@ -219,11 +219,7 @@ def _used_twice(config: Config) -> Iterator[Mistake]:
             continue
         address = _address(where, place[0] == "surface")
         if any(_overlap(address, other) for other in taken):
-            yield Mistake(
-                place,
-                f"{where} is taken by another {'mount or surface' if '://' not in where else 'one'} "
-                "already; every one needs a place of its own",
-            )
+            yield Mistake(place, f"{where} is already in use by another mount or surface; each needs its own")
         taken.append(address)
 
 

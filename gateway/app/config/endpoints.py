@@ -153,7 +153,7 @@ def _of_any(what: str, where: str) -> Endpoint:
         allowed = " or ".join(f"{name}@" for name in streams())
         mount = " or ".join(f"{name}@" for name in mounts())
         raise UserError(
-            f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
+            f"{ANY}@{where}: {ANY} recognises programs by the first bytes of a connection, and needs tcp://; "
             f"write {ANY}@{suggest_address(where, True) or 'tcp://HOST:PORT'}, "
             f"or one protocol: {allowed} where programs connect, {mount} for a mount"
         )
@@ -186,7 +186,7 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
     device = resolve_name(name)
     if device is None:
         among = {"mount": mounts(), "surface": [*surfaces(), ANY]}.get(of, list(PROTOCOLS))
-        raise UserError(f"{name!r} is no protocol ({', '.join(among)}) and no model; {suggest_name(name, among)}")
+        raise UserError(f"{name!r} is neither a protocol ({', '.join(among)}) nor a model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
     if model in spec.version_names:
@@ -206,7 +206,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
     try:
         return spec.check_version(text)
     except ValueError:
-        raise UserError(f"{text!r} is no version; write it like 4.21") from None
+        raise UserError(f"{text!r} is not a version; write it like 4.21") from None
 
 
 def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
@@ -311,8 +311,8 @@ def parse_broker(text: str) -> Broker:
         raise UserError(f"not a broker's address: {BROKER}") from None
     if password is not None:
         raise UserError(
-            "the address holds a password, which others could see: put it into a file and name that with "
-            "password-file, or into the environment variable MOUNT_GATEWAY_MQTT_PASSWORD"
+            "the address contains a password that others could see: put it into a file (password-file) or into the "
+            "environment variable MOUNT_GATEWAY_MQTT_PASSWORD"
         )
     if parts.scheme not in BROKER_PORTS or not host or parts.path.strip("/") or parts.query or parts.fragment:
         raise UserError(f"{text!r}: {BROKER}")

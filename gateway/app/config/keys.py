@@ -85,9 +85,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     computer_clock: Annotated[
         Literal["auto", "right", "doubtful"],
         key(
-            "whether the limits may use this computer's clock. auto: it is doubtful before the date of this version "
-            "and on a board without a hardware clock that no time server has set; then it counts only if neither the "
-            "mount nor its GPS tells the time"
+            "whether the limits may use this computer's clock. auto: not if the clock is older than this version, "
+            "or on a board without a hardware clock that no time server has set, unless neither the mount nor its "
+            "GPS reports the time"
         ),
     ] = "auto"
     lowest: Annotated[
@@ -137,14 +137,17 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     unaligned: Annotated[
         Literal["refuse", "allow"],
         key(
-            "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. It is not known "
+            "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. Nobody knows "
             "then where it really points"
         ),
     ] = "refuse"
     aux_home: Annotated[bool, key("use the mount's home switches for homing, where it has them")] = False
     reversed_axes: Annotated[
         Literal["none", "first", "second", "both"] | None,
-        key("axes of an Alpaca mount that arrows turn the wrong way (default: the first arrow tells)", example="first"),
+        key(
+            "axes of an Alpaca mount that arrows turn the wrong way (default: found with the first arrow)",
+            example="first",
+        ),
     ] = None
     hibernate: Annotated[
         bool,
@@ -181,8 +184,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     rates: Annotated[
         Annotated[list[Annotated[float, Meta(gt=0.0, le=20.0)]], Meta(min_length=9, max_length=9)] | None,
         key(
-            "how fast the nine arrow rates really move the mount (degrees a second), where that is not as its maker "
-            "says. mount-gateway prove measures it",
+            "real speeds of the nine arrow rates (degrees a second), if they differ from the maker's. mount-gateway "
+            "prove measures it",
             "RATES",
             [0.002, 0.004, 0.017, 0.033, 0.067, 0.27, 1.0, 2.0, 4.0],
         ),
@@ -209,7 +212,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     state: Annotated[
         str | None,
         key(
-            "folder for the state that is kept between runs (default: the usual one of your system)",
+            "folder for the state saved between runs (default: the usual one of your system)",
             "PATH",
             "/var/lib/mount-gateway",
         ),
@@ -267,7 +270,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     client: Annotated[
         str,
         key(
-            "the program that connects here: it gets what it is known to need. auto: recognise it where possible; "
+            "the program that connects here; the gateway adapts to it. auto: recognise it where possible; "
             "any: treat all alike",
             "PROGRAM",
         ),
@@ -328,15 +331,15 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
         Literal["*", "0xDF"] | None,
         key(
             "lx200: the degree character in replies: the byte 0xDF, as Meades send it, or * (default: 0xDF on serial, "
-            "virtual and RFC 2217 ports, whose programs were written beside telescopes; * on tcp)",
+            "virtual and RFC 2217 ports; * on tcp)",
             example="0xDF",
         ),
     ] = None
     reply_after: Annotated[
         Annotated[float, Meta(ge=0.0, le=1000.0)] | None,
         key(
-            "milliseconds from the last byte of a request to its reply: programs may discard their input after they "
-            "have written (default: 6 on serial, virtual and RFC 2217 ports, 0 on tcp)",
+            "milliseconds between a request and its reply, because some programs clear their input after sending "
+            "(default: 6 on serial, virtual and RFC 2217 ports, 0 on tcp)",
             "MS",
             6.0,
         ),

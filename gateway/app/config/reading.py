@@ -24,13 +24,13 @@ from gateway.system.files import plain_file
 #: Hints for messages of the parser, by how they begin: what the user may have meant.
 _HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
-    "Expected newline": "; two numbers stand in [ ], as in [48.1, 11.6]; a single one has a point: 10.5",
+    "Expected newline": "; two numbers go into [ ], as in [48.1, 11.6]; a single one has a point: 10.5",
     **dict.fromkeys(
         ("Unescaped '\\'", "Invalid hex value"),
         "; \\ is special in \"double quotes\": write / for it, or put the text into 'single quotes'",
     ),
-    "Cannot overwrite": "; it is there already, further up",
-    "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
+    "Cannot overwrite": "; it is already defined above",
+    "Cannot declare": "; it is already defined above: several surfaces are [[surface]], several mounts [[mount]]",
 }
 
 #: Typographic quotes, which word processors and web pages put in place of plain ones.
@@ -59,7 +59,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     except UnicodeDecodeError as error:
         if error.object.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             raise UserError(f"{path}: this is UTF-16, as PowerShell's > writes it; save it as UTF-8") from None
-        raise UserError(f"{path}: this is no UTF-8 text ({error.reason} at byte {error.start})") from None
+        raise UserError(f"{path}: this is not UTF-8 text ({error.reason} at byte {error.start})") from None
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
@@ -76,7 +76,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
     if isinstance(tables.get("surface"), dict):
-        raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], there may be several of them")
+        raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], because there may be several")
     return tables, source
 
 

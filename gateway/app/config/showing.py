@@ -15,7 +15,7 @@ from gateway.app.config.tables import Config
 
 def effective(config: Config, source: Source) -> str:
     """Return the configuration that ``run`` would use, as ``gateway.toml``, with the origin of changed values."""
-    lines = ["# The configuration in effect. What is no default says where it comes from.", ""]
+    lines = ["# The configuration in effect. Values that are not defaults say where they come from.", ""]
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
     lines += ["", "[console]", *_table("console", config.console, source, ("console",))]
     if config.mqtt is not None:
@@ -53,7 +53,7 @@ def _line(key: Key, value: Any, origin: str | None) -> str:
 
 def example() -> str:
     """Return a complete ``gateway.toml``: every key with its description. Keys without a default are commented out."""
-    lines = ["# gateway.toml: every key there is. A flag of the same name wins over the file.", ""]
+    lines = ["# gateway.toml: every key. A flag of the same name wins over the file.", ""]
     lines += _sample("")
     lines += [
         "",
@@ -62,9 +62,9 @@ def example() -> str:
         *_sample("mount"),
     ]
     lines += ["", "# The page that a browser shows.", "[console]", *_sample("console")]
-    lines += ["", "# An MQTT broker, and whether the mounts are shown there.", "#[mqtt]"]
+    lines += ["", "# An MQTT broker that shows the mounts.", "#[mqtt]"]
     lines += [line if line.startswith("#") else f"#{line}" for line in _sample("mqtt")]
-    lines += ["", "# As many as there are places where programs connect.", "[[surface]]", *_sample("surface")]
+    lines += ["", "# One for each place where programs connect.", "[[surface]]", *_sample("surface")]
     return "\n".join(lines) + "\n"
 
 

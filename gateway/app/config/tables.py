@@ -28,18 +28,18 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     allow: Annotated[
         list[str] | None,
         key(
-            "only browsers of these networks or addresses are shown anything (default: all that reach the port)",
+            "only browsers on these networks or addresses may connect (default: all that reach the port)",
             "NETWORKS",
             ["192.168.1.0/24", "127.0.0.1"],
         ),
     ] = None
     read_only: Annotated[
         bool | list[str],
-        key("pages show the mounts and may stop them, but move and set nothing: all, or those of these networks",
+        key("pages show and stop the mounts, but move and set nothing: all pages, or those on these networks",
              "NETWORKS"),
     ] = False  # fmt: skip
     pin: Annotated[
-        Plain | None, key("a page can only look and stop the mount until its user enters this", "PIN", "4711")
+        Plain | None, key("a page only shows and stops the mounts until its user enters this", "PIN", "4711")
     ] = None
     names: Annotated[
         list[Host],
@@ -63,14 +63,14 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
         ),
     ]
     id: Annotated[
-        Word | None, key("what this gateway is called on the broker (default: the name of the computer)", "ID", "pier")
+        Word | None, key("name of this gateway on the broker (default: the name of the computer)", "ID", "pier")
     ] = None
-    prefix: Annotated[_Parts, key("what all topics begin with", "PREFIX")] = "mount-gateway"
-    user: Annotated[Plain | None, key("the user that the broker knows", "USER", "observatory")] = None
+    prefix: Annotated[_Parts, key("prefix of all topics", "PREFIX")] = "mount-gateway"
+    user: Annotated[Plain | None, key("user name for the broker", "USER", "observatory")] = None
     password_file: Annotated[
         str | None,
         key(
-            "a file that holds the password and nothing else (default: the environment variable "
+            "a file that contains only the password (default: the environment variable "
             "MOUNT_GATEWAY_MQTT_PASSWORD, where it is set)",
             "FILE",
             "/etc/mount-gateway/mqtt-password",
@@ -79,7 +79,7 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
     ca: Annotated[
         str | None,
         key(
-            "mqtts: a file with the certificates that the broker's is signed by (default: those of the system)",
+            "mqtts: a file with the certificates of the broker's authority (default: those of the system)",
             "FILE",
             "/etc/mount-gateway/ca.pem",
         ),
@@ -89,7 +89,7 @@ class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"
     ] = "homeassistant"
     orders: Annotated[
         list[Literal["park", "wake", "home", "goto"]],
-        key("what the broker may ask of a mount besides stop, which it always may", "ORDERS"),
+        key("requests that the broker may send to a mount; stop is always allowed", "ORDERS"),
     ] = field(default_factory=lambda: ["park", "wake"])  # fmt: skip
 
 
@@ -117,7 +117,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     almanac: Annotated[
         Plain | None,
         key(
-            "tables of the sky that mount-gateway almanac has written on another computer, where there is no astropy",
+            "file that mount-gateway almanac wrote on another computer, if this one has no astropy",
             "FILE",
             "year.almanac",
         ),

@@ -137,7 +137,7 @@ def _named(text: str) -> tuple[str, CatalogObject]:
         raise UserError(
             f"there is no object {text!r}; did you mean {' or '.join(close)}?"
             if close
-            else f"{text!r} is no place: {RIGHT}"
+            else f"{text!r} is not a place: {RIGHT}"
         )
     return entry.name, entry
 

@@ -27,7 +27,7 @@ EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "
 def packed(operation: op.Operation[AnswerT], number: str) -> requests.OperationRequest:
     """Return the request for an operation. Raises Invalid for any other object, and for a wrong field."""
     if not isinstance(operation, op.Operation):
-        raise Invalid(f"{repr(operation)[:40]} is no operation; write one like op.Position().")
+        raise Invalid(f"{repr(operation)[:40]} is not an operation; write one like op.Position().")
     fields: dict[str, Any] = msgspec.to_builtins(_in_range(checked(operation)), enc_hook=_plain)
     return requests.OperationRequest(number=number, operation=type(operation).__name__, fields=fields)
 

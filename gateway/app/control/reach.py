@@ -106,7 +106,7 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
     except OSError as error:
         doubts.append(
             f"{folder}: {error.strerror}; cannot tell whether its gateway runs or was killed in motion; "
-            "run this command as the user that the gateway runs as"
+            "run this command as the user who runs the gateway"
         )
     for own_folder in folders()[0]:
         endpoints += _readable(own_folder, user())
@@ -141,8 +141,8 @@ def explain_unreachable(process: processes.Process) -> str:
     """Return a sentence about a gateway that cannot be asked: what it is, and how to stop its mount."""
     if reachable(process):
         return (
-            f"a gateway runs as process {process.pid} and cannot be asked: it had no folder to "
-            f"write to; kill {process.pid} ends it, which stops its mount"
+            f"process {process.pid} is a gateway that commands cannot reach, because it had no folder to write to; "
+            f"kill {process.pid} ends it, which stops its mount"
         )
     whose = user_name(process.user)
     return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"

@@ -275,7 +275,7 @@ class RequestHandler:
                 await controller.perform(op.StopAxis(operation.axis), None, active.activity)
         if stopped:
             raise Stopped
-        away = "; it is not parked any more" if parked and not controller.driver.parked else ""
+        away = "; it is no longer parked" if parked and not controller.driver.parked else ""
         return f"it was moved {request.direction.word} for {lasted:.1f} s{away}"
 
     async def _press(self, request: requests.PressRequest, active: ActiveRequest) -> str:
@@ -358,7 +358,7 @@ class RequestHandler:
         controller, active = self._controller, self._remember(number, "mount-gateway stop")
         active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
         if not self._in_motion(active):
-            return Answer(DONE, "nothing that was begun here is under way")
+            return Answer(DONE, "nothing that was started here is under way")
         wanted = controller.wanted.value
         halts: list[op.Operation] = (
             [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is active.activity]

@@ -60,15 +60,9 @@ def _contradiction(controller: MountController, identity: op.Identity, model: st
     """Return the warning about a named model or version that the mount contradicts; empty if none."""
     reported = controller.driver.reported_model(identity)
     if model is not None and reported is not None and reported != model:
-        return (
-            f"the mount was named as {model}, and says that it is {reported}: leave the model out, it is asked for, or "
-            f"write {reported}"
-        )
+        return f"you named the mount {model}, and it reports {reported}: leave the model out, or write {reported}"
     if version is not None and identity.version[:1].isdecimal() and _numbers(version) != _numbers(identity.version):
-        return (
-            f"the hand control was named as version {version}, and says that it is {identity.version}: leave the "
-            "version out, it is asked for"
-        )
+        return f"you gave the hand control version {version}, and it reports {identity.version}: leave the version out"
     return ""
 
 
@@ -95,5 +89,5 @@ def last_message(controller: MountController, moved: bool) -> UserMessage | None
         controller.cache.age(op.GetStatus, controller.now()),
     )
     return UserMessage(
-        f"{outcome}; tracking is {how}" if age <= LATELY else f"{outcome}; tracking was {how} when it last said so"
+        f"{outcome}; tracking is {how}" if age <= LATELY else f"{outcome}; tracking was {how} at its last report"
     )

@@ -74,8 +74,8 @@ class Recording:
         if last is not None and (last.side, last.arrow) == (RECORDER, "!"):
             return ""
         return (
-            f"{self.parts[-1]}: the recording breaks off{_when(last)}, because the gateway was killed or still runs, "
-            "the disk was full, or it continues in a newer file: what was written is good up to there"
+            f"{self.parts[-1]}: the recording ends{_when(last)}, because the gateway was killed or still runs, "
+            "the disk was full, or it continues in a newer file; everything before that is complete"
         )
 
     def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
@@ -86,8 +86,8 @@ class Recording:
             number += 1
             if (not raw.endswith(b"\n") and len(raw) < LONGEST_LINE) or raw.startswith(b"\0"):
                 self.cut = (
-                    f"{part}:{number}: the recording is cut off in the middle of a line{_when(last)}: "
-                    "what was written is good up to there"
+                    f"{part}:{number}: the recording is cut off in the middle of a line{_when(last)}; everything "
+                    f"before that is complete"
                 )
                 return
             line = raw.decode("latin-1").rstrip("\n")
@@ -95,7 +95,7 @@ class Recording:
             if match is None:
                 if not line:
                     continue
-                raise UserError(f"{part}:{number}: {line[:60]!r} is no line of a recording: SECONDS WHO ARROW BYTES")
+                raise UserError(f"{part}:{number}: {line[:60]!r} is not a line of a recording: SECONDS WHO ARROW BYTES")
             at, side, arrow, text = match.groups()
             data = unescape(text or "") if arrow in "<>" else (text or "").encode("latin-1")
             last = Event(float(at), side, arrow, data)
@@ -159,7 +159,7 @@ def _format(path: Path) -> int | None:
 def _head(path: Path) -> dict[str, Any]:
     """Return the settings in the header of a file. Raises UserError."""
     if not is_recording(path):
-        raise UserError(f"{path}: this is no recording of mount-gateway (run --record {path} makes one)")
+        raise UserError(f"{path}: this is not a recording of mount-gateway (run --record {path} makes one)")
     with open_plain(path) as file:
         file.readline(LONGEST_LINE)
         line = file.readline(LONGEST_LINE)

@@ -102,8 +102,8 @@ class Recorder:
         try:
             if work.result():
                 self._warn(
-                    f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
-                    "whenever a new one begins; record-keep says how many files are kept"
+                    f"the recording {self._path} has filled {self._keep} files (record-keep): each new file now "
+                    f"replaces the oldest"
                 )
         except Exception as error:  # neither a full disk nor a defect may end the night
             self._end(explain_os_error(error) if isinstance(error, OSError) else str(error))
@@ -112,7 +112,7 @@ class Recorder:
         """End a recording that cannot be written any more."""
         self._lost = True
         self._warn(
-            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway "
+            f"the recording {self._path} ends here: {reason}. The gateway "
             "continues without it; make room on the disk and restart the gateway to record again"
         )
 
@@ -213,7 +213,7 @@ def _rotate(path: Path, keep: int) -> bool:
     if not path.is_file():
         return False
     if path.stat().st_size and not is_recording(path):
-        raise UserError(f"cannot record to {path}: there is a file that is no recording; it is left alone")
+        raise UserError(f"cannot record to {path}: this file is not a recording; choose another name")
     parts = [path]
     while part_path(path, len(parts)).exists():
         parts.append(part_path(path, len(parts)))

@@ -45,10 +45,7 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
 
 def taken_message(mount: str, by: str) -> str:
     """Return the message for a mount that another gateway has; ``by`` is its process."""
-    return (
-        f"{mount}: another gateway ({by}) has this mount already; programs that use the same mount connect to that "
-        "one's surfaces"
-    )
+    return f"{mount}: another gateway ({by}) already drives this mount; connect programs to its surfaces"
 
 
 def address(where: str) -> str | None:

@@ -119,14 +119,13 @@ class StateStore:
             self.holder = str(by)
             if not self._simulated:
                 self.other_gateway = (
-                    f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
-                    f"that one, in {self.path}"
+                    f"another mount-gateway ({by}) runs for this mount and saves its state, in {self.path}"
                 )
         except OSError as error:
             why = explain_file_error(self.directory, error)
             self._warn_once(
-                f"{self.directory} cannot be written to ({why}): what a hand control keeps over power-off is kept "
-                "in memory only; --state PATH names another folder"
+                f"{self.directory} cannot be written to ({why}): site, clock zone and parking are lost when the "
+                f"gateway ends; --state PATH names another folder"
             )
 
     def _read(self) -> SavedState:
@@ -136,7 +135,7 @@ class StateStore:
             if self.held:
                 why = explain_file_error(self.path, error, reading=True)
                 self._warn_once(
-                    f"cannot read the state file {self.path} ({why}): the gateway starts without what earlier runs kept"
+                    f"cannot read the state file {self.path} ({why}): the gateway starts without the saved settings"
                 )
         except ValueError as error:
             if self.held:

@@ -88,15 +88,15 @@ def decoded(data: bytes) -> Almanac:
     """
     start = len(MAGIC) + 4
     if not data.startswith(MAGIC):
-        raise ValueError("it is no almanac of this version")
+        raise ValueError("it is not an almanac of this version")
     if zlib.crc32(data[start:]) != int.from_bytes(data[len(MAGIC) : start], "little"):
         raise ValueError("it is damaged")
     try:
         almanac = msgspec.msgpack.decode(data[start:], type=Almanac)
     except msgspec.MsgspecError as error:
-        raise ValueError(f"it is no almanac: {error}") from None
+        raise ValueError(f"it is not an almanac: {error}") from None
     if any(len(rows) != _LENGTH for rows in almanac.days.values()):
-        raise ValueError("its days are not whole")
+        raise ValueError("a day in it is incomplete")
     return almanac
 
 

@@ -135,8 +135,8 @@ class AlmanacKeeper:
             newer, trouble = await _on_daemon(days)
         except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
             self._warn_once(
-                f"the almanac could not be calculated: {error}. Where it has no tables, simpler formulas are used: the "
-                "Sun within 0.01 degrees, the Moon within 0.04, no planets. It is tried again in an hour"
+                f"the almanac could not be calculated: {error}. Simpler formulas replace it: the Sun within 0.01 "
+                f"degrees, the Moon within 0.04, no planets. The gateway tries again in an hour"
             )
             return False
         if trouble:

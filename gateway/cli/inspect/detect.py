@@ -46,10 +46,10 @@ def add_detect(commands: Commands) -> None:
     detect.add_argument(
         "--network",
         action="store_true",
-        help="let phones and other computers in, too, by the file of --write and --toml",
+        help="let phones and other computers connect, in the file of --write or --toml",
     )
     detect.add_argument("--toml", action="store_true", help="print a gateway.toml for each mount")
-    detect.add_argument("--json", action="store_true", help="for programs: a list, one object a port")
+    detect.add_argument("--json", action="store_true", help="print JSON: a list, one object a port")
     detect.add_argument("--write", type=Path, metavar="FILE", help="write a gateway.toml for the mount that was found")
     detect.add_argument("--force", action="store_true", help="let --write replace a file")
     detect.set_defaults(run=_detect)
@@ -118,7 +118,7 @@ def _write(path: Path, mounts: list[PortFinding], force: bool, network: bool) ->
 
     if len(mounts) > 1:
         names = " and ".join(finding.place.url for finding in mounts)
-        raise UserError(f"--write {path}: there are mounts on {names}; name the one that is meant")
+        raise UserError(f"--write {path}: there are mounts on {names}; name one of them")
     write_whole(path, toml(mounts[0], network), force)
     only_here = "this computer only; --network lets phones and other computers in"
     who = "phones and other computers, too" if network else only_here
@@ -147,4 +147,4 @@ def write_whole(path: Path, text: str, force: bool) -> None:
 
 
 def _there_already(path: Path) -> UserError:
-    return UserError(f"{path}: is there already; --force replaces it")
+    return UserError(f"{path} exists already; --force replaces it")

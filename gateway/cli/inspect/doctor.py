@@ -25,15 +25,15 @@ Examples:
 def add_doctor(commands: Commands) -> None:
     doctor = commands.add_parser(
         "doctor",
-        description="Looks at Python and packages, serial ports and who may use or has them, programs that disturb "
-                    "them, the clock, the age of the astronomy data, TCP ports, the state folder and the gateways that "
-                    "run. It opens no serial port and changes nothing. Exit code 0: nothing is to be mended, 1: "
-                    "something is.",
+        description="Checks Python and its packages, serial ports and their permissions, programs that disturb "
+        "them, the clock, the age of the astronomy data, TCP ports, the state folder and running gateways. It opens "
+        "no serial port and changes nothing. Exit code 0: no problem was found, 1: a "
+                    "problem.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    doctor.add_argument("--json", action="store_true", help="for programs: one object, with a list of all checks")
-    doctor.add_argument("--state", metavar="PATH", help="the folder that the gateway was told to keep its state in")
-    doctor.add_argument("--almanac", metavar="FILE", help="the almanac that the gateway is to use, without astropy")
+    doctor.add_argument("--json", action="store_true", help="print JSON: one object, with a list of all checks")
+    doctor.add_argument("--state", metavar="PATH", help="the state folder of the gateway")
+    doctor.add_argument("--almanac", metavar="FILE", help="the almanac of a gateway without astropy")
     doctor.set_defaults(run=_doctor)
 
 

@@ -17,8 +17,8 @@ def add_explain(commands: Commands) -> None:
         "aligned and tracks. The exit code is 1 if the command has a value that is\n"
         "not valid, or if the hand control that is presented does not have it.",
     )
-    explain.add_argument("client", help="what the program believes to speak to: lx200, nexstar, lx200:lx200gps, cpc")
-    explain.add_argument("mount", help="the mount: nexstar, lx200, nexstar:cge/3.01, or a model's word: 6se, cpc")
+    explain.add_argument("client", help="the mount that the program expects: lx200, nexstar, lx200:lx200gps, cpc")
+    explain.add_argument("mount", help="the mount: nexstar, lx200, nexstar:cge/3.01, or a model: 6se, cpc")
     explain.add_argument("command", help="for example ':Sr05:34:32#'; \\x06 and the like are understood")
     explain.set_defaults(run=_explain)
 

@@ -153,12 +153,12 @@ Examples:
 def add_prove(commands: Commands) -> None:
     prove = commands.add_parser(
         "prove",
-        description="Leads through a check of the mount, in about nine minutes: it asks before anything moves, "
-        "and the space bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
+        description="Checks the mount with you, in about nine minutes. It asks before anything moves, and the space "
+        "bar stops everything. It takes every flag of run, too: mount-gateway run --help lists them. "
         "It never syncs, parks or changes a setting.",
         epilog=EXAMPLES,
     )
-    prove.add_argument("--folder", type=Path, default=Path("prove"), help="where it keeps what it has found")
+    prove.add_argument("--folder", type=Path, default=Path("prove"), help="folder for the results")
     before = len(prove._actions)
     add_settings(prove)
     prove.elsewhere = [action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")]
@@ -241,4 +241,4 @@ def summary(findings: Findings) -> Iterator[str]:
     if len(others) > SHOWN:
         yield f"{len(others) - SHOWN} others are in findings.json."
     if left := [stage.name for stage in STAGES if not findings.whole(stage.name) and stage.name != "place"]:
-        yield f"Not done: {', '.join(left)}. The same command goes on from there."
+        yield f"Not done: {', '.join(left)}. The same command continues from there."

@@ -62,7 +62,7 @@ def _guessed(capture: Capture, path: Path) -> str:
 def add_report(commands: Commands) -> None:
     report = commands.add_parser(
         "report",
-        description="Writes one HTML file that needs nothing else: where the telescope pointed, how long the mount "
+        description="Writes one HTML file that shows where the telescope pointed, how long the mount "
         "took to answer, what went wrong, what every program sent, and what was refused and why.",
         epilog="Example:\n  mount-gateway report night.rec -o night.html",
     )

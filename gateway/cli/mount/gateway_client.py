@@ -27,14 +27,12 @@ EVERY = 1.0
 NOBODY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
-def add_which(command: argparse.ArgumentParser, which: str = "which one, where several run") -> None:
+def add_which(command: argparse.ArgumentParser, which: str = "which mount, if there are several") -> None:
     """Add the flags that choose a gateway."""
     command.add_argument(
         "--mount", metavar="NAME", help=f"{which}: its name, or what --mount of run says, or the part of that behind @"
     )
-    command.add_argument(
-        "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
-    )
+    command.add_argument("--state", metavar="PATH", help="only gateways with this state folder")
 
 
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
@@ -51,7 +49,7 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
         title, times = Counter(endpoint.title for endpoint in endpoints).most_common(1)[0]
         if times == 1:
             names = _flags(endpoint.title for endpoint in endpoints)
-            raise UserError(f"{len(endpoints)} mounts run here; name the one you mean: {names}")
+            raise UserError(f"{len(endpoints)} mounts run on this computer; choose one: {names}")
         processes = " and ".join(str(endpoint.pid) for endpoint in endpoints if endpoint.title == title)
         raise UserError(
             f"{times} gateways here have {title} (processes {processes}): end one of them, or give its mount a name "
@@ -86,7 +84,8 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
     for process in unreachable_gateways(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
-            f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or as root",
+            f"process {process.pid} is a gateway of {whose} that this user may not reach: run this command as "
+            f"{whose} or as root",
             streams.ERROR,
         )
 

@@ -32,7 +32,7 @@ Make: TypeAlias = Callable[
 GOTO = """\
 Examples:
   mount-gateway goto 05:34:32 +22:00:52
-  mount-gateway goto M42 --wait        until it is there; Ctrl-C stops it
+  mount-gateway goto M42 --wait        until it has arrived; Ctrl-C stops it
   mount-gateway goto Jupiter
 """
 MOVE = """\
@@ -42,7 +42,7 @@ Examples:
 """
 DIRECTIONS = ("north", "south", "east", "west")
 PLACES = """\
-A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and maps do), or the name of an object.
+A place is RA DEC of date (--j2000: as in catalogues and maps), or the name of an object.
   05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
   83.633 22.014          degrees both
   Moon Mercury Venus Mars Jupiter Saturn Uranus Neptune
@@ -55,8 +55,8 @@ A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and map
 def add_goto(commands: Commands) -> None:
     goto = commands.add_parser(
         "goto",
-        description="Points the mount of the gateway that runs here to a place on the sky. The gateway's limits hold; "
-                    "what it refuses is said in words, with exit code 1.",
+        description="Points the mount at a place on the sky, through the running gateway. If the gateway refuses, "
+        "it says why, with exit code 1.",
         epilog=f"{GOTO}\n{PLACES}",
     )  # fmt: skip
     add_place(goto)
@@ -67,8 +67,8 @@ def add_goto(commands: Commands) -> None:
 def add_sync(commands: Commands) -> None:
     sync = commands.add_parser(
         "sync",
-        description="Tells the mount of the gateway that runs here where it points now: centre an object first. One "
-                    "that is too far away is refused (--sync-limit of run), and so is one while the mount moves.",
+        description="Tells the mount, through the running gateway, where it points now: centre an object first. The "
+        "gateway refuses a sync while the mount moves, and one too far away (--sync-limit of run).",
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
     )  # fmt: skip
     add_place(sync)
@@ -78,8 +78,8 @@ def add_sync(commands: Commands) -> None:
 def add_move(commands: Commands) -> None:
     move = commands.add_parser(
         "move",
-        description="Presses an arrow of the mount of the gateway that runs here. The gateway itself releases it when "
-                    "the time is over, whatever becomes of this command; Ctrl-C releases it at once.",
+        description="Presses an arrow of the mount, through the running gateway. The gateway releases it when the "
+        "time is over, even if this command was killed. Ctrl-C releases it at once.",
         epilog=MOVE,
     )  # fmt: skip
     move.add_argument(
@@ -102,8 +102,8 @@ def add_move(commands: Commands) -> None:
 def add_park(commands: Commands) -> None:
     park = commands.add_parser(
         "park",
-        description="Sends the mount of the gateway that runs here to its park position, where its tracking is off "
-                    "(park of run says where that is).",
+        description="Sends the mount, through the running gateway, to its park position, and turns tracking off "
+        "there (--park of run sets it).",
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
     _add_wait(park)
@@ -113,14 +113,14 @@ def add_park(commands: Commands) -> None:
 def add_unpark(commands: Commands) -> None:
     unpark = commands.add_parser(
         "unpark",
-        description="Takes the mount of the gateway that runs here up again: it tracks from now on.",
+        description="Lets a parked mount track again, through the running gateway.",
         epilog="Example:\n  mount-gateway unpark\n",
     )  # fmt: skip
     _add_request(unpark, lambda _: requests.UnparkRequest())
 
 
 def _add_wait(command: Parser) -> None:
-    command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
+    command.add_argument("--wait", action="store_true", help="wait until it has arrived; Ctrl-C stops it")
 
 
 def _add_request(command: Parser, make: Make) -> None:
@@ -179,7 +179,7 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
 def add_place(command: argparse.ArgumentParser) -> None:
     """Add the arguments for a place on the sky."""
     command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
-    command.add_argument("--j2000", action="store_true", help="RA and DEC are of 2000, as catalogues have them")
+    command.add_argument("--j2000", action="store_true", help="RA and DEC are J2000, as in catalogues")
 
 
 def place(arguments: argparse.Namespace) -> requests.Where:

@@ -38,7 +38,7 @@ def add_status(commands: Commands) -> None:
     )  # fmt: skip
     how = command.add_mutually_exclusive_group()
     how.add_argument("--watch", action="store_true", help="one mount on one line, every second until Ctrl-C")
-    how.add_argument("--json", action="store_true", help="for programs: a list with one object for each mount")
+    how.add_argument("--json", action="store_true", help="print JSON: a list with one object for each mount")
     gateway_client.add_which(command)
     command.set_defaults(run=_status)
 
@@ -114,7 +114,7 @@ def lines(state: State) -> Iterator[str]:
         position += f", {look.age:.0f} s ago"
     doing = activity(look) if look.online else ""  # not known now
     rows = {
-        "mount": [state.found or "has not said yet which one it is"],
+        "mount": [state.found or "not identified yet"],
         "now": [f"{position}; {doing}" if doing else position],
         "orders": state.wanted or ["none: no motion"],
         "limits": ["; ".join(state.allowed)],

@@ -30,8 +30,8 @@ Examples:
 def add_stop(commands: Commands) -> None:
     stop = commands.add_parser(
         "stop",
-        description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "
-                    "was seen at rest, 1: one could not be stopped or seen, or it cannot be known what runs.",
+        description="Stops every mount on this computer, and watches each until it is at rest. Exit code 0: all are "
+        "at rest, 1: a mount could not be stopped or watched, or a gateway could not be asked.",
         epilog=EXAMPLES,
     )  # fmt: skip
     add_which(stop, "only this one")
@@ -39,8 +39,7 @@ def add_stop(commands: Commands) -> None:
     both.add_argument(
         "--hold",
         action="store_true",
-        help="stop, and keep every mount from being moved until "
-        "--release, over restarts of the gateway and of the computer",
+        help="stop, and refuse every motion until --release, even after restarts of the gateway and the computer",
     )
     both.add_argument("--release", action="store_true", help="let programs move the mounts again")
     stop.set_defaults(run=_stop)

@@ -29,7 +29,7 @@ EXAMPLES = """\
 Examples:
   mount-gateway demo                    a Celestron, for programs that drive a Meade
   mount-gateway demo --reverse          a Meade, for programs that drive a Celestron
-  mount-gateway demo --speed 1 --log    as slow as a real one; every word is shown
+  mount-gateway demo --speed 1 --log    as slow as a real one; shows every message
 
 Talk to it by hand, from another terminal:
   nc 127.0.0.1 4030
@@ -43,7 +43,7 @@ and with --reverse, where a command is sent without the end of a line:
 def add_demo(commands: Commands) -> None:
     demo = commands.add_parser(
         "demo",
-        description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
+        description="Simulates a mount with a gateway, so that you can try a program without a mount.",
         epilog=EXAMPLES,
     )  # fmt: skip
     demo.add_argument(
@@ -97,7 +97,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     banner = "\n".join(
         [
             *notes,
-            f"A simulated {title}, driven by whatever program connects.{speed} Ctrl-C ends it.",
+            f"A simulated {title}, driven by any program that connects.{speed} Ctrl-C ends it.",
             f"Point any program{', and your browser,' if config.page is not None else ''} at the first address below.",
             f"To see it move, type in another terminal: {own_command()} goto Polaris",
         ]

@@ -148,15 +148,15 @@ def _port_advice(gateway: Gateway, reason: str, other: int | None) -> str:
         return port_advice(gateway.mount.where)
     if other:
         return (
-            f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
-            "need another --surface, end it and start it with that one, too"
+            f"another mount-gateway (process {other}) already drives this mount: connect programs to it. If they "
+            f"need another --surface, end it and start it again with both"
         )
     from gateway.diagnostics.detect.ports import gateway_of_another, port_holder
 
     who = port_holder(gateway.mount.where)
     if not who and (theirs := gateway_of_another()):
         return f"{theirs}: sudo mount-gateway status shows that, and where programs connect"
-    return f"{who or 'it'} has to be ended first"
+    return f"end {who or 'it'} first"
 
 
 def waiting_message(gateway: Gateway) -> str:
@@ -190,9 +190,8 @@ def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     answer = f"it answered {show(came)}" if came else "it did not answer that"
     kind = PROTOCOLS[gateway.mount.protocol].mounts
     return (
-        f"{gateway.title}: something is there, and no {kind} was found. The last question that went wrong was "
-        f"{show(asked)}: {answer}. So the cable carries bytes; the baud rate may be another one, or the mount "
-        f"speaks another protocol; {rest}"
+        f"{gateway.title}: something answers, but not as a {kind} should. The last question that failed was "
+        f"{show(asked)}: {answer}. The cable works; the baud rate or the protocol may be another one; {rest}"
     )
 
 

@@ -51,7 +51,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def add_config(commands: Commands) -> None:
     config = commands.add_parser(
         "config",
-        description="Prints what run would go by, and where each value comes from. It takes every flag of run, too: "
+        description="Prints the configuration that run would use, and where each value comes from. It takes every "
+        "flag of run, too: "
                     "mount-gateway run --help lists them.",
         epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"
                "  mount-gateway config gateway.toml\n  mount-gateway config gateway.toml --lowest 15",

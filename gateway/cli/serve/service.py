@@ -35,7 +35,7 @@ def add_service(commands: Commands) -> None:
     default = Path("/etc/mount-gateway.toml")
     service.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
     service.add_argument("--config", type=Path, metavar="FILE", default=default, help=f"default {default}")
-    about_user = "who it runs as: who runs the programs that use its virtual serial ports (default: you)"
+    about_user = "its user: the one whose programs use its virtual serial ports (default: you)"
     service.add_argument("--user", metavar="NAME", help=about_user)
     about_unit = "for a gateway beside others: the unit and its state folder are called mount-gateway-NAME"
     service.add_argument("--unit", metavar="NAME", default="", help=about_unit)
@@ -92,6 +92,6 @@ def _user_and_group(named: str | None) -> tuple[str, str]:
     except KeyError:
         raise UserError(f"service: this computer has no user {user!r}; systemd would not start it") from None
     if user == "root" != named:
-        raise UserError("service: as whom is it to run? write --user NAME; it needs the group dialout, not root")
+        raise UserError("service: which user runs it? Write --user NAME; that user needs the group dialout, not root")
     names = {group.gr_name for group in grp.getgrall()}
     return user, "uucp" if "dialout" not in names and "uucp" in names else "dialout"

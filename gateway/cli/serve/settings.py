@@ -75,8 +75,8 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         metavar="PROTOCOL@WHERE",
         help="for example nexstar@/dev/ttyUSB0",
         action=Once,
-        because="several mounts are written in gateway.toml, each under a [[mount]] of its "
-        "own (mount-gateway config --example shows how)",
+        because="write several mounts into gateway.toml, each under its own [[mount]] (mount-gateway config "
+        "--example shows how)",
     )
     ends.add_argument(
         "--surface",
@@ -227,7 +227,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
     several = isinstance(mounts, list) and len(mounts) > 1
     if several and (given or arguments.mount or arguments.surface):
         flag = next(iter([*given, *(["mount"] if arguments.mount else []), "surface"]))
-        raise UserError(f"--{flag}: {source.name} has several mounts; write it there, under the one it is meant for")
+        raise UserError(f"--{flag}: {source.name} has several mounts; write it there, under the right one")
     if arguments.mount:
         given["at"] = arguments.mount
     if given and isinstance(mounts, list) and mounts and isinstance(mounts[0], dict):
@@ -260,8 +260,8 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
         ]
         if len(meant) > 1:
             raise UserError(
-                f"--{name}: there are {len(meant)} surfaces; write {name} in gateway.toml, under the "
-                "[[surface]] that it is meant for (mount-gateway config --example shows how)"
+                f"--{name}: there are {len(meant)} surfaces; write {name} in gateway.toml, under the right "
+                f"[[surface]] (mount-gateway config --example shows how)"
             )
         if surfaces and not meant:
             raise UserError(f"--{name}: none of these surfaces is {ONLY_FOR[name][1]}")

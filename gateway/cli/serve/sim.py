@@ -53,7 +53,7 @@ _EPILOG = """\
 Several programs may connect at once, by one --at or by several: all of them talk to the same mount.
 It behaves like a real one where that counts: its motors need about a second to reach full speed and run on as long
 after a stop, bytes on a pty or serial port take their time, and an LX200GPS that sleeps does not move. A Meade refuses
-arguments that its manual does not write so, as :Sg-10*45# or :SG+8#, unless it is --tolerant.
+arguments in a form that its manual does not have, as :Sg-10*45# or :SG+8#, unless it is --tolerant.
 
 --truth writes one JSON object a line, ten times a second of its time, from the motor axes as they are and from --site
 and --time. Nothing that a program tells the mount changes what site and time this goes by, and a sync does not move it:

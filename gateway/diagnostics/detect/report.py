@@ -29,7 +29,7 @@ WORDS = {
     "foreign": "not examined",
     "served": "a mount that a gateway has already",
     "unopened": "cannot be opened",
-    "vanished": "the port vanished while it was looked at",
+    "vanished": "the port vanished during the search",
     "mute": "a mount",
     "offered": "a mount to which programs connect; it needs no second gateway",
 }
@@ -52,14 +52,14 @@ NO_ADAPTER = (
 #: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
 SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
 SILENT = (
-    "use the cable that is made for this hand control: others fit, and have their wires elsewhere",
-    "end a program that speaks to the mount on another port; leave the menus of the hand control",
+    "use the cable that is made for this hand control: others fit, but are wired differently",
+    "close programs that use the mount on another port, and leave the menus of the hand control",
 )
 OF_OTHERS = {
-    BUSY: "{port} is in use: end that program, or have it connect to the gateway in place of the port",
+    BUSY: "{port} is in use: close that program, or let it connect to the gateway instead of the port",
     FOREIGN: "{port}: sudo mount-gateway status shows whether that gateway has this mount, and where programs connect",
     SERVED: "{port}: mount-gateway status shows this mount, and the addresses where programs connect to its gateway",
-    UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at all that there are",
+    UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at every port",
     MUTE: "{port}: switch the mount off and on, and look again",
     "echo": "{port} hears itself: take out a loopback plug, or look whether the cable is the mount's own",
     "garbled": "{port}: try another cable, a shorter one, or another USB adapter",

@@ -71,7 +71,7 @@ def packages(facts: Facts) -> Iterator[Said]:
 def extras(facts: Facts) -> Iterator[Said]:
     """List the extras that are not installed."""
     for extra, names in sorted(facts.missing_extras.items()):
-        without = WITHOUT.get(extra, f"what the extra {extra} is for does not work")
+        without = WITHOUT.get(extra, f"the extra {extra} does not work")
         yield (
             NOTE,
             f"{' and '.join(names)} not installed: {without}",
@@ -91,13 +91,13 @@ def clock(facts: Facts) -> Iterator[Said]:
             BAD,
             f"this computer's clock has lost the time: it shows {now}, and the installed astronomy data are of "
             f"{_day(least)}",
-            f"set it: {set_it}. A mount with GPS tells its own",
+            f"set it: {set_it}. A mount with GPS has its own",
         )
     elif facts.clock_synchronized is False:
         yield (
             NOTE,
             f"this computer's clock shows {now}, and no time server or GPS keeps it right",
-            f"compare it with another clock; 4 s are 1' on the sky. To have it kept: {set_it}",
+            f"compare it with another clock; 4 s are 1' on the sky. To keep it right: {set_it}",
         )
     else:
         source = (
@@ -116,22 +116,21 @@ def astronomy(facts: Facts) -> Iterator[Said]:
 def _almanac(facts: Facts) -> Said:
     calculate = "mount-gateway almanac FILE --days 400 on a computer with astropy, and run --almanac FILE here"
     if facts.almanac_until is not None:
-        covers = (
-            f"astropy is left out: the sky is that of an almanac, which has the days until {_day(facts.almanac_until)}"
-        )
+        covers = f"astropy is not installed, and not needed: the almanac lasts until {_day(facts.almanac_until)}"
         soon = facts.almanac_until < facts.now + FEW * DAY
         return (NOTE, covers, calculate) if soon else (GOOD, covers, "")
     if any(running.sky.startswith("almanac of") for running in facts.gateways):
         return (
             GOOD,
-            "astropy is left out: the gateway that runs has an almanac for today; doctor --almanac FILE tells more",
+            "astropy is not installed, and not needed: the running gateway has an almanac for today (doctor "
+            "--almanac FILE shows more)",
             "",
         )
     return (
         BAD,
         "astropy is not installed, and no almanac is known for today: the Sun is within 0.01 degrees, the Moon within "
         "0.04, and there are no planets",
-        f"name it, doctor --almanac FILE, if there is one; else {calculate}, or {facts.pip} install astropy",
+        f"if you have an almanac, type doctor --almanac FILE; else {calculate}, or {facts.pip} install astropy",
     )
 
 
@@ -153,7 +152,7 @@ def ports(facts: Facts) -> Iterator[Said]:
             yield (
                 BAD,
                 f"{called} is in use by {port.holder}",
-                "end that program, or let it connect to the gateway in place of the port",
+                "close that program, or let it connect to the gateway instead of the port",
             )
         else:
             used = f"in use by a gateway: {port.holder}" if port.holder else "free, and you may open it"
@@ -162,7 +161,7 @@ def ports(facts: Facts) -> Iterator[Said]:
 
 def _permission(facts: Facts, port: Port) -> str:
     if port.group in facts.groups and port.group not in facts.active_groups:
-        return f"log out and in again: you were put into the group {port.group}, which counts from the next login on"
+        return f"log out and in again: your new group {port.group} counts from the next login"
     if port.group in facts.active_groups:
         return f"ls -l {port.name} tells who may: the group {port.group}, which you are in, has no right to write"
     return f"sudo usermod -aG {port.group} $USER, then log out and in again"

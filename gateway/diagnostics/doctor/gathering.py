@@ -151,7 +151,7 @@ def unwritable(folder: Path) -> str:
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir():
-        return f"{existing} is no folder"
+        return f"{existing} is not a folder"
     if not os.access(existing, os.W_OK | os.X_OK):
         return "permission denied" if existing == folder else f"permission denied in {existing}"
     return "the disk is full" if shutil.disk_usage(existing).free == 0 else ""

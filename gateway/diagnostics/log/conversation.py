@@ -71,7 +71,7 @@ class Side:
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
         match = self._reply_rules.protocol.find(frame)
         if match is None:
-            return Heard(frame, f"no command of the {self.protocol} protocol", fails=True)
+            return Heard(frame, f"not a command of the {self.protocol} protocol", fails=True)
         command, picture = match
         try:
             values = picture.decode(frame)

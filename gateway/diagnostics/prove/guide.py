@@ -122,7 +122,7 @@ class GuidedCheck:
                 if refused:
                     person.say(f"{title}: not now{' either' if refused == before else f': {refused}'}.")
                     break
-                again = " It goes on behind what was measured." * self._resumes(stage)
+                again = " It continues after the last measurement." * self._resumes(stage)
                 person.say(f"{title}: {stage.will}{again}{self._where() * stage.moves}")
                 key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
                 if key in ("y", "a"):
@@ -151,7 +151,7 @@ class GuidedCheck:
         if stage.moves and controller.hold.on:
             return "it is held (mount-gateway stop --release ends that)"
         if stage.moves and (controller.driver.asleep or controller.driver.parked):
-            return "it is parked or asleep; take it up first (mount-gateway unpark)"
+            return "it is parked or asleep; unpark it first (mount-gateway unpark)"
         status: op.Status | None = controller.cache.value(op.GetStatus)
         if (stage.moves or stage.points) and status is not None and not status.aligned:
             return "it is not aligned, so that it does not know where it points; align it first"
@@ -241,7 +241,7 @@ class GuidedCheck:
             if before or not ours:
                 was, now = ("on", "off") if before else ("off", "on")
                 why = telescope.switched_off if before else ""
-                self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'that was not done here'}.")
+                self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'prove did not do that'}.")
             elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=WHO))).done:
                 self._person.say(f"Its tracking was off: {answer.text}")
 

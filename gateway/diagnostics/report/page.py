@@ -31,24 +31,26 @@ def page(night: Night, source: str) -> str:
     parts = [_section("", "", f'<div class="summary">{said}</div>')]
     if points:
         parts.append(_section(
-            "Where it pointed", "North is up and east is left, as one looks up. The thick line: it tracked or rested; "
-            "the thin one: it was on its way.", f'<div class="round">{plots.all_sky(points, night)}</div>',
+            "Where it pointed", "North is up and east is left, as you look up. Thick line: tracking or at rest. "
+            "Thin line: slewing.", f'<div class="round">{plots.all_sky(points, night)}</div>',
         ))  # fmt: skip
         parts.append(_section(
-            "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: a program was refused "
-            "something. Dashed: the limits.", _wide(plots.altitude(points, light(night, sky), night)),
+            "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: refusals. Dashed: the "
+            "limits.", _wide(plots.altitude(points, light(night, sky), night)),
         ))  # fmt: skip
     if night.took:
         parts.append(_section(
-            "How long the mount took to answer", "The line is the middle one of the answers, the band nine of ten, "
-            "dots are the longest. Red: something was noted about the mount or its line.",
+            "How long the mount took to answer", "Line: the median. Band: nine of ten replies. Dots: the longest. "
+            "Red: a note about the mount or its connection.",
             _wide(plots.over_time(night)),
         ))  # fmt: skip
     parts += [
         _section("Programs", "", table_of_programs(night)),
         _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", of_programs=True)),
         _section(
-            "Noted about the mount and its line", "", table_of_remarks(night.remarks, "Nothing.", of_programs=False)
+            "Notes about the mount and its connection",
+            "",
+            table_of_remarks(night.remarks, "Nothing.", of_programs=False),
         ),
     ]
     heading, by = title(night), f" Recorded by mount-gateway {night.recorded_by}." if night.recorded_by else ""
@@ -147,17 +149,17 @@ def counted(number: int, thing: str) -> str:
 
 def _pointing(night: Night, points: list[TrackPoint]) -> str:
     if not night.pointings:
-        return "The mount never told where it pointed."
-    gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It was sent nowhere"
+        return "The mount never reported its position."
+    gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It received no goto"
     if not points:
-        return f"{gotos}. Neither the settings nor the mount tell a site, so altitudes are not known."
+        return f"{gotos}. The site is not known, and so are altitudes."
     lowest, highest = min(place.alt for place in points), max(place.alt for place in points)
     return f"{gotos}; the telescope was between {lowest:.0f}° and {highest:.0f}° high."
 
 
 def _answering(night: Night) -> str:
     if not night.took:
-        return "The mount answered nothing."
+        return "The mount answered no question."
     times = sorted(night.took)
     lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else ""
     every = "" if lost or len(times) == 1 else "all "
@@ -189,10 +191,10 @@ def _refusals(night: Night) -> str:
 
 def _remarks(night: Night) -> str:
     if not night.remarks:
-        return "The gateway had nothing to say about the mount or its line."
+        return "The gateway noted nothing about the mount or its connection."
     listed = "it is" if len(night.remarks) == 1 else "they are"
     noted = counted(len(night.remarks), "thing")
-    return f"The gateway noted {noted} about the mount and its line; {listed} listed below."
+    return f"The gateway noted {noted} about the mount and its connection; {listed} listed below."
 
 
 STYLE = """

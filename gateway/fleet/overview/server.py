@@ -197,7 +197,7 @@ class Overview:
         topics = Topics(self._prefix, stop.gateway)
         topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
         if not self._connected:
-            return f"the broker is not there ({self._why})"
+            return f"the broker cannot be reached ({self._why})"
         heard = self._waiting_for_echo.setdefault(topic, asyncio.Event())
         self._link.publish(MqttMessage(topic, b"stop"))
         try:

@@ -102,7 +102,7 @@ class Consequences:
         """Log that a goto replaces another program's: the last goto wins, and the other program gets no message."""
         old, new = (motion.by if isinstance(motion, Slew) else None for motion in (before, after))
         if old is not None and new is not None and old.program != new.program:
-            self._context.note(f"the goto of {new.who} replaces that of another program, {old.who}")
+            self._context.note(f"the goto of {new.who} replaces the goto of {old.who}")
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:

@@ -32,7 +32,7 @@ IN_MOTION, AT_REST = 0.45, 5.0
 #: Seconds for which a pier side is trusted at rest.
 SIDE_AGE = 5.0
 #: What the user is told where nothing shows how far the tube is past the meridian.
-NOT_KEPT = "hour-angle-limit is not kept on this mount: it does not tell on which side of the pier its tube is"
+NOT_KEPT = "hour-angle-limit has no effect on this mount, because it does not report the side of its pier"
 
 
 def reports_axes(mount: Context) -> bool:

@@ -100,7 +100,7 @@ def check_sync(
     if all(corrects(limit, before, after) for before, after in zip(befores, then.axes, strict=False)):
         return then
     distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
-    ways_out = "Center the object, align the mount again, or set another sync-limit."
+    ways_out = "Centre the object, align the mount again, or set another sync-limit."
     if distance > limit:
         raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position. {ways_out}")
     if then.size > limit and then.size > so_far.size:

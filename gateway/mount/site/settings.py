@@ -127,9 +127,9 @@ class SiteAndClock:
         if not never and self.sync.takes(status):
             return "everyone: this mount takes it"
         if sites and sites[0].source in (MOUNT, GPS, CONFIGURED):
-            why = "takes none" if never else "is aligned and gets none"
-            return f"nobody: this mount {why}, and the site told by {sites[0].source} counts"
-        return "everyone, as long as neither the mount nor the configuration tells one"
+            why = "takes no site" if never else "is aligned and takes no site"
+            return f"nobody: this mount {why}, and the site from {sites[0].source} counts"
+        return "everyone, as long as neither the mount nor the configuration has one"
 
     async def _has_own_site(self, site: op.SetSite, others: Sequence[op.SetSite]) -> bool:
         """Whether the mount still has ``site``, its site before clients selected ``others``, or reports none."""
@@ -206,7 +206,7 @@ class SiteAndClock:
         self._read_by(program).keep_clock(
             op.SetClock(gps.unix, present.offset, present.dst) if present else op.SetClock(gps.unix, 0.0)
         )
-        self._context.note_once("the clock that was set by the GPS is kept in the gateway")
+        self._context.note_once("the clock that was set by the GPS is stored in the gateway")
 
     async def _set_motor(self, operation: op.SetGuideRate | op.Backlash, _: ProgramId) -> None:
         await self.sync.now_or_later(operation)

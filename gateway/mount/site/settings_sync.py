@@ -46,7 +46,7 @@ def note(mount: Context, operation: op.Operation, text: str) -> None:
 def note_kept(mount: Context, setting: Setting, why: str) -> None:
     """Log, once for each host, that the mount does not get a site or clock."""
     mount.note_once(
-        f"{why}: the {setting_name(setting.value)} that was set is kept in the gateway, "
+        f"{why}: the {setting_name(setting.value)} that was set is stored in the gateway, "
         f"for {setting.by or 'this computer'} alone; everyone else reads the mount's"
     )
 
@@ -308,7 +308,7 @@ class SyncSettings:
         """The mount cannot store it, so the gateway does."""
         self.pending = pending_settings.without(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
-            self._context.note(f"{setting_name(setting.value)} kept in the gateway: {fault}")
+            self._context.note(f"{setting_name(setting.value)} stored in the gateway: {fault}")
         else:
             note(self._context, setting.value, str(fault))
 

@@ -240,7 +240,7 @@ def parse_date(raw: bytes) -> datetime.date:
     try:
         return datetime.date(year, month, day)
     except ValueError:
-        raise ValueError(f"'{show(raw)}' is no day of the calendar") from None
+        raise ValueError(f"'{show(raw)}' is not a day of the calendar") from None
 
 
 def dms_bytes(degrees: float) -> bytes:

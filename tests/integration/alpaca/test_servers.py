@@ -125,8 +125,8 @@ def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
         ("jnow", 2, None, "declares j2000 coordinates, but its altitude and azimuth fit jnow ones"),
         ("jnow", 2, "jnow", "fit jnow ones"),
         ("j2000", 1, "j2000", "declares jnow coordinates, but its altitude and azimuth fit j2000 ones"),
-        ("j2000", 0, None, "does not tell an equinox of its coordinates that is known here: j2000"),
-        ("jnow", 3, None, "does not tell an equinox of its coordinates that is known here: jnow"),
+        ("j2000", 0, None, "an equinox that the gateway does not know: j2000"),
+        ("jnow", 3, None, "an equinox that the gateway does not know: jnow"),
     ],
 )
 def test_the_equinox_is_compared_with_what_the_server_shows(
@@ -182,7 +182,7 @@ def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_doe
 def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
     async def program() -> None:
         async with server(config={"site_time": "always"}, keeps_clock=True) as one:
-            with pytest.raises(Refused, match="keeps its own"):
+            with pytest.raises(Refused, match="reports another one"):
                 await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
 
     run(program())

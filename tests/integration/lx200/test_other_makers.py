@@ -468,7 +468,7 @@ def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
         own.sim.answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
         async with own:
             assert (await own.controller.answer(op.GetIdentity())).model == "lx200-16"
-            with pytest.raises(Refused, match="told its name only now"):
+            with pytest.raises(Refused, match="reported its name only now"):
                 await own.controller.perform(op.Home())
             assert b":hF#" not in own.sent()
 
@@ -533,8 +533,8 @@ def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell
         async with own:
             identity = await own.controller.answer(op.GetIdentity())
             assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
-            [said] = [one.note for one in own.entries if "is not known here" in (one.note or "")]
-            assert "'OpenAstroTracker'" in said and "it did not tell whether it tracks" in said
+            [said] = [one.note for one in own.entries if "the gateway does not know" in (one.note or "")]
+            assert "'OpenAstroTracker'" in said and "it did not report whether it tracks" in said
             ra, dec = own.sim.truth()
             await own.controller.perform(op.Goto(ra, dec - 20.0))
             await asyncio.sleep(60.0)
@@ -608,7 +608,7 @@ def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
         async with own:
             identity = await own.controller.answer(op.GetIdentity())
             assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
-            assert any("does not tell its state" in (one.note or "") for one in own.entries)
+            assert any("does not report its state" in (one.note or "") for one in own.entries)
             ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
             await own.controller.perform(op.Goto(ra, 20.0))
             await asyncio.sleep(60.0)
@@ -683,9 +683,9 @@ def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
             await own.controller.answer(op.GetIdentity())
             target = overhead(own.sim)
             client = own.client()
-            assert any("pushed by hand" in (one.note or "") for one in own.entries)
+            assert any("push it by hand" in (one.note or "") for one in own.entries)
             assert not await own.controller.answer(op.Slewing())
-            assert b"pushed by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
+            assert b"push it by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
             assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
             able = (await own.controller.answer(op.GetAbilities())).can
             assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able

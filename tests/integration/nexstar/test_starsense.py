@@ -93,7 +93,7 @@ def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
             assert b"W" not in told(bridge) and b"H" not in told(bridge)
             assert bridge.sim.aligned
             assert (await bridge.controller.answer(GetSite())).latitude == pytest.approx(48.0)
-            said = [entry.note for entry in bridge.entries if "kept in the gateway" in entry.note]
+            said = [entry.note for entry in bridge.entries if "stored in the gateway" in entry.note]
             assert len(said) == 3
 
     run(program())

@@ -158,6 +158,6 @@ def test_a_mount_on_which_the_limit_is_not_kept_is_named(driven: str, model: str
             controller = bridge.controller
             at_start = [one.text for one in first_messages(controller, None, None)]
             for shown in (mount_state(controller).drawn().allowed, at_start):
-                assert bool([words for words in shown if "not kept on this mount" in words]) is not kept
+                assert bool([words for words in shown if "no effect on this mount" in words]) is not kept
 
     run(program())

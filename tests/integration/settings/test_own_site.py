@@ -223,7 +223,7 @@ def test_a_meade_has_its_own_site_again_too(model: str) -> None:
     [
         ("cpc", {}, True, "nobody: this mount is aligned"),
         ("cpc", {}, False, "everyone: this mount takes it"),
-        ("cpc", {"site_time": "never"}, False, "nobody: this mount takes none"),
+        ("cpc", {"site_time": "never"}, False, "nobody: this mount takes no site"),
         ("cpc", {"site_time": "always"}, True, "everyone: this mount takes it"),
         ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount"),
     ],

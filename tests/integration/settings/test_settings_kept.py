@@ -185,7 +185,7 @@ def test_a_mount_that_was_aligned_meanwhile_is_not_told() -> None:
             await plugged_in(bridge, cable)
             assert bridge.sim.mechanics.sky[:2] == (45.0, 10.0)
             assert await client.ask(b":Gt#") == b"+40*45#"
-            assert "site that was set is kept" in notes(bridge)
+            assert "site that was set is stored" in notes(bridge)
 
     run(program())
 
@@ -293,7 +293,7 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
             seconds = sum(int(part) * 60**power for power, part in enumerate(reversed(told[:-1].split(":"))))
             assert seconds == pytest.approx((wanted + 10.0) % 86400.0, abs=2.0)
             if aligned:
-                assert "clock that was set is kept" in notes(bridge)
+                assert "clock that was set is stored" in notes(bridge)
             else:
                 assert utc(bridge) == pytest.approx(wanted + 10.0, abs=2.0)
 

@@ -292,7 +292,7 @@ def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
     page.until("the own list", lambda: rows.count() == 5)
     texts = [row.text_content() or "" for row in rows.all()]
     assert "★ M31" in texts[0] and "✓ seen" in texts[0]
-    page.until("why one is not known", lambda: "'Xyzzyx' is no place" in (rows.nth(3).text_content() or ""))
+    page.until("why one is not known", lambda: "'Xyzzyx' is not a place" in (rows.nth(3).text_content() or ""))
     assert texts[4] == "5.588 -5.39Which one: hours or degrees?"
     assert "2 of 5 are up. The Moon" in page.text("#tonight-says"), "and nothing of an order, which is the user's"
     rows.nth(2).locator("button").click()

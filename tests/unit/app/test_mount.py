@@ -133,8 +133,8 @@ async def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path)
 @each(
     ("operation", "words"),
     [
-        ("goto", "'goto' is no operation"),
-        (op.Position, "is no operation"),
+        ("goto", "'goto' is not an operation"),
+        (op.Position, "is not an operation"),
         (op.MoveAxis(1.0, 1, op.Rate("find")), "MoveAxis: axis: Expected `int`, got `float`."),  # type: ignore[arg-type]
         (op.SetTracking("no"), "SetTracking: on: Expected `bool`, got `str`."),  # type: ignore[arg-type]
         (op.Pulse("up", 100), "Pulse: direction: Invalid enum value 'up'; write op.Direction.NORTH."),  # type: ignore[arg-type]

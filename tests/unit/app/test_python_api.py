@@ -150,8 +150,8 @@ def test_values_pass_through_a_frame_of_either_protocol() -> None:
 @each(
     ("call", "words"),
     [
-        (lambda: decode("meade", b":GR#"), "'meade' is no protocol; there are lx200, nexstar"),
-        (lambda: decode("lx200", b":xyz#"), "b':xyz#' is no command of the lx200 protocol"),
+        (lambda: decode("meade", b":GR#"), "'meade' is not a protocol; there are lx200, nexstar"),
+        (lambda: decode("lx200", b":xyz#"), "b':xyz#' is not a command of the lx200 protocol"),
         (
             lambda: decode("lx200", b":Sr25:00:00#"),
             "Sr (set the target right ascension): '25:00:00' is not from 0 to 360",
@@ -163,7 +163,7 @@ def test_values_pass_through_a_frame_of_either_protocol() -> None:
         (lambda: encode("lx200", "Sd", dec=95), "dec cannot be 95: an altitude, declination or latitude lies beyond"),
         (lambda: encode("lx200", "Sr", dec=3.0), "Sr (set the target right ascension) has no dec; it has ra"),
         (lambda: encode("lx200", "GR", ra=3.0), "has no ra; it has no values"),
-        (lambda: decode_reply("lx200", "GR", b"what#"), "b'what#' is no reply to GR"),
+        (lambda: decode_reply("lx200", "GR", b"what#"), "b'what#' is not a reply to GR"),
         (lambda: decode_reply("lx200", "Q", b"1"), "has no reply"),
         (lambda: encode_reply("lx200", "GR", dec=1.0), "no reply with dec; ra or ra"),
     ],
@@ -226,7 +226,9 @@ async def test_a_port_that_does_not_exist_is_told_at_once() -> None:
 async def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> None:
     port = "nexstar@/dev/ttyNONE"
     async with open_gateway(port, watchdog=False), open_gateway(port, watchdog=False) as second:
-        with pytest.raises(UserError, match=rf"^{port}: another gateway \(process {os.getpid()}\) has this mount"):
+        with pytest.raises(
+            UserError, match=rf"^{port}: another gateway \(process {os.getpid()}\) already drives this mount"
+        ):
             await second.ready(10)
 
 
@@ -244,9 +246,9 @@ async def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> 
         (
             SURFACE,
             {"record": "x.rec"},
-            "open_gateway: record is no setting of this function: mount-gateway run --record",
+            "open_gateway: record is not a setting of this function: mount-gateway run --record",
         ),
-        (SURFACE, {"wait": True}, "open_gateway: wait is no setting of this function: ready(seconds) waits"),
+        (SURFACE, {"wait": True}, "open_gateway: wait is not a setting of this function: ready(seconds) waits"),
         (SURFACE, {"lowest": 100}, "open_gateway: [mount] lowest: 100: write "),
         ("lx200", {}, "write PROTOCOL[:MODEL[/VERSION]]@WHERE"),
         ("lx200@tcp://256.0.0.1:4030", {}, "256.0.0.1"),

@@ -181,7 +181,7 @@ def test_programs_of_one_computer_are_told_apart_by_their_surface() -> None:
                 await bridge.controller.perform(op.Goto(120.0, 30.0), activity=activity)
                 assert orders(*surfaces)[0].endswith(ends)
                 assert orders()[0].endswith(f"by {who}")
-            replaced = "the goto of pty:/tmp/x replaces that of another program, 127.0.0.1"
+            replaced = "the goto of pty:/tmp/x replaces the goto of 127.0.0.1"
             assert [entry.note for entry in bridge.entries if "replaces" in entry.note] == [replaced]
 
     run(program())

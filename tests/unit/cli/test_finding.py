@@ -184,7 +184,7 @@ def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.M
         for at, answer, words in (
             ("nexstar@/dev/ttyUSB0", b"", "the mount speaks lx200; write lx200@/dev/ttyUSB0"),
             ("nexstar@socket://1.2.3.4:2000", b"", "Celestron's AUX protocol: that is not supported"),
-            ("nexstar@/dev/ttyUSB1", b"hello", "something is there, and no NexStar was found"),
+            ("nexstar@/dev/ttyUSB1", b"hello", "something answers, but not as a NexStar"),
         ):
             bridge, began = Bridge("cpc"), now()
             wire: Any = bridge.controller.line.wire

@@ -14,7 +14,7 @@ pytest.importorskip("aiomqtt")
     [
         ([], "--mqtt"),
         (["--mqtt", "pi"], "write mqtt://HOST:PORT"),
-        (["--mqtt", "mqtt://eve:secret@pi"], "the address holds a password"),
+        (["--mqtt", "mqtt://eve:secret@pi"], "the address contains a password"),
         (["--mqtt", "mqtt://pi", "--prefix", "a/#"], "--prefix 'a/#': write words"),
         (["--mqtt", "mqtt://pi", "--port", "70000"], "--port 70000: write a number"),
         (["--mqtt", "mqtt://pi", "--password-file", "/none/such"], "/none/such: there is no folder"),

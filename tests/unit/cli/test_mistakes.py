@@ -98,8 +98,8 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
             "no such port; mount-gateway detect",
         ),
         ("run --mount nexstar:gpe@sim --surface lx200@tcp://127.0.0.1:0", "did you mean"),
-        ("run --mount nexstr@sim --surface lx200@tcp://127.0.0.1:0", "no protocol"),
-        ("run --mount nexstar:cge/new@sim --surface lx200@tcp://127.0.0.1:0", "no version"),
+        ("run --mount nexstr@sim --surface lx200@tcp://127.0.0.1:0", "neither a protocol"),
+        ("run --mount nexstar:cge/new@sim --surface lx200@tcp://127.0.0.1:0", "not a version"),
         ("run --mount nexstar --surface lx200@tcp://127.0.0.1:0", "PROTOCOL"),
         ("run --mount nexstar@sim", "command line: at least one surface"),
         ("run --surface lx200@tcp://127.0.0.1:0", "which mount"),
@@ -114,7 +114,7 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         ("sim nexstar:cge --speed 0", "--speed"),
         ("sim nexstar:cge --at pty:/does/not/exist/x", "/does/not/exist/x"),
         ("explain lx200 nexstar :XY#", "no command"),
-        ("explain lx200 telescope :GR#", "'telescope' is no protocol (lx200, nexstar, alpaca) and no model"),
+        ("explain lx200 telescope :GR#", "'telescope' is neither a protocol (lx200, nexstar, alpaca) nor a model"),
         (
             "run --mount nexstar@sim --surface lx200@127.0.0.1:4030",
             "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030",
@@ -151,7 +151,7 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         ("run --mount nexstar@sim --surface lx200@tcp://:99999", "--surface: tcp://:99999: a port is"),
         (
             "run --mount nexstar@sim --surface lx200@tcp://:4055 --surface nexstar@tcp://:4055",
-            "tcp://:4055 is taken by another one",
+            "tcp://:4055 is already in use by another",
         ),
     ],
 )

@@ -104,7 +104,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert err.startswith("mount-gateway: Sync refused: ")
     assert say("unpark", *which)[:2] == (0, "unparked and tracking")
     code, out, err = say("goto", "nowhere", *which)
-    assert (code, out) == (2, "") and "'nowhere' is no place: write RA DEC" in err
+    assert (code, out) == (2, "") and "'nowhere' is not a place: write RA DEC" in err
     code, out, err = say("goto", "Sun", *which)
     assert (code, out) == (1, "")  # refused as any goal: 2 is for what is mistyped
     assert "no goto to the Sun" in err
@@ -258,7 +258,7 @@ def test_an_object_is_of_2000() -> None:
     (("25:00:00", "+22"), "is not a right ascension"),
     (("05:00:00", "+92"), "is not a declination"),
     (("05:61:00", "+22"), "write it like 05"),
-    (("05:00:00",), "is no place: write RA DEC"),
+    (("05:00:00",), "is not a place: write RA DEC"),
     (("M999",), "there is no M999"),
     (("XYZ12",), "no catalogue is called 'XYZ'"),
     (("Sun",), "no goto to the Sun"),

@@ -334,5 +334,8 @@ def test_a_second_gateway_is_sent_to_the_first(tmp_path: Path, started: list[Run
     second = Running("run", *words)
     started.append(second)
     assert second.end(0) == 2
-    assert f"another mount-gateway (process {first.process.pid}) has this mount: programs connect to" in second.said
-    assert "what has to outlast a restart" not in second.said, "only the true reason"
+    assert (
+        f"another mount-gateway (process {first.process.pid}) already drives this mount: connect programs to"
+        in second.said
+    )
+    assert "saves its state" not in second.said, "only the true reason"

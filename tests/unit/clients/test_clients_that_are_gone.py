@@ -35,7 +35,7 @@ async def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_noth
         for _ in range(3):
             await flood(bully, ARROWS, 1.0)
             assert not bridge.controller.moving
-        said = [entry.note for entry in bridge.entries if "sends faster" in entry.note]
+        said = [entry.note for entry in bridge.entries if "sends commands faster" in entry.note]
         assert len(said) == 1
 
 

@@ -123,7 +123,7 @@ async def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_p
 @pytest.mark.parametrize(
     ("topic", "payload", "retain", "why"),
     [
-        (COMMAND, b"stop", True, "stop: it has the retain flag"),
+        (COMMAND, b"stop", True, "stop: ignored because of its retain flag"),
         (COMMAND, b"home", False, "home: the broker may not ask for this; orders"),
         (COMMAND, b"goto Vega", False, "goto Vega: the broker may not ask for this"),
         (COMMAND, b"goto", False, "goto: there is no such order: stop, park, wake"),

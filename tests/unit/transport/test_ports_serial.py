@@ -161,7 +161,10 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
 @each(
     ("told", "words"),
     [
-        ("FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)", "no such port; a program's"),
+        (
+            "FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
+            "no such port; a program opens",
+        ),
         ("PermissionError(13, 'Access is denied.', None, 5)", "the port is in use by another program"),
     ],
 )

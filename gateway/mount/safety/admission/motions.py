@@ -35,7 +35,7 @@ from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
 #: Why a telescope does not seek its home by day.
-SEEKS_UNSEEN = "It tells nothing while it seeks. Cover the tube and seek home at the hand control, or park."
+SEEKS_UNSEEN = "It reports nothing while it seeks home. Cover the tube and seek home at the hand control, or park."
 #: Seconds that a goto takes beside its way at full speed.
 SETTLES = 3.0
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.

@@ -83,7 +83,7 @@ def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...
                 mount.senses[axis, side] = -mount.senses.get((axis, side), 1)
                 text = (
                     f"an arrow to the {WAYS[axis, sense]} has moved the tube to the {WAYS[axis, -sense]}: "
-                    "MoveAxis counts the other way there, so arrows are turned round from now on; reversed-axes "
+                    "MoveAxis counts the other way there, so the gateway now reverses arrows; reversed-axes "
                     "(--reversed-axes) says so before the first arrow"
                 )
     return text

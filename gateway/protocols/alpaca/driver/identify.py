@@ -69,7 +69,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     fits = None if mount.compared else (yield from compare_equinox(mount))
     if not mount.declared:
         mount.equinox = fits or "jnow"
-        yield Remark(f"the server does not tell an equinox of its coordinates that is known here: {mount.equinox}")
+        yield Remark(f"the server reports an equinox that the gateway does not know: {mount.equinox}")
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from device_state(mount, read_member_again)).keys()
     east = (yield from read_member_again(mount, "guideraterightascension", 0.0)) / SIDEREAL
     north = (yield from read_member_again(mount, "guideratedeclination", 0.0)) / SIDEREAL
@@ -83,7 +83,7 @@ def _kind(mount: AlpacaDriver) -> Steps:
     number = yield from read_member_again(mount, "alignmentmode")
     if number in range(len(MODELS)):
         return MODELS[number]
-    yield Remark("the server does not tell what kind of mount this is: it counts as a German one; write alpaca:altaz@…")
+    yield Remark("the server does not report the kind of mount: the gateway assumes a German one; write alpaca:altaz@…")
     return "german"
 
 

@@ -115,7 +115,7 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
     possible = {number: mount.nearest(number, rate) for number, rate in sent.items()}
     off = abs(possible[axis] - sent[axis])
     if on_sky and off > abs(speed) / 2.0:
-        raise Refused("This mount has no speed near that on top of its tracking: its server lists other ones only.")
+        raise Refused("The server lists no speed near this one on top of tracking.")
     if off > REMARK_FROM * abs(speed):
         text = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"
         yield Remark(text, "speed")

@@ -35,7 +35,7 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
         if away < SAME_PLACE:
             return
         yield Wait(LOOK_AGAIN)
-    raise Refused("The server has accepted the site and keeps another one.")
+    raise Refused("The server has accepted the site, but reports another one.")
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
@@ -52,4 +52,4 @@ def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
         if abs(reported - operation.unix - (mount.now() - began)) < SAME_TIME:
             return
         yield Wait(LOOK_AGAIN)
-    raise Refused("The server has accepted the time and keeps its own.")
+    raise Refused("The server has accepted the time, but reports another one.")

@@ -79,7 +79,7 @@ def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
     ask = read_member if mount.side_untold else read_member_again
     side = (yield from ask(mount, "sideofpier")) if mount.german else None
     if side not in (0, 1):
-        raise Unsupported("The server does not tell the side of the pier.")
+        raise Unsupported("The server does not report the side of the pier.")
     return "W" if side else "E"
 
 

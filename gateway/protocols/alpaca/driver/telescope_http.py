@@ -72,7 +72,7 @@ class TelescopeHttp:
             answer = json.loads(body)
             number = int(answer.get("ErrorNumber") or 0)
         except (ValueError, AttributeError, TypeError):
-            return _error(UNSPECIFIED, "The answer is no JSON object of Alpaca.")
+            return _error(UNSPECIFIED, "The reply is not a JSON object of Alpaca.")
         if number:
             return _error(
                 number & 0xFFF if number & ~0xFFF in (COM, COM - 2**32) else number, answer.get("ErrorMessage")

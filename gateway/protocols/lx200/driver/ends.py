@@ -94,8 +94,8 @@ def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
     yield from set_fastest(mount, None)
     yield from use_guide_rate(mount, mount.guide_rate)
     yield Remark(
-        f"speeds of the hand control that a motion has changed are set again, to {mount.facts['max_rate']} degrees a "
-        f"second, and {mount.guide_rate:.0%} of sidereal for guiding: this Meade does not report what they were before"
+        f"the gateway sets hand-control speeds that a motion has changed to {mount.facts['max_rate']} degrees a "
+        f"second, and {mount.guide_rate:.0%} of sidereal for guiding: this Meade does not report the earlier ones"
     )
 
 

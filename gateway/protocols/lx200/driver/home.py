@@ -39,7 +39,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     """
     nameless = not mount.product and mount.named_model is None
     if nameless and (yield from ask_repeatedly(mount, "GVP", 2)) is not None:
-        raise Refused("The mount has told its name only now. Connect it again, so that it is identified.")
+        raise Refused("The mount has reported its name only now. Reconnect it to identify it.")
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on no other command is sent; requests in the queue are answered first
     yield Wait(SETTLE)

@@ -73,11 +73,12 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if mount.model == "other":
         unknown = [text for command, text in UNKNOWN.items() if command in mount.mute]
         unnamed = load("lx200").by_product(mount.product) == "other"
-        known = "which is not known here" if unnamed else "and does not tell its state (a TeenAstro does from 1.5.1 on)"
+        untold = "and does not report its state (a TeenAstro does from 1.5.1 on)"
+        known = "which the gateway does not know" if unnamed else untold
         yield Remark(
-            f"it calls itself {mount.product!r}, {known}: it is sent only what all controllers with "
-            "LX200 take alike, so tracking is not switched, and it is neither parked nor sent home"
-            + (f"; it did not tell {' nor '.join(unknown)}" if unknown else "")
+            f"it calls itself {mount.product!r}, {known}: the gateway sends it only what all LX200 controllers "
+            f"share, and does not switch its tracking, park it or send it home"
+            + (f"; it did not report {' nor '.join(unknown)}" if unknown else "")
             + ". If it is a Meade, name it: lx200:autostar"
         )
         yield from _see_whether_pushed(mount)

@@ -40,7 +40,7 @@ _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Seconds in which a telescope answers a command that it has; its firmware may lack commands of the manual.
 OWN_PATIENCE = 1.5
-PUSHED = "This device only tells where the telescope points: it is pushed by hand."
+PUSHED = "This device only reports where the telescope points. You push it by hand."
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 

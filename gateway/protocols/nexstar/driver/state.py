@@ -442,7 +442,7 @@ def rate_zero(axis: int) -> Send:
 #: The motors of both axes in the names of commands.
 AXES = {1: "azm", 2: "alt"}
 _UNDECIDED = (
-    "This mount is set up in alt-az or equatorially, and has not told yet which: turn tracking on once at the hand "
+    "This mount is set up in alt-az or equatorially, and has not reported which: turn tracking on once at the hand "
     "control, or set the key mode."
 )
 #: The motors' own default guide rate, as a fraction of sidereal.

@@ -124,7 +124,8 @@ class SimulatedMount(Simulated):
             self.shown_version: Version = (number.shown[0], number.shown[1], *number.shown[2:3])
             bytes(self.shown_version)  # ``V`` reports each number as one byte
         except (ValueError, IndexError):
-            raise UserError(f"{version!r} is no hand-control version; write it like 4.21 or starsense-1.20") from None
+            known = "write it like 4.21 or starsense-1.20"
+            raise UserError(f"{version!r} is not a hand-control version; {known}") from None
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
         self.codes = modes(self.row, self.version)

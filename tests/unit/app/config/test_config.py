@@ -66,7 +66,7 @@ def flags(*words: str) -> Config:
         (f"{MOUNT}{SURFACE}sync-text = 'matched#'\n", 5, "without #"),
         (f"{MOUNT}{SURFACE}client = 'stelarium'\n", 5, "did you mean 'stellarium'?"),
         (f"{MOUNT}[[surface]]\nat = 'lx200@tcp://nowhere'\n", 4, "write tcp://HOST:PORT"),
-        (f"{MOUNT}[[surface]]\nat = 'lx300@tcp://:0'\n", 4, "'lx300' is no protocol"),
+        (f"{MOUNT}[[surface]]\nat = 'lx300@tcp://:0'\n", 4, "'lx300' is neither a protocol"),
         (f"{MOUNT}[[surface]]\nat = 'any@pty:/tmp/x'\n", 4, "write any@tcp"),
         (f"{MOUNT}[[surface]]\nat = 'any@4030'\n", 4, "write any@tcp://127.0.0.1:4030, or one protocol"),
         (f"{MOUNT}[[surface]]\nat = 'any:6se@tcp://:0'\n", 4, "write any@tcp"),
@@ -76,9 +76,9 @@ def flags(*words: str) -> Config:
         (f"{MOUNT}{SURFACE}mount = 'pier'\n", 5, "'pier'"),
         (f"wait = 'yes'\n{MOUNT}{SURFACE}", 1, "wait: 'yes': write true or false"),
         (f"[mount]\nat = nexstar@sim\n{SURFACE}", 2, 'text is written in "quotes"'),
-        (f"{MOUNT}at = 'nexstar@sim'\n{SURFACE}", 3, "it is there already"),
+        (f"{MOUNT}at = 'nexstar@sim'\n{SURFACE}", 3, "already defined above"),
         (f"{MOUNT}{MOUNT}{SURFACE}", 3, "several mounts [[mount]]"),
-        (f"{MOUNT}site = 48.1, 11.6\n{SURFACE}", 3, "two numbers stand in [ ]"),
+        (f"{MOUNT}site = 48.1, 11.6\n{SURFACE}", 3, "two numbers go into [ ]"),
         (f"{MOUNT}lowest = 10,5\n{SURFACE}", 3, "a single one has a point: 10.5"),
         (f"{MOUNT}lowest = 10 5\n{SURFACE}", 3, "after a statement"),
         (f'{MOUNT}record = "C:\\Users\\me"\n{SURFACE}', 3, "write / for it"),
@@ -91,7 +91,7 @@ def flags(*words: str) -> Config:
         (TWO + A + SURFACE + 'mount = "c"', 12, "no mount is called 'c'"),
         (f"{TWO}{A}", 4, "no [[surface]] has mount = 'b'"),
         (TWO.replace('name = "b"', "") + A + B, 4, "[mount] name"),
-        (TWO.replace('"b"', '"a"') + A + B, 5, "'a' is the name of another mount"),
+        (TWO.replace('"b"', '"a"') + A + B, 5, "another mount already has the name 'a'"),
         (TWO.replace('"b"', '"b c"') + A + B, 5, "name: 'b c': write a word of letters"),
     ],
 )
@@ -122,7 +122,7 @@ def test_two_cannot_be_at_one_place(tmp_path: Path, one: str, other: str, clash:
     if not clash:
         assert len(read(tmp_path, text).surface) == 2
         return
-    with pytest.raises(UserError, match="taken by another") as caught:
+    with pytest.raises(UserError, match="already in use by another") as caught:
         read(tmp_path, text)
     assert f"{tmp_path}/gateway.toml:6: " in str(caught.value)
 
@@ -151,7 +151,7 @@ def test_no_file_and_no_text_are_told_of(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"nothing\.toml: there is no such file"):
         read_tables(tmp_path / "nothing.toml")
     (tmp_path / "image.toml").write_bytes(b"at = \xff\xfe")
-    with pytest.raises(UserError, match=r"image\.toml: this is no UTF-8 text"):
+    with pytest.raises(UserError, match=r"image\.toml: this is not UTF-8 text"):
         read_tables(tmp_path / "image.toml")
 
 

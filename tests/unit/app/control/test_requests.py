@@ -159,7 +159,7 @@ async def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None
         owner = Owner(bridge)
         await owner.wish(requests.ParkRequest(number="p"))
         assert (await owner.outcome("p")).endswith("it is parked")
-        assert "it is not parked any more" in await owner.wish(NORTH)
+        assert "it is no longer parked" in await owner.wish(NORTH)
         assert "parked" not in await owner.wish(NORTH)
 
 
@@ -270,8 +270,8 @@ async def test_everything_is_told_by_name() -> None:
         assert "down: no such port" in told
         assert (state.look.name, state.mount) == ("pier", "nexstar@sim")
         assert state.found == "Celestron NexStar, 6-8se, version 4.21"
-        assert state.site == "45.0 N 10.0 E, told by the mount"
-        assert state.clock == "2026-01-15 22:00:01 UTC, told by the mount"
+        assert state.site == "45.0 N 10.0 E, from the mount"
+        assert state.clock == "2026-01-15 22:00:01 UTC, from the mount"
 
 
 def test_a_site_that_another_contradicts_is_told_once() -> None:
@@ -281,7 +281,7 @@ def test_a_site_that_another_contradicts_is_told_once() -> None:
             for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
                 sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
                 shown = msgspec.structs.replace(state, sites=sites, times=[Time(0.0, MOUNT)]).site
-                whole = f"45.0 N 10.0 E, told by {told}; the configuration says 48.1 N 11.6 E, 366 km away: correct the"
+                whole = f"45.0 N 10.0 E, from {told}; the configuration says 48.1 N 11.6 E, 366 km away: correct the"
                 assert shown.startswith(whole)
                 assert "the key site of the configuration" in shown
 

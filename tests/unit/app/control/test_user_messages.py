@@ -51,7 +51,7 @@ def test_where_no_site_is_known_the_flag_that_sets_it_is_named() -> None:
 def test_the_mount_its_site_and_its_clock_are_told() -> None:
     (model, facts), warned = at_the_start()
     assert "6-8se, version 4.21" in model and not warned
-    assert "45.0 N 10.0 E, told by the mount" in facts and "2026-01-15 22:00:01 UTC, told by the" in facts
+    assert "45.0 N 10.0 E, from the mount" in facts and "2026-01-15 22:00:01 UTC, from the" in facts
 
 
 def test_a_german_mount_without_a_limit_of_the_hour_angle_is_told_of() -> None:
@@ -89,10 +89,7 @@ def test_another_model_than_was_named_is_told_of(driven: str, mount: str, named:
         named_model=named,
         surface="autostar" if surface == "lx200" else None,
     )
-    words = [
-        f"the mount was named as {named}, and says that it is {told}: leave the model out, it is asked for, or "
-        f"write {told}"
-    ]
+    words = [f"you named the mount {named}, and it reports {told}: leave the model out, or write {told}"]
     assert [line for line in warned if "named" in line] == (words if told else [])
 
 
@@ -119,7 +116,7 @@ def test_the_model_that_was_named_is_no_doubt() -> None:
 
 def test_another_version_than_was_named_is_told_of() -> None:
     [warned] = at_the_start(named_model="6-8se", named_version="3.0")[1]
-    assert "named as version 3.0" in warned and "4.21" in warned
+    assert "hand control version 3.0" in warned and "4.21" in warned
     assert at_the_start(mount="cge", version="4.21", named_model="cge", named_version="4.21")[1] == []
 
 
@@ -182,7 +179,7 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     told = gateway.finish(signal.SIGINT)
     assert (told.returncode, told.stdout.startswith("stopped the mount; tracking is o")) == (0, True)
     warnings = [line for line in told.stderr.splitlines() if "waiting for the mount's first answer" not in line]
-    assert "was named as cge" in warnings[0] and "write cpc" in warnings[0] and "not aligned" in warnings[1]
+    assert "named the mount cge" in warnings[0] and "write cpc" in warnings[0] and "not aligned" in warnings[1]
 
 
 def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, started: list[Running]) -> None:

@@ -78,7 +78,7 @@ def test_an_earlier_run_s_recording_is_put_aside_and_made_private(tmp_path: Path
 def test_a_file_of_another_kind_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text("[mount]\n")
-    with pytest.raises(UserError, match="left alone"):
+    with pytest.raises(UserError, match="not a recording"):
         _recorded(path)
     assert path.read_text() == "[mount]\n"
 
@@ -89,7 +89,7 @@ def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
     assert all(file.stat().st_size < 1200 for file in tmp_path.iterdir())
     assert len(said) == 1
-    assert "the oldest is deleted" in said[0] and "record-keep" in said[0]
+    assert "replaces the oldest" in said[0] and "record-keep" in said[0]
     assert read(path).settings["from"] > 0.0
 
 
@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
     assert path.stat().st_size == 5000
     assert len(list(read(path))) > 90
     assert main(["decode", str(path)]) == 0
-    assert "good up to there" in capsys.readouterr().out.splitlines()[-1]
+    assert "complete" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,7 +198,7 @@ def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path
         process.wait(30.0)
     recording = read(path)
     assert len(list(recording)) > 500
-    assert "breaks off" in recording.cut or "cut off" in recording.cut
+    assert "the recording ends" in recording.cut or "cut off" in recording.cut
 
 
 def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_pat
 
     asyncio.run(work())
     assert path.read_text() == "a letter"
-    assert len(said) == 1 and "there is a file that is no recording" in said[0]
+    assert len(said) == 1 and "this file is not a recording" in said[0]
 
 
 def test_times_are_right_although_the_clock_of_the_computer_is_set(tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_no_mount_is_exit_code_1_and_a_mistake_2(tmp_path: Path, capsys: pytest.
     assert main(["detect", none]) == 1
     assert capsys.readouterr().out == f"{none}\n  cannot be opened: no such port\n"
     assert main(["detect", "--write", str(there), none]) == 2
-    assert f"{there}: is there already; --force" in capsys.readouterr().err
+    assert f"{there} exists already; --force" in capsys.readouterr().err
     assert there.read_text() == "mine"
 
 
@@ -245,7 +245,7 @@ def test_a_gateway_of_another_user_may_have_a_port_that_is_in_use(
         assert "the user root (process 4711): sudo" in run
     else:
         assert "in use by another program" in told.out
-        assert "end that program" in told.err and "it has to be ended first" in run
+        assert "close that program" in told.err and "end it first" in run
 
 
 def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,7 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
             PortFinding(SerialPortInfo(PORT, PORT), "silent"),
             ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"],
         ),
-        (PortFinding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
+        (PortFinding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: close that program"]),
         (PortFinding(SerialPortInfo(PORT, PORT), "served"), ["mount-gateway status shows this mount"]),
         (
             PortFinding(SerialPortInfo("socket://192.168.1.9:2000", PORT), "silent"),
@@ -107,7 +107,7 @@ def test_a_mount_that_a_gateway_has_is_not_touched(started: list[Running], capsy
     assert main(["detect", port]) == 1
     told = capsys.readouterr()
     assert f"mount-gateway, process {serving.process.pid}" in told.out
-    assert f"  - {port}: mount-gateway status shows this mount" in told.err and "end that program" not in told.err
+    assert f"  - {port}: mount-gateway status shows this mount" in told.err and "close that program" not in told.err
 
 
 def test_a_port_that_may_not_be_opened_says_what_to_type(

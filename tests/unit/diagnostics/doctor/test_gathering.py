@@ -107,7 +107,7 @@ def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert gathering.unwritable(tmp_path) == "" and gathering.unwritable(tmp_path / "to" / "be made") == ""
     (tmp_path / "file").touch()
-    assert gathering.unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is no folder"
+    assert gathering.unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is not a folder"
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     assert gathering.unwritable(tmp_path) == "permission denied"
     assert gathering.unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"

@@ -118,7 +118,7 @@ def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> Non
 
 def test_unknown_bytes_are_bytes() -> None:
     side = Side("lx200")
-    assert side.command(b":XX#").text == "no command of the lx200 protocol"
+    assert side.command(b":XX#").text == "not a command of the lx200 protocol"
     assert side.reply(b"\xffwhat").text == ""
 
 

@@ -335,14 +335,16 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
             person.when |= dict.fromkeys(("rate 9 west/east", "rate 9 north/south"), person.stop.set)
             stopped = await proven.check(person)
             assert sum("same  rate 6 west/east" in line for line in person.said) == 1
-            assert any("goes on behind what was measured" in line for line in person.said)
+            assert any("continues after the last measurement" in line for line in person.said)
             save(tmp_path / "findings.json", stopped)
             proven.findings = load(tmp_path / "findings.json")
             assert not stopped.whole("motions") and proven.findings == stopped
             again = Onlooker("ssyssss")
             found = await proven.check(again)
             assert found.whole("motions") and not found.of("differs")
-            assert [line[:10] for line in again.said if "goes on behind what was measured" in line] == ["4/7 motion"]
+            assert [line[:10] for line in again.said if "continues after the last measurement" in line] == [
+                "4/7 motion"
+            ]
             verdicts = {one.what: one.verdict for one in found.stages["motions"]}
             assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
 

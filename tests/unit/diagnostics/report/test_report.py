@@ -178,7 +178,7 @@ def test_the_page_is_whole_and_says_it_in_words(seen: Night) -> None:
         "The mount answered all 2,495 questions.",
         "2 programs sent 7,565 commands.",
         "4 things were refused, 3 of them because",
-        "The gateway noted 1 thing about the mount and its line; it is listed below.",
+        "The gateway noted 1 thing about the mount and its connection; it is listed below.",
     ):
         assert words in said
     assert "The night of 20 November 2026" in text and "3 ×" in text
@@ -205,7 +205,7 @@ def test_a_night_in_which_little_happened(lines: str, tmp_path: Path) -> None:
     found = gather(read(path))
     judged(page(found, path.name))
     said = sentences(found, [])
-    assert "The mount never told where it pointed." in said and "The mount answered nothing." in said
+    assert "The mount never reported its position." in said and "The mount answered no question." in said
 
 
 def test_places_without_a_site_are_told_in_words(tmp_path: Path) -> None:
@@ -214,7 +214,7 @@ def test_places_without_a_site_are_told_in_words(tmp_path: Path) -> None:
     found = recorded(tmp_path, tape, site=None)
     tags = judged(page(found, "some.rec"))
     assert tags.count("svg") == 1
-    assert any("tell a site" in words for words in sentences(found, track(found, Sky())))
+    assert any("site is not known" in words for words in sentences(found, track(found, Sky())))
 
 
 # --- the command ----------------------------------------------------------------------------------------------------
@@ -251,11 +251,11 @@ def test_a_recording_that_breaks_off_is_reported_and_said_so(
     ("content", "words"),
     [
         (None, "there is no such file"),
-        ("hello\n", "is no recording of mount-gateway"),
+        ("hello\n", "is not a recording of mount-gateway"),
         ("# mount-gateway recording 1\n", "the settings of the recording cannot be read"),
         ("# mount-gateway recording 99\n{}\n", "has format 99, and this version of mount-gateway reads format 1"),
         (head(), "nothing happened in this recording"),
-        (head() + "what is this\n", "is no line of a recording"),
+        (head() + "what is this\n", "is not a line of a recording"),
     ],
 )
 def test_mistakes_are_one_line(

@@ -34,7 +34,7 @@ const GROUPS = [
     [READINGS.aligned, (seen) => ({ true: "yes", false: "no" })[String(seen.aligned)] ?? UNKNOWN],
   ]],
   [HEADINGS.mount, [
-    [READINGS.found, (seen) => seen.product || "It has not said yet what it is."],
+    [READINGS.found, (seen) => seen.product || "Not identified yet."],
     [READINGS.model, (seen) => seen.model],
     [READINGS.version, (seen) => (seen.version === "?" ? "" : seen.version)],
     [READINGS.at, (seen) => seen.at],
