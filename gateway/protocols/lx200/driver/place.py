@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import calendar
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
@@ -30,10 +31,22 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
     return mount.site
 
 
+def _twice(attempt: Callable[[], Steps]) -> Steps:
+    """Try a setting again if it is refused: a byte of it may have been lost on the line. Raises Invalid, Refused."""
+    try:
+        yield from attempt()
+    except (Invalid, Refused):
+        yield from attempt()
+
+
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     """:St :Sg - the site is read back, as some reply 0 to a valid site. Raises Refused if it differs, or
     Unsupported.
     """
+    yield from _twice(lambda: _send_site(mount, operation))
+
+
+def _send_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):
@@ -93,19 +106,24 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
     """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour. If the telescope refuses the offset,
     whole hours are sent, and then none. The local time is set to match, so that UTC is right.
     """
-    began = mount.now()
-    offset = yield from _set_zone(mount, operation.offset * 2 // 1 / 2)
+    ahead = operation.unix - mount.now()
+    yield from _twice(lambda: _send_clock(mount, ahead, operation.offset * 2 // 1 / 2))
+
+
+def _send_clock(mount: Lx200Driver, ahead: float, zone: float) -> Steps:
+    """Set a clock that is ``ahead`` of the driver's, seconds, in a zone (hours)."""
+    offset = yield from _set_zone(mount, zone)
     if mount.supports("SXT2"):
-        yield from ask(mount, "SXT2", unix=round(operation.unix + mount.now() - began))
-        yield from _see_clock(mount, operation.unix - began)
+        yield from ask(mount, "SXT2", unix=round(mount.now() + ahead))
+        yield from _see_clock(mount, ahead)
         return
-    universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # :SG may have taken long
+    universal = datetime.fromtimestamp(round(mount.now() + ahead), UTC)  # :SG may have taken long
     local = universal + timedelta(hours=offset)
     day = universal.date() if mount.facts["utc_date"] else local.date()
     yield from ask(mount, "SL", time=local.hour * 3600 + local.minute * 60 + local.second)
     yield from ask(mount, "SC", date=day)
     if mount.dialect:
-        yield from _see_clock(mount, operation.unix - began)
+        yield from _see_clock(mount, ahead)
 
 
 def _see_clock(mount: Lx200Driver, ahead: float) -> Steps:
