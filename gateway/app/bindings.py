@@ -29,7 +29,7 @@ from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols, surfaces
 from gateway.transport import Accept, Listener, open_port
-from gateway.transport.http_wire import HttpWire, written
+from gateway.transport.http_wire import HttpWire, request_bytes
 from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_server import WebPort, WebServer
@@ -166,16 +166,18 @@ class AcceptorFactory:
     def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
         if endpoint.protocol != ANY:
-            return self._one(number, endpoint, surface)
+            return self._make_for(number, endpoint, surface)
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in surface_protocols(ANY))
         for protocol in surface_protocols(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = self._one(number, Endpoint(protocol, endpoint.where), part, titles)
+            speaking[protocol] = self._make_for(number, Endpoint(protocol, endpoint.where), part, titles)
         from gateway.clients.any_protocol.acceptor import AnyAcceptor
 
         return AnyAcceptor(speaking, self._web)
 
-    def _one(self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = "") -> ConnectionAcceptor:
+    def _make_for(
+        self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = ""
+    ) -> ConnectionAcceptor:
         """Make the acceptor of one protocol. ``titles`` are those of all protocols of the surface, if there are
         several.
         """
@@ -278,7 +280,7 @@ def watched(
     @cache
     def sent(url: str, protocol: str, command: bytes) -> bytes:
         over_http = PROTOCOLS[protocol].over_http
-        return on_the_wire(url, command) if over_http is None else written(url, over_http(url).request(command))
+        return on_the_wire(url, command) if over_http is None else request_bytes(url, over_http(url).request(command))
 
     def commands() -> list[bytes]:
         line, driver = controller().line, controller().driver

@@ -131,7 +131,7 @@ class Pages:
         }
         self._packed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
-        self._kept = f"files/{digest.hexdigest()[:16]}/"
+        self._files_path = f"files/{digest.hexdigest()[:16]}/"
         self._policy = HEADERS[POLICY]
         self._index = self._in_one(self._files["index.html"][0].decode())
 
@@ -146,12 +146,15 @@ class Pages:
             return match[0].replace(match[1], bundle)
 
         def inside(match: re.Match[str]) -> str:
-            text, tag = texts[match[1].removeprefix(self._kept)], "style" if match[1].endswith(".css") else "script"
+            text, tag = (
+                texts[match[1].removeprefix(self._files_path)],
+                "style" if match[1].endswith(".css") else "script",
+            )
             digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
             self._policy = self._policy.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
             return f"<{tag}>{text}</{tag}>"
 
-        return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._kept}\2"', _SCRIPT.sub(script, page)))
+        return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(script, page)))
 
     async def index(self, request: web.Request, **texts: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by its value."""
@@ -163,7 +166,7 @@ class Pages:
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
-        name = request.match_info["path"].removeprefix(self._kept)
+        name = request.match_info["path"].removeprefix(self._files_path)
         if name not in self._files:
             raise web.HTTPNotFound
         unchanging = name != request.match_info["path"]

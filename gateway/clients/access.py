@@ -58,11 +58,11 @@ class AccessRules(Struct, frozen=True):
     hibernate: bool = False
 
     def admits(self, host: str) -> bool:
-        return self.allow is None or _within(host, self.allow)
+        return self.allow is None or _is_in(host, self.allow)
 
     def is_read_only(self, host: str) -> bool:
         """Whether a client from this host is read-only."""
-        return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
+        return self.read_only if isinstance(self.read_only, bool) else _is_in(host, self.read_only)
 
 
 class Refusal(NamedTuple):
@@ -112,7 +112,7 @@ class ClientAdmission:
         raise ConnectionRefused
 
 
-def _within(host: str, among: Networks) -> bool:
+def _is_in(host: str, among: Networks) -> bool:
     """Whether a host is in any of these networks; never for a serial line, which has no address."""
     try:
         address = ip_address(host)

@@ -24,12 +24,12 @@ MAX_BYTES, MAX_HOSTS = 64, 1000
 def foreign(served: str, sent: bytes) -> tuple[str, bytes] | None:
     """Return the other protocol to which these bytes belong, and the first command; None if they belong to none."""
     for protocol in streams():
-        if protocol != served and (first := _first(load(protocol), sent.lstrip(IDLE))):
+        if protocol != served and (first := _first_command(load(protocol), sent.lstrip(IDLE))):
             return protocol, first
     return None
 
 
-def _first(protocol: CommandSet, sent: bytes) -> bytes:
+def _first_command(protocol: CommandSet, sent: bytes) -> bytes:
     """Return the first command, if there are only commands (the last may be incomplete); else empty."""
     first = protocol.first(sent)
     rest = sent
@@ -56,11 +56,11 @@ def advice(served: str, sent: bytes, where: str) -> str:
     theirs, ours = PROTOCOLS[protocol], PROTOCOLS[served]
     return (
         f"sends `{show(first)}`: this looks like {theirs.a_program} program on {ours.a_program} surface. "
-        f'Choose a type like "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
+        f'Choose a type like "{ours.preset}" in the program, or add --surface {protocol}@{_neighbouring_address(where)}'
     )
 
 
-def _beside(where: str) -> str:
+def _neighbouring_address(where: str) -> str:
     """Return a similar address for another surface."""
     start, colon, port = where.rpartition(":")
     if "://" in where and colon and port.isdecimal():

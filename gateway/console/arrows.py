@@ -31,7 +31,7 @@ class HeldKey(NamedTuple):
     ends: tuple[int, int]
 
 
-async def _over() -> Answer:
+async def _already_ended() -> Answer:
     """Answer to another rate for an arrow that something else has ended."""
     return Answer(FAILED, "This arrow is not held any more.")
 
@@ -60,7 +60,7 @@ class Arrows:
         if held is not None and 0 < press == held.press:
             held = held._replace(rate=rate)
         elif 0 < press <= self._newest:
-            return self._controller.spawn(_over())
+            return self._controller.spawn(_already_ended())
         else:
             for other in [arrow for arrow in self._held if arrow.axis == direction.axis]:
                 self.release(other)
@@ -114,10 +114,10 @@ class Arrows:
         if held is None or held.since > released.since or held.ends != self._ends():
             return False
         self._held[direction] = held = held._replace(request=new_number())
-        self._controller.spawn(self._take(direction, held, refused))
+        self._controller.spawn(self._begin_press(direction, held, refused))
         return True
 
-    async def _take(self, direction: Direction, held: HeldKey, refused: Callable[[], None]) -> None:
+    async def _begin_press(self, direction: Direction, held: HeldKey, refused: Callable[[], None]) -> None:
         if not (await self._move(direction, held)).done:
             refused()
 

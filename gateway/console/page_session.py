@@ -68,10 +68,11 @@ def night(controller: MountController) -> dict[str, Any]:
     times = [unix + begins + part * STEP for part in range(round(NIGHT / STEP) + 1)]
     moon = (sky.moon(time, site.latitude, site.longitude) for time in times)
     return {"begins": round(controller.wire_log.clock() + begins), "step": STEP,
-            "sun": [_short(sky.sun(time)) for time in times], "moon": [_short(place) for place in moon]}  # fmt: skip
+            "sun": [_rounded(sky.sun(time)) for time in times],
+            "moon": [_rounded(place) for place in moon]}  # fmt: skip
 
 
-def _short(place: Sequence[float]) -> tuple[float, float]:
+def _rounded(place: Sequence[float]) -> tuple[float, float]:
     return round(place[0], COARSE), round(place[1], COARSE)
 
 
@@ -100,7 +101,7 @@ class PageSession:
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._heard = self._repeated = self._loop.time()
-        self._seen = ""
+        self._sent_text = ""
         #: The number of the next row of the conversation; None while the page does not show it.
         self._row: int | None = None
         pairs = zip(mounts.gateways, mounts.arrows, strict=True)
@@ -134,9 +135,9 @@ class PageSession:
     async def _show(self) -> None:
         """Send the newest state, then the conversation, unless the page has it."""
         publisher = self._mounts.publisher
-        if publisher.text != self._seen:
-            self._seen = publisher.text
-            await self._socket.send(self._seen)
+        if publisher.text != self._sent_text:
+            self._sent_text = publisher.text
+            await self._socket.send(self._sent_text)
         if self._row is not None and self._row != publisher.count:
             rows, self._row = publisher.since(self._row), publisher.count
             await self._send({"talk": rows})

@@ -23,7 +23,7 @@ class RecordedSides:
         self.surface: dict[str, int] = {}
         self.protocols = {MOUNT: protocol_of(config["mount"])}
 
-    def _come(self, side: str, data: bytes) -> int:
+    def _register(self, side: str, data: bytes) -> int:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
         number = int(data.split(b",")[0].split()[-1])
         self.surface[side] = number
@@ -38,7 +38,7 @@ class RecordedSides:
             side, waiting = line.side, held.get(line.side)
             if line.arrow == "+":
                 held.pop(side, None)
-                if self.surfaces[self._come(side, line.data) - 1] == ANY:
+                if self.surfaces[self._register(side, line.data) - 1] == ANY:
                     held[side] = []
             elif waiting is not None and line.arrow == ">":
                 waiting.append(line)

@@ -76,7 +76,7 @@ class Events:
 
     def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish, self._clock = publish, clock
-        self._left, self._since, self._dropped = BURST, clock(), 0
+        self._events_left, self._since, self._dropped = BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
         """Publish an entry of the wire log, if its kind is published."""
@@ -90,12 +90,12 @@ class Events:
     def publish(self, kind: str, who: str, text: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
-        self._left = min(BURST, self._left + max(0.0, now - self._since) * RATE)
+        self._events_left = min(BURST, self._events_left + max(0.0, now - self._since) * RATE)
         self._since = now
-        if self._left < 1.0:
+        if self._events_left < 1.0:
             self._dropped += 1
             return
-        self._left -= 1.0
+        self._events_left -= 1.0
         if self._dropped:
             self._send(now, "left out", MOUNT, f"{self._dropped} events, because there were too many")
             self._dropped = 0

@@ -136,14 +136,14 @@ class BrokerPresence:
         self._instance = secrets.token_hex(8)
         about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
         self._who = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
-        self._here = MqttMessage(topics.availability, ONLINE, retain=True, newest=True)
+        self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, newest=True)
         self._answered: set[str] = set()
         self.conflict = ""
 
     @property
     def first_messages(self) -> list[MqttMessage]:
         """The first messages on every connection."""
-        return [self._who, self._here]
+        return [self._who, self._online_message]
 
     @property
     def last_messages(self) -> list[MqttMessage]:
@@ -156,7 +156,7 @@ class BrokerPresence:
             if received.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
                 self.conflict = ""
                 self._answered.clear()
-                self._publish(self._here)
+                self._publish(self._online_message)
             return True
         if received.topic != self._topics.gateway:
             return False

@@ -59,7 +59,7 @@ class Identification:
         self.identified: Signal[None] = Signal()
         #: Whether something moved when the port was lost, when that was, and what moved; None if it cannot be judged.
         self._cut_short, self._lost_at = False, 0.0
-        self._left: LeftMotion | None = None
+        self._motion_left_behind: LeftMotion | None = None
         self._status: op.Status | None = None
         self._link.came_up.connect(self._on_up)
         self._link.reopened.connect(self._stop_first)
@@ -70,7 +70,7 @@ class Identification:
         if self._cut_short or not (self._reconciler.busy or self._ends.pending):
             return
         self._cut_short, self._lost_at = True, self._context.now()
-        self._left = None if self._ends.pending else self.left_motion()
+        self._motion_left_behind = None if self._ends.pending else self.left_motion()
         self._status = self._cache.value(op.GetStatus)
 
     def left_motion(self) -> LeftMotion | None:
@@ -79,15 +79,15 @@ class Identification:
 
     def judge_first(self, left: LeftMotion) -> None:
         """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""
-        self._left = left
+        self._motion_left_behind = left
 
     def _stop_first(self, _: None) -> None:
         """Stop what moved before the port was lost."""
-        old = self._left is not None and self._context.now() - self._lost_at >= RECENT
+        old = self._motion_left_behind is not None and self._context.now() - self._lost_at >= RECENT
         if self._cut_short and old and not self._reconciler.wanted.owed:
             self._cut_short = False
         elif self._cut_short:
-            self._cut_short, self._left = False, None
+            self._cut_short, self._motion_left_behind = False, None
             self._context.note(
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
@@ -118,8 +118,8 @@ class Identification:
                 if not self._context.known.is_set():
                     await self._runner.drive(self._driver.probe(), STOP)
                 await self._reconciler.stop()
-        elif self._left is not None and self._context.known.is_set():
-            await self._judge(self._left)
+        elif self._motion_left_behind is not None and self._context.known.is_set():
+            await self._judge(self._motion_left_behind)
         identified = False
         while self._cache.value(op.GetIdentity) is None:
             identified = identified or await self._find()
@@ -131,10 +131,10 @@ class Identification:
                 await asyncio.sleep(ASK_AGAIN)
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
-        elif self._left is not None:
+        elif self._motion_left_behind is not None:
             await self.read_once(op.GetStatus())
             await self.read_once(op.GetSite())
-            await self._judge(self._left)
+            await self._judge(self._motion_left_behind)
         await self._check()
         self.identified.emit(None)
         self._context.found.set()
@@ -167,7 +167,7 @@ class Identification:
     async def _judge(self, left: LeftMotion) -> None:
         """Stop what still moves as it was left, and what cannot be judged; leave any other motion alone."""
         context, reconciler = self._context, self._reconciler
-        self._left = None
+        self._motion_left_behind = None
         axes: frozenset[int] = frozenset()
         with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(LONGEST):

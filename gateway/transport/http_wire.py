@@ -117,7 +117,7 @@ class HttpWire:
         """Return the address at which the server listens, and whether it answers beside an idle connection."""
         _, idle = await asyncio.open_connection(self._host, self._port)
         reader, asking = await asyncio.open_connection(self._host, self._port)
-        asking.write(written(self._server, self._dialect.first[0]))
+        asking.write(request_bytes(self._server, self._dialect.first[0]))
         answers = False
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(BESIDE):
@@ -202,7 +202,7 @@ class HttpWire:
         await session.close()
 
 
-def written(url: str, request: HttpRequest) -> bytes:
+def request_bytes(url: str, request: HttpRequest) -> bytes:
     """Return the bytes of a request whose fields are in its body, for a process without an HTTP library. The server
     closes the connection after its answer, because it may serve only one connection at a time."""
     body = urlencode(request.fields)

@@ -50,7 +50,7 @@ class _TelnetFilter:
 
     def __init__(self, accept: Accept, connected: Connected) -> None:
         self.write = connected.write
-        self._held = b""
+        self._held_iac = b""
         self._telnet: PortManager | None = None
         hang_up = connected.hang_up
         self._handler = accept(
@@ -76,11 +76,11 @@ class _TelnetFilter:
 
     def _plain(self, data: bytes) -> bytes:
         """Return the data of a connection that may still become Telnet."""
-        data, self._held = self._held + data, b""
+        data, self._held_iac = self._held_iac + data, b""
         at = data.find(IAC)
         while at >= 0:
             if data[at:] == IAC:
-                self._held = IAC
+                self._held_iac = IAC
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
                 self._telnet = _server(NullSerialPort(), self)

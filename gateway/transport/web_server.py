@@ -160,9 +160,9 @@ class HttpConnection(asyncio.Protocol):
 
     def _expect(self) -> None:
         """A request begins."""
-        self._deadline = asyncio.get_running_loop().call_later(WHOLE, self._late)
+        self._deadline = asyncio.get_running_loop().call_later(WHOLE, self._deadline_passed)
 
-    def _late(self) -> None:
+    def _deadline_passed(self) -> None:
         if self._inner is None and self._sent:
             self._refuse(BUSY)
         else:

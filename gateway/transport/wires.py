@@ -95,14 +95,14 @@ class SerialTransport:
                 data = port.read(1)
                 if data:
                     try:
-                        data += self._rest(port)
+                        data += self._read_available(port)
                     finally:  # if the connection ends now, the byte still counts
                         loop.call_soon_threadsafe(on_data, bytes(data))
         except Exception as error:  # pyserial has many kinds of failure, and each must be reported
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
 
-    def _rest(self, port: Serial) -> bytes:
+    def _read_available(self, port: Serial) -> bytes:
         """Return the bytes available after the first byte, without waiting for more."""
         if not self.name.startswith("socket://"):
             waiting = port.in_waiting
@@ -220,9 +220,9 @@ class SimulatedTransport:
     def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
         self._on_data: OnData | None = None
-        self.feed = connection(self._later)
+        self.feed = connection(self._deliver_later)
 
-    def _later(self, seconds: float, answer: bytes) -> None:
+    def _deliver_later(self, seconds: float, answer: bytes) -> None:
         """Deliver bytes that the simulated mount sends later."""
         asyncio.get_running_loop().call_later(self._latency + seconds, self.deliver, answer)
 

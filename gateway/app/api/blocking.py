@@ -85,11 +85,11 @@ class _Thread(threading.Thread):
     def __init__(self, opening: contextlib.AbstractAsyncContextManager[Mount]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
         self._opening, self._asked = opening, False
-        #: These get an item when the gateway is open, and when it is closed (``_over``). They are no Future: Ctrl-C in
-        #: the middle of a wait can leave its lock taken, for which this thread would then wait for ever; and
-        #: in the middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
+        #: These get an item when the gateway is open, and when it is closed (``_is_over``). They are no Future: Ctrl-C
+        #: in the middle of a wait can leave its lock taken, for which this thread would then wait for ever; and in the
+        #: middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
         self._opened, self._closed = SimpleQueue[None](), SimpleQueue[None]()
-        self._over = False
+        self._is_over = False
         self._served = False
         self._failure: BaseException | None = None
 
@@ -99,7 +99,7 @@ class _Thread(threading.Thread):
         except BaseException as error:
             # Python 3.12 begins no thread at its end, and asyncio wants one to end its own: everything is closed then.
             self._failure = None if self._served else error
-        self._over = True
+        self._is_over = True
         self._closed.put(None)
 
     async def _serve(self) -> None:
@@ -124,7 +124,7 @@ class _Thread(threading.Thread):
 
     def _get(self, queue: SimpleQueue[_T]) -> _T:
         """Wait for an item in such a way that Ctrl-C ends the wait on every system. Raises NoAnswer."""
-        while not (self._over and queue.empty()):
+        while not (self._is_over and queue.empty()):
             with contextlib.suppress(Empty):
                 return queue.get(timeout=LOOK)
         raise NoAnswer(CLOSED)
@@ -160,7 +160,7 @@ class _Thread(threading.Thread):
         first, self._asked = not self._asked, True
         if first and hasattr(self, "_loop"):
             self._call(self._leave)
-        while not self._over:
+        while not self._is_over:
             with contextlib.suppress(Empty):
                 self._closed.get(timeout=LOOK)
         if first:  # not when Python takes itself apart, after the end of the program

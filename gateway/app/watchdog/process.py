@@ -142,7 +142,7 @@ class Watch:
         self.last_heard = 0.0
         #: How long the gateway had waited for a processor when it was last heard; the silence that is tolerated now.
         self._waited, self._patience = 0.0, SILENCE
-        self._rest = b""
+        self._partial_line = b""
 
     def run(self) -> None:
         """Watch until the gateway has ended and its moving mounts were sent their stops."""
@@ -183,7 +183,7 @@ class Watch:
             for at in range(0, len(content), 4)
         ]
         self.heard()
-        *lines, self._rest = (self._rest + data).split(b"\n")
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
             self.handle(line.decode("ascii").split(" "), descriptors)
         return bool(data)

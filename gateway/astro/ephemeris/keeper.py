@@ -110,13 +110,13 @@ class AlmanacKeeper:
     ) -> None:
         self._sky, self._warn, self._quiet, self._clock = sky, warn, quiet, clock
         #: The almanac of the start, that of this run, and both.
-        self._opened = self._calculated = self._almanac = Almanac()
+        self._named_almanac = self._calculated = self._almanac = Almanac()
         self._warned: set[str] = set()
         self._asked = asyncio.Event()
 
     def open(self, named: str | None = None) -> None:
         """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
-        self._opened = stored(named)
+        self._named_almanac = stored(named)
         self._sky.ask = self._asked.set
         self._use(Almanac())
 
@@ -146,7 +146,7 @@ class AlmanacKeeper:
 
     def _use(self, newer: Almanac) -> None:
         self._calculated = self._calculated.joined(newer).newest()
-        self._almanac = self._opened.joined(self._calculated)
+        self._almanac = self._named_almanac.joined(self._calculated)
         self._sky.use(self._almanac)
 
     def _lacking(self) -> list[int]:

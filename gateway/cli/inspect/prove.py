@@ -44,7 +44,7 @@ class Terminal(Screen):
         self._keys: asyncio.Queue[str] = asyncio.Queue()
         self._bar, self._asks = 0, False
         #: Whether q was pressed in a stage, or left the last questions.
-        self._left = False
+        self._leaving = False
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
@@ -93,7 +93,7 @@ class Terminal(Screen):
 
     def pressed(self, key: str) -> None:
         leaves = key in "qQ" and not self._asks
-        self._left |= leaves
+        self._leaving |= leaves
         if key == " " or leaves:  # whoever wants to leave in the middle wants it to stop
             self.stop.set()
         self._keys.put_nowait(key.lower())
@@ -126,8 +126,8 @@ class Terminal(Screen):
         while not self._keys.empty():
             self._keys.get_nowait()
         while not self.stop.is_set():
-            if self._left:
-                self._left = False
+            if self._leaving:
+                self._leaving = False
                 return "q"
             self._print(f"{textwrap.fill(question, COLUMNS - 4)} > ")
             self._asks = True

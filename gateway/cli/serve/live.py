@@ -40,7 +40,7 @@ class Screen:
             from gateway.diagnostics.log.layout import colours_of
 
             self._colours = colours_of(terminal, night)
-        self._shown = 0
+        self._shown_length = 0
 
     @property
     def columns(self) -> int:
@@ -55,15 +55,15 @@ class Screen:
         if self.terminal is not None and _in_foreground(self.terminal):
             from gateway.diagnostics.log.layout import painted
 
-            rest = min(self._shown, self.columns) - len(text)
+            rest = min(self._shown_length, self.columns) - len(text)
             self._write(f"\r{painted(text, 'program', self._colours)}{' ' * rest}")
-            self._shown = len(text)
+            self._shown_length = len(text)
 
     def clear(self) -> None:
         """Erase the status line, so that another line can be written in its place."""
-        if self.terminal is not None and self._shown:
-            self._write(f"\r{' ' * min(self._shown, self.columns)}\r")
-            self._shown = 0
+        if self.terminal is not None and self._shown_length:
+            self._write(f"\r{' ' * min(self._shown_length, self.columns)}\r")
+            self._shown_length = 0
 
     def _write(self, text: str) -> None:
         assert self.terminal is not None

@@ -43,7 +43,7 @@ class UnreadText:
 
     def drop(self) -> None:
         """Drop the waiting text: the program has sent another command, or has gone."""
-        if text := self._take():
+        if text := self._remove_text():
             self._log.put("x", text, "not sent: the program has not waited for it")
 
     def read_part(self, reply: bytes, read: int, more: bool) -> bytes:
@@ -65,7 +65,7 @@ class UnreadText:
         self._timer = self._loop.call_later(SETTLE, self._release)
 
     def _release(self) -> None:
-        if text := self._take():
+        if text := self._remove_text():
             self._send(text)
 
     def whole(self) -> None:
@@ -73,7 +73,7 @@ class UnreadText:
         self._release()
         self.hold = 0.0
 
-    def _take(self) -> bytes:
+    def _remove_text(self) -> bytes:
         text, self._text = self._text, b""
         if self._timer is not None:
             self._timer.cancel()

@@ -53,7 +53,7 @@ class Side:
         framing, self._reply_rules = framer_and_replies(protocol, model)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=DUE)
-        self._rest = b""
+        self._partial_reply = b""
         #: Messages that are sent without being asked for.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
 
@@ -89,28 +89,28 @@ class Side:
 
     def replies(self, data: bytes) -> Iterator[Heard]:
         """Yield the replies that these bytes complete, each matched to the oldest command that it fits."""
-        self._rest += data
-        while self._rest:
+        self._partial_reply += data
+        while self._partial_reply:
             taken = self._take()
-            if taken is None and len(self._rest) <= LONGEST:
+            if taken is None and len(self._partial_reply) <= LONGEST:
                 break
             if taken is None:
-                taken = Heard(b"", "answers no request", fails=True), len(self._rest)
+                taken = Heard(b"", "answers no request", fails=True), len(self._partial_reply)
             heard, length = taken
-            yield heard._replace(data=self._rest[:length])
-            self._rest = self._rest[length:]
+            yield heard._replace(data=self._partial_reply[:length])
+            self._partial_reply = self._partial_reply[length:]
 
     def _take(self) -> tuple[Heard, int] | None:
         """Match the bytes to the oldest command that they can answer; older commands were never answered."""
         for skipped, ask in enumerate(self._due):
-            taken = self._answer(ask, self._rest)
+            taken = self._answer(ask, self._partial_reply)
             if taken is not None and taken[1]:
                 for _ in range(skipped + 1):
                     self._due.popleft()
                 return self._reply(ask, *taken)
-        if (message := self._unasked(self._rest)) is not None:
+        if (message := self._unasked(self._partial_reply)) is not None:
             return message
-        return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._rest))
+        return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._partial_reply))
 
     def reply(self, data: bytes) -> Heard:
         """Describe a complete reply on a connection with one request at a time: it answers the last command.

@@ -72,7 +72,7 @@ class Folding:
     """
 
     def __init__(self, shown: str = "all") -> None:
-        self._kept = shown
+        self._filter = shown
         self._parties: dict[str, _Party] = {}
         self._gone: dict[str, _Party] = {}
 
@@ -80,11 +80,11 @@ class Folding:
         """Process the next line and return the rows to show now."""
         match line.row.arrow:
             case "+":
-                return self._come(line)
+                return self._connection_opened(line)
             case "~":
-                return self._turned_out(line)
+                return self._protocol_recognised(line)
             case "-":
-                return self._go(line)
+                return self._connection_closed(line)
             case ">":
                 return self._request(line)
             case "<":
@@ -96,26 +96,26 @@ class Folding:
 
     # --- connections --------------------------------------------------------------------------------------------------
 
-    def _come(self, line: LogLine) -> list[Row]:
+    def _connection_opened(self, line: LogLine) -> list[Row]:
         party = self._gone.pop(line.host, None)
         has_party = any(side.rpartition(":")[0] == line.host for side in self._parties)
         if party is None or has_party or line.row.time - party.left > BACK:
             party = _Party()
         self._parties[line.row.side] = party
-        if not party.runs and self._kept != "refusals":
+        if not party.runs and self._filter != "refusals":
             return [line.row]
         party.held = [line.row]
         return []
 
-    def _turned_out(self, line: LogLine) -> list[Row]:
+    def _protocol_recognised(self, line: LogLine) -> list[Row]:
         """The protocol of a connection was recognised; it is shown together with the connection."""
         party = self._party(line)
-        if not party.held and self._kept != "refusals":
+        if not party.held and self._filter != "refusals":
             return self._shown(party, line)
         party.held.append(line.row)
         return []
 
-    def _go(self, line: LogLine) -> list[Row]:
+    def _connection_closed(self, line: LogLine) -> list[Row]:
         party = self._parties.pop(line.row.side, None) or _Party()
         party.left = line.row.time
         self._gone[line.host] = party
@@ -126,7 +126,7 @@ class Folding:
         if silent and not rows:
             party.held.clear()
             return []
-        return [*rows, *self._counted(party, line.row), line.row] if self._kept != "refusals" else rows
+        return [*rows, *self._counts_line(party, line.row), line.row] if self._filter != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
@@ -136,21 +136,21 @@ class Folding:
         if line.heard.fails:
             return [*rows, *self._shown(party, line)]
         if not line.heard.asks:
-            if self._kept == "refusals":
+            if self._filter == "refusals":
                 party.held.append(line.row)
                 return rows
             return [*rows, *self._shown(party, line)]
-        if line.row.data in party.runs or self._kept in ("changes", "refusals"):
+        if line.row.data in party.runs or self._filter in ("changes", "refusals"):
             party.held.append(line.row)
             return rows
         party.runs[line.row.data] = _Run(line.row.time)
-        return [*rows, *self._held(party), line.row]
+        return [*rows, *self._show_held(party), line.row]
 
     def _reply(self, line: LogLine) -> list[Row]:
         party = self._party(line)
         if line.heard.fails:
             return self._shown(party, line)
-        if self._kept == "refusals" or (line.heard.asks and self._kept == "changes"):
+        if self._filter == "refusals" or (line.heard.asks and self._filter == "changes"):
             party.held = [row for row in party.held if row.arrow in COMING]
             return []
         asked: Row | None = line.row
@@ -165,7 +165,7 @@ class Folding:
         if asked is None or new:
             counted = self._count(key, run, asked) if asked is not None else []
             run.since = line.row.time
-            return [*counted, *self._held(party), line.row]
+            return [*counted, *self._show_held(party), line.row]
         if not line.heard.pushed:
             party.held.remove(asked)
         run.count, run.last = run.count + 1, line.row.text
@@ -175,27 +175,27 @@ class Folding:
         """Show a request that was held back and is still unanswered when the next request arrives."""
         if all(row.arrow in COMING for row in party.held):
             return []
-        if self._kept == "refusals":
+        if self._filter == "refusals":
             party.held = [row for row in party.held if row.arrow in COMING]
             return []
-        return self._held(party)
+        return self._show_held(party)
 
     def _shown(self, party: _Party, line: LogLine) -> list[Row]:
         """Show a line that is not a query, together with the lines that led to it, and end the folding."""
-        rows = [*self._counted(party, line.row), *self._held(party), line.row]
+        rows = [*self._counts_line(party, line.row), *self._show_held(party), line.row]
         party.runs.clear()
         return rows
 
-    def _held(self, party: _Party) -> list[Row]:
+    def _show_held(self, party: _Party) -> list[Row]:
         rows, party.held = party.held[-HELD:], []
         return rows
 
-    def _counted(self, party: _Party, by: Row) -> list[Row]:
+    def _counts_line(self, party: _Party, by: Row) -> list[Row]:
         """Return one line, at the end of a fold, with all counts that were not shown yet."""
         counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
-        if not counts or self._kept == "normal":
+        if not counts or self._filter == "normal":
             return []
         text = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
         return [Row(by.time, by.side, "=", b"", text, "again", by.name)]

@@ -57,7 +57,9 @@ def format_fields(protocol: str, command: str, values: Mapping[str, object]) -> 
             return sentence.format(**values)
         except (KeyError, ValueError):  # a variant of the command without these fields
             pass
-    return ", ".join(_told(protocol, name, value, _word(protocol, command, name)) for name, value in values.items())
+    return ", ".join(
+        _format_value(protocol, name, value, _word(protocol, command, name)) for name, value in values.items()
+    )
 
 
 def constant_values(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
@@ -65,7 +67,7 @@ def constant_values(protocol: str, command: str, values: Mapping[str, object]) -
     return tuple(value for name, value in values.items() if not _word(protocol, command, name).runs)
 
 
-def _told(protocol: str, name: str, value: object, word: Word) -> str:
+def _format_value(protocol: str, name: str, value: object, word: Word) -> str:
     label = name.replace("_", " ") if word.label is None else word.label
     terms = word.words.get(_key(value), word.words.get("*"))
     if terms is not None:

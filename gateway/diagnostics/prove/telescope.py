@@ -24,7 +24,7 @@ from gateway.core import requests
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
 from gateway.core.wire_log import Entry
-from gateway.mount.motion.run_on import TimedPosition, drift
+from gateway.mount.motion.run_on import TimedPosition, unexplained_motion
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.unattended import SWITCHED_OFF
@@ -306,7 +306,7 @@ class CheckedMount:
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
         """Return the motion between two positions that tracking, on or off, does not explain."""
-        return drift(before.sky, after.sky, after.at - before.at)
+        return unexplained_motion(before.sky, after.sky, after.at - before.at)
 
     def moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
         """Return the motion between two positions over the sky, or over the ground if it does not track."""

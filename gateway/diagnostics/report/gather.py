@@ -144,7 +144,7 @@ class _Gathering:
 
     def _of_program(self, event: Event, time: float) -> None:
         if event.arrow == "+":
-            self._come(event, time)
+            self._connection_opened(event, time)
             return
         if event.arrow == "~":
             self._speaking.pop(event.side, None)
@@ -166,7 +166,7 @@ class _Gathering:
                 program.commands[heard.command or "not understood"] += 1
                 program.last = time
 
-    def _come(self, event: Event, time: float) -> None:
+    def _connection_opened(self, event: Event, time: float) -> None:
         number = self.sides.surface[event.side]
         host = event.data.decode("latin-1").rpartition("host ")[2]
         self._speaking.pop(event.side, None)

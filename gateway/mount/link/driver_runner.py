@@ -256,20 +256,20 @@ class HibernationGate:
 
     def __init__(self, context: Context) -> None:
         self._driver, self._now, self._wanted = context.driver, context.now, context.wanted
-        self._next = 0.0
+        self._next_try = 0.0
 
     def hibernation_began(self) -> None:
         """Start waiting: the mount has just been sent to hibernate."""
-        self._next = self._now() + TRY_AGAIN
+        self._next_try = self._now() + TRY_AGAIN
 
     def try_next_read(self) -> None:
         """Allow the next read of the position: the line was lost, and the mount may have been switched off and on."""
-        self._next = 0.0
+        self._next_try = 0.0
 
     @property
     def closed(self) -> bool:
         """Whether a read would be refused now."""
-        return self._driver.asleep and self._now() < self._next and not self._wanted.waking
+        return self._driver.asleep and self._now() < self._next_try and not self._wanted.waking
 
     def admit(self, command: Send, priority: int) -> None:
         """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
@@ -277,7 +277,7 @@ class HibernationGate:
             return
         if self.closed or priority != POSITION:
             raise Asleep
-        self._next = self._now() + TRY_AGAIN
+        self._next_try = self._now() + TRY_AGAIN
 
     def _answered_asleep(self, command: Send) -> bool:
         return bool(self._driver.protocol.commands[command.command].while_asleep)

@@ -173,7 +173,7 @@ class MountLink:
         failures = 0
         while True:
             try:
-                await self.wire.open(*self.transaction.opening())
+                await self.wire.open(*self.transaction.open_callbacks())
             except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)

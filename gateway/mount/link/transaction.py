@@ -158,7 +158,7 @@ class Transaction:
         self._buffer, self._arrived = b"", TimedEvent()
         #: Loop time of the last byte.
         self.heard = self._stray = -1e9
-        self._last: Send | None = None
+        self._last_command: Send | None = None
         self._stops = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
@@ -171,19 +171,19 @@ class Transaction:
         #: check, and the loop time at which the last new one was written first.
         self.written: set[bytes] = set()
         self._first_written = -1e9
-        self._opened = 0
+        self._opening_count = 0
 
-    def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
+    def open_callbacks(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
         """Return the callbacks (on_data, on_lost) for opening the wire; those of earlier openings become inactive."""
-        self._opened += 1
-        opening, self.lost = self._opened, False
+        self._opening_count += 1
+        opening, self.lost = self._opening_count, False
 
         def on_data(data: bytes) -> None:
-            if opening == self._opened:
+            if opening == self._opening_count:
                 self._receive(data)
 
         def on_lost(reason: str) -> None:
-            if opening == self._opened:
+            if opening == self._opening_count:
                 self.connection_lost(reason)
 
         return on_data, on_lost
@@ -251,7 +251,7 @@ class Transaction:
         if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._unexplained:
-            if self._last is None or not self.reply_rules.ambiguous_with(self._last, command):
+            if self._last_command is None or not self.reply_rules.ambiguous_with(self._last_command, command):
                 return 0.0
             if now > self._stray + UNRULY and not self.reply_rules.expected(command).unterminated:
                 return 0.0
@@ -290,7 +290,7 @@ class Transaction:
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
         self._arrived.clear()
-        self._last = command
+        self._last_command = command
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)

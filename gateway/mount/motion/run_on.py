@@ -50,15 +50,17 @@ class RunOn(Struct, frozen=True):
     places: tuple[TimedPosition, ...] = ()
 
 
-def drift(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
+def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
     """Return the motion between two positions that tracking, on or off, does not explain, degrees."""
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
     return min(distance, passed) - DRIVES * elapsed
 
 
-def turned(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
-    """Like ``drift``, for the first axis of an equatorial mount alone, whose turning hardly shows near the pole."""
+def turned_beyond_tracking(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
+    """Like ``unexplained_motion``, for the first axis of an equatorial mount alone, whose turning hardly shows near the
+    pole.
+    """
     way = wrap180(after.ra - before.ra)
     return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
 
@@ -72,9 +74,9 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
     older = [place for place in run_on.places if position.at - place.at >= APART]
     if older:
         before, elapsed = older[-1], position.at - older[-1].at
-        moved = drift(before.sky, position.sky, elapsed)
+        moved = unexplained_motion(before.sky, position.sky, elapsed)
         if equatorial:
-            moved = max(moved, turned(before.sky, position.sky, elapsed))
+            moved = max(moved, turned_beyond_tracking(before.sky, position.sky, elapsed))
         if moved <= DIGITS * resolution:
             return None
     places = (*older[-1:], *run_on.places[len(older) :], position)

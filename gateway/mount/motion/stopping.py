@@ -41,7 +41,7 @@ class StopSender:
         #: The stop that is being sent; no order is begun during it.
         self.task: asyncio.Task[None] | None = None
         #: How many further attempts were made, and the timer of the next.
-        self._times = 0
+        self._attempts = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
@@ -78,12 +78,12 @@ class StopSender:
             self.task = None
         self.ended.emit(None)
         if task.cancelled() or not isinstance(task.exception(), NoAnswer | Busy):
-            self._times = 0
-        elif self._times < len(AGAIN):
+            self._attempts = 0
+        elif self._attempts < len(AGAIN):
             self._cancel()
-            self._timer = self._loop.call_later(AGAIN[self._times], self._retry, self._owed_for())
+            self._timer = self._loop.call_later(AGAIN[self._attempts], self._retry, self._owed_for())
         else:
-            self._times = 0
+            self._attempts = 0
             self._context.note(
                 "WARNING: the mount has not acknowledged the stop, although it was sent again and again: it may "
                 "still be moving; stop it at its hand control, or switch it off"
@@ -98,10 +98,10 @@ class StopSender:
     def _retry(self, motion: object) -> None:
         """Send the stop again if it is still owed for the same motion. If the line is lost, it is sent at reopening."""
         if self._owed_for() is motion is not None and self.task is None and self._link.usable:
-            self._times += 1
+            self._attempts += 1
             self.send(None)
         elif self.task is None:
-            self._times = 0
+            self._attempts = 0
 
     def close(self) -> None:
         self._closed = True

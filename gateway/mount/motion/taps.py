@@ -42,7 +42,11 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     axis = axis_of(release)
     waiting = unbegun(wanted, release)
     if waiting:
-        return _held_until(wanted, waiting, release) if over(wanted, axis) and not _late(waiting[-1], release) else None
+        return (
+            _held_until(wanted, waiting, release)
+            if over(wanted, axis) and not _waited_too_long(waiting[-1], release)
+            else None
+        )
     if any(order.held is not None and _arrow_of(release, order) for order in wanted.pending):
         return wanted  # a program that releases an arrow twice
     begun = motion_of(wanted, axis)
@@ -64,7 +68,7 @@ def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
     newest = waiting[-1]
     first = waiting[0] if waiting[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
-    taps = {order.number: _held(order, max(0.0, end.since - order.since)) for order, end in spans}
+    taps = {order.number: _with_holding_time(order, max(0.0, end.since - order.since)) for order, end in spans}
     remaining = (order for order in wanted.pending if order not in waiting or order.number in taps)
     wanted = replace(wanted, pending=tuple(taps.get(order.number, order) for order in remaining))
     last = taps[spans[-1][0].number]
@@ -77,7 +81,7 @@ def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, save it for the next tap."""
     before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
-    tap = replace(_held(tap, before + (tap.held or 0.0)), at=0.0)
+    tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), at=0.0)
     others = tuple(other for other in wanted.pending if other.number != tap.number)
     if (tap.held or 0.0) < tap.arrow.shortest:
         return replace(wanted, pending=others, short_taps=(*others_kept, tap))
@@ -98,7 +102,7 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
     if before is not None:
         held = (before.held or 0.0) + (tap.held or 0.0)
         if before.operation == tap.operation and tap.number != wanted.active and held <= LONGEST_HELD:
-            joined = replace(_held(before, held), since=tap.since)
+            joined = replace(_with_holding_time(before, held), since=tap.since)
             return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
@@ -163,7 +167,7 @@ def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
     none.
     """
     waiting = unbegun(wanted, release)
-    if not waiting or not over(wanted, axis_of(release)) or not _late(waiting[-1], release):
+    if not waiting or not over(wanted, axis_of(release)) or not _waited_too_long(waiting[-1], release):
         return None
     return None if any(other.number == waiting[-1].number for other in after.pending) else waiting[-1]
 
@@ -222,12 +226,12 @@ def axis_of(order: Order) -> int:
     return getattr(order.operation, "axis", 0)
 
 
-def _held(press: Order, seconds: float) -> Order:
+def _with_holding_time(press: Order, seconds: float) -> Order:
     """Return an arrow that was released after these seconds."""
     return replace(press, arrow=replace(press.arrow, held=seconds))
 
 
-def _late(press: Order, release: Order) -> bool:
+def _waited_too_long(press: Order, release: Order) -> bool:
     return release.since - press.since > LONGEST_HELD
 
 

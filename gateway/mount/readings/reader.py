@@ -65,7 +65,7 @@ class Reader:
         self._sharing: dict[object, asyncio.Task[object]] = {}
         #: The number of exchanges that the last read of each kind took.
         self.exchanges: dict[Kind, int] = {}
-        self._moment = -1e9
+        self._reply_moment = -1e9
         #: How many commands that may set the mount moving had been sent when it was last stopped; -1 while it moves on.
         self._stopped_after = 0
         #: Clients get the last known position, because the mount has not replied in time.
@@ -152,7 +152,7 @@ class Reader:
         positions = [kind for kind in kinds if kind in POSITIONS]
         sources = [source for kind in positions if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
-        return min(until, self._moment + MOMENT) if positions and self._moves else until
+        return min(until, self._reply_moment + MOMENT) if positions and self._moves else until
 
     @property
     def _moves(self) -> bool:
@@ -161,10 +161,10 @@ class Reader:
     def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new moment makes earlier answers outdated."""
         now = self._now()
-        if now - self._moment >= MOMENT:
-            self._moment = now
+        if now - self._reply_moment >= MOMENT:
+            self._reply_moment = now
             self._cache.version += 1
-        return self._moment
+        return self._reply_moment
 
     def _position_at(self, kind: Kind, entry: CachedAnswer, moment: float) -> object:
         """Return where a moving mount is at a moment."""
@@ -219,7 +219,7 @@ class Reader:
     def outdate(self) -> None:
         """Treat readings that were requested before now as outdated."""
         self._cache.outdate(self._now())
-        self._moment = -1e9
+        self._reply_moment = -1e9
 
     # --- answers that may take an exchange --------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.mount.context import Context
-from gateway.mount.motion.run_on import ARCSECOND, SKY, drift
+from gateway.mount.motion.run_on import ARCSECOND, SKY, unexplained_motion
 from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
@@ -101,7 +101,7 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
 def _unexplained(before: RestSample, after: RestSample, fine: float) -> float:
     """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
     elapsed = after.at - before.at
-    moved = drift(before.position, after.position, elapsed)
+    moved = unexplained_motion(before.position, after.position, elapsed)
     first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.tracking_speed, after.tracking_speed) * elapsed
     second = abs(wrap180(after.axes[1] - before.axes[1])) - TRACKING_SPEED * elapsed
     most = max(moved, first, second)

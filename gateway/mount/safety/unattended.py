@@ -188,15 +188,15 @@ class SunAhead:
 
     def __init__(self, mount: Context, reader: Reader, watch: LimitWatch) -> None:
         self._mount, self._reader, self._watch = mount, reader, watch
-        self._next = float("-inf")
+        self._next_check = float("-inf")
         self.warning = ""
 
     def check(self, position: op.Equatorial) -> None:
         """Examine a position of the mount, twice a minute."""
         mount, now = self._mount, self._mount.now()
-        if now < self._next or not mount.suns.limit:
+        if now < self._next_check or not mount.suns.limit:
             return
-        self._next = now + AGAIN
+        self._next_check = now + AGAIN
         before, self.warning = self.warning, ""
         if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
             return
@@ -207,7 +207,7 @@ class SunAhead:
         if status is None or age > AGAIN:  # without programs nobody asks whether it tracks
             self._reader.shared(op.GetStatus())
         if status is None or not status.aligned:
-            self._next = now + SOON
+            self._next_check = now + SOON
             return
         self.warning = resting if status.tracking is op.Tracking.OFF else tracking
         if self.warning and not before:

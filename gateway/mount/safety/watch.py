@@ -91,7 +91,7 @@ class LimitWatch:
         self.at_rest_since = self._goto_ended_at = NEVER
         self.path = CheckedPath()
         #: What was known of the last motion when it began.
-        self._way = CheckedPath()
+        self._checked_path = CheckedPath()
 
     @property
     def moved_by_others(self) -> bool:
@@ -145,7 +145,7 @@ class LimitWatch:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
-        return self._way.clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
+        return self._checked_path.clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
 
     def narrow(self, lowest: float, highest: float, past: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
@@ -162,7 +162,7 @@ class LimitWatch:
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
             limits, self._at_own_park = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.ways == []
-        self._way = replace(self.path) if isinstance(operation, GOTOS) else CheckedPath()
+        self._checked_path = replace(self.path) if isinstance(operation, GOTOS) else CheckedPath()
         self._parked = False
         ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
@@ -184,7 +184,7 @@ class LimitWatch:
 
     def axis_stopped(self) -> None:
         """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
-        self._astray, self._way.clear = True, False
+        self._astray, self._checked_path.clear = True, False
 
     def motion_ended(self) -> None:
         """Note that one or all motions by hand have ended."""
@@ -265,10 +265,10 @@ class LimitWatch:
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
         """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
-        if not self._way.ways:
+        if not self._checked_path.ways:
             return False
         reading = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
-        return all(separation(*reading, *way) > ASTRAY for way in self._way.ways)
+        return all(separation(*reading, *way) > ASTRAY for way in self._checked_path.ways)
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
@@ -294,7 +294,7 @@ class LimitWatch:
         suns = mount.suns
         return View(
             self.observed, limits, mount.timing, moving, suns.limit, status, past, self._astray, suns.confirmed,
-            self._way.floor,
+            self._checked_path.floor,
         )  # fmt: skip
 
     def _check_axes(self, now: float, place: op.Equatorial) -> None:

@@ -18,7 +18,7 @@ import pytest
 from gateway.app.watchdog.process import ServedMount
 from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.http import chain
-from gateway.transport.http_wire import HttpWire, written
+from gateway.transport.http_wire import HttpWire, request_bytes
 
 PATIENCE = 20.0
 Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[None]]
@@ -181,7 +181,9 @@ def test_a_server_that_serves_one_connection_at_a_time_is_not_locked_by_an_idle_
         host, port, beside = watcher.told[0]
         assert beside is not alone
         mount = ServedMount("pier", "", host, str(port), "alone" if alone else "beside")
-        mount.stop = [written(url, TelescopeHttp(url).request(order)) for order in (b"put abortslew", b"put park")]
+        mount.stop = [
+            request_bytes(url, TelescopeHttp(url).request(order)) for order in (b"put abortslew", b"put park")
+        ]
         mount.get_ready()
         assert len(mount.next) == (0 if alone else 1)
         for _ in range(2):

@@ -161,7 +161,7 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
     circles += [((top[0] + 180.0, -top[1]), 90.0 + limits.lowest) for top in tops]
 
     def keeps(path: Path) -> bool:
-        start, turn = path[0], _first(path[1], stretch)
+        start, turn = path[0], _first_part(path[1], stretch)
         return all(
             radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - AT_LIMIT)
             for middle, radius in circles
@@ -170,7 +170,7 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
     return [path for path in paths_of(mount, journey) if keeps(path)]
 
 
-def _first(turn: Pair, stretch: float) -> Pair:
+def _first_part(turn: Pair, stretch: float) -> Pair:
     """Limit the turn of each axis to its first ``stretch`` degrees."""
     return max(-stretch, min(stretch, turn[0])), max(-stretch, min(stretch, turn[1]))
 

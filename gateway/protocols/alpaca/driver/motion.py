@@ -122,7 +122,7 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
     if not mount.suspended:
         yield from order(mount, "set_tracking", on=False)
         mount.suspended = True
-        yield from _go_on(mount)
+        yield from _resume_hand_motion(mount)
     mount.slow[axis] = speed
     for number, rate in possible.items():
         if number != axis and number not in mount.slow:
@@ -133,7 +133,7 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
     return None
 
 
-def _go_on(mount: AlpacaDriver) -> Steps:
+def _resume_hand_motion(mount: AlpacaDriver) -> Steps:
     """Send the rates of the axes that are moved again: turning tracking on or off may have ended their motion."""
     for axis in sorted(mount.moving.keys() - mount.pulsed.keys()):
         yield from _send_rate(mount, axis, mount.moving[axis])
@@ -192,7 +192,7 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
         mount.moving.pop(number, None)
     if mount.suspended and not mount.slow:
         yield from resume_tracking(mount)
-        yield from _go_on(mount)
+        yield from _resume_hand_motion(mount)
     elif moved and not mount.moving:
         yield from look_at_tracking(mount)
 

@@ -46,7 +46,7 @@ class AlpacaClient:
     def __init__(self, accept: Accept, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[asyncio.Future[bytes]] = deque()
-        self._rest = b""
+        self._partial_line = b""
         self.last = self._loop.time()
         self.gone = False
         #: Whether it has ever sent more than reads, which a web page cannot.
@@ -74,7 +74,7 @@ class AlpacaClient:
             raise NoAnswerInTime(f"The mount has not answered within {TIMEOUT:g} s.") from None
 
     def _hear(self, data: bytes) -> int:
-        *lines, self._rest = (self._rest + data).split(b"\n")
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
             answer = self._waiting.popleft() if self._waiting else None
             if answer is not None and not answer.done():

@@ -51,28 +51,30 @@ class RequestFramer:
     """Cuts the bytes of a connection into HTTP requests, or into lines."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._partial_request = b""
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Return the whole requests, in order."""
-        self._rest = (self._rest + data).lstrip(b"\r\n")  # a gateway that begins anew ends what may have been begun
+        self._partial_request = (self._partial_request + data).lstrip(
+            b"\r\n"
+        )  # a gateway that begins anew ends what may have been begun
         frames = []
         while end := self._end():
-            frames.append(self._rest[:end])
-            self._rest = self._rest[end:]
-        self._rest = self._rest[-LONGEST:]
+            frames.append(self._partial_request[:end])
+            self._partial_request = self._partial_request[end:]
+        self._partial_request = self._partial_request[-LONGEST:]
         return frames
 
     def _end(self) -> int:
         """Return how many bytes the first request has; 0 if it is not whole."""
-        if self._rest.startswith((b"get ", b"put ")):
-            return self._rest.find(b"\n") + 1
-        head = self._rest.find(b"\r\n\r\n") + 4
+        if self._partial_request.startswith((b"get ", b"put ")):
+            return self._partial_request.find(b"\n") + 1
+        head = self._partial_request.find(b"\r\n\r\n") + 4
         if head < 4:
             return 0
-        length = _headers(self._rest[:head]).get("content-length", "0")
+        length = _headers(self._partial_request[:head]).get("content-length", "0")
         whole = head + (int(length) if length.isdecimal() and len(length) < LONGEST_NUMBER else 0)
-        return whole if whole <= len(self._rest) else 0
+        return whole if whole <= len(self._partial_request) else 0
 
 
 def _headers(head: bytes) -> dict[str, str]:

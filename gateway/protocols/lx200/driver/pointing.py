@@ -40,7 +40,7 @@ SAME = 20.0 / 3600.0
 
 def position(mount: Lx200Driver, _: op.Position) -> Steps:
     """:GR :GD -> Equatorial. After a restart the telescope replies in low precision: switch to high again."""
-    first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
+    first, second, _ = yield from _read_pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
     place = mount.last = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
@@ -60,7 +60,7 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     if mount.mute.intersection(("GZ", "GA")):
         return None
     try:
-        first, second, together = yield from _pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
+        first, second, together = yield from _read_pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
     except (Garbled, Silence):
         mount.unanswered += 1
         if mount.unanswered >= GIVEN_UP:
@@ -70,7 +70,7 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     return op.Horizontal(first["az"], second["alt"]) if together else None
 
 
-def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
+def _read_pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
     """Return two replies, and whether they are of about the same instant, because other requests may delay the second.
 
     On a slow line it does not help to repeat both, so the delay is compared with the usual reply time.

@@ -41,7 +41,7 @@ def move(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Move(direction, rate, lowest=client.lowest, highest=client.highest))
 
 
-def _within(limits: tuple[float, float], value: float, unit: str) -> float:
+def _in_range(limits: tuple[float, float], value: float, unit: str) -> float:
     """Return a value that is in its range. Raises Invalid for any other."""
     low, high = limits
     if not low <= value <= high:
@@ -58,7 +58,7 @@ def choose_rate(session: LxSession, command: Command, values: op.Values) -> None
 
 def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = _within(AXES, decoded(values)["rate"], "degrees a second") or None
+    rate = _in_range(AXES, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
     else:
@@ -76,7 +76,7 @@ def max_rate(session: LxSession, values: op.Values) -> None:
 
 def guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, _within(GUIDES, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
+    fraction = min(1.0, _in_range(GUIDES, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
@@ -156,7 +156,7 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _drive_at(session, _within(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _drive_at(session, _in_range(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def custom(session: LxSession, command: Command) -> Handling:

@@ -107,12 +107,12 @@ def _ahead(session: NexStarSession) -> float:
 
 def _readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
-    position: op.Horizontal = yield from _counted(session)
+    position: op.Horizontal = yield from _native_readings(session)
     ahead = _ahead(session)
     return op.Horizontal(wrap360(position.az - ahead), position.alt) if ahead else position
 
 
-def _counted(session: NexStarSession) -> Handling:
+def _native_readings(session: NexStarSession) -> Handling:
     """Return the axis readings as a Celestron counts them."""
     status: op.Status = yield op.GetStatus()
     if not _wedge_as_german(session, status):
