@@ -1,4 +1,4 @@
-"""A simulated mount that ``prove`` checks: a whole gateway with both surfaces, on virtual time, and a person.
+"""A simulated mount that ``prove`` checks: a whole gateway, on virtual time, and a person.
 
 The person answers every question with the next of ``answers`` (then ``y``), and does what ``when`` says as soon as a
 line or a progress holds its words. ``python -m tests.support.prove_setup`` writes the files of simulated mounts anew
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.config import MountConfig, parse_endpoint
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.core.wire_log import WireLog
@@ -24,7 +24,6 @@ from gateway.diagnostics.prove.guide import GuidedCheck
 from gateway.diagnostics.virtual_time import VirtualLoop, run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.truth import Truth, sample
-from gateway.protocols.registry import mounts, streams
 from gateway.transport.wires import SimulatedTransport
 from tests.support.owner import Owner
 
@@ -114,9 +113,8 @@ class Proven:
             return start + loop.time() - began
 
         self.clock = clock
-        surfaces = [SurfaceConfig(at=f"{protocol}@web") for protocol in mounts() if protocol in streams()]
         settings = MountConfig(**({"at": f"{mount.partition(':')[0]}@sim", "sun": 40.0} | (config or {})))
-        self.gateway = Gateway(settings, surfaces, WireLog(clock), clock=clock)
+        self.gateway = Gateway(settings, [], WireLog(clock), clock=clock)
         self.sim = make_simulator(parse_endpoint(f"{mount}@sim"), clock=clock, site=site, **simulated)
         self.wire = SimulatedTransport("sim", self.sim.connection, latency)
         self.truths: list[Truth] = []

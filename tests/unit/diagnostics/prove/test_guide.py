@@ -15,7 +15,7 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove import small_motions
-from gateway.diagnostics.prove.findings import SAME, Finding, Findings, load, save
+from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, load, save
 from gateway.diagnostics.prove.guide import STAGES, GuidedCheck
 from gateway.diagnostics.prove.telescope import WHO, CheckedMount
 from tests.support.prove_setup import Onlooker, Proven, run_calm
@@ -433,6 +433,19 @@ def test_the_page_shows_that_a_check_is_under_way() -> None:
             assert any(line.endswith("by mount-gateway prove") for line in shown), shown
 
     run_calm(play())
+
+
+def test_a_goto_that_ends_beside_its_goal_differs() -> None:
+    async def program() -> list[Finding]:
+        async with Proven() as proven:
+            mechanics = proven.sim.mechanics
+            goto_sky = mechanics.goto_sky
+            with patch.object(mechanics, "goto_sky", lambda now, ra, dec: goto_sky(now, ra, dec + 0.3)):
+                findings = await proven.check(Onlooker("sssysss"))
+            return [finding for finding in findings.stages["goto"] if finding.what == "goto of 5°"]
+
+    [finding] = run_calm(program())
+    assert finding.verdict == DIFFERS and "18.0' from its goal" in finding.measured
 
 
 def test_every_stage_says_what_comes_in_one_sentence() -> None:
