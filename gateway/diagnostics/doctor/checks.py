@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 
 from gateway.core.about import RELEASED
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Port, Said
-from gateway.protocols.registry import ANY_PORT, PROTOCOLS
 
 #: The oldest and the newest version of Python that mount-gateway is tested with.
 OLDEST, NEWEST = (3, 11), (3, 14)
@@ -24,9 +23,6 @@ WITHOUT = {
 DAY = 86400.0
 #: What only astropy needs, and a computer with an almanac does not; when its last days are told.
 SKY, FEW = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
-#: The usual TCP ports of a gateway, and who connects to them.
-USUAL = {4030: "most telescope programs", ANY_PORT: "programs of every protocol", 4080: "browsers"}
-USUAL |= {spec.usual_port: spec.title for spec in PROTOCOLS.values() if spec.usual_port not in USUAL}
 #: The udev rule that makes ModemManager ignore all USB serial ports.
 RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
 LEAVE_ALONE = (
@@ -200,28 +196,6 @@ def meddlers(facts: Facts) -> Iterator[Said]:
         yield GOOD, "no program is running that is known to write to serial ports unasked", ""
 
 
-def listeners(facts: Facts) -> Iterator[Said]:
-    """Check that the usual TCP ports are free or used by a gateway."""
-    processes = {running.process for running in facts.gateways}
-    taken = {listener.port: listener for listener in facts.listeners}
-    free = []
-    for port, whom in USUAL.items():
-        listener = taken.get(port)
-        if listener is None:
-            free.append(str(port))
-        elif listener.process in processes:
-            yield GOOD, f"TCP port {port} is a gateway's (process {listener.process})", ""
-        else:
-            who = f"{listener.name} (process {listener.process})" if listener.process else "a program of another user"
-            yield (
-                NOTE,
-                f"TCP port {port}, where {whom} would look for the gateway, is taken by {who}",
-                f"end that program, or give the gateway another port, such as {port + 1}, and tell the programs",
-            )
-    if free:
-        yield GOOD, f"TCP {'ports' if len(free) > 1 else 'port'} {', '.join(free)}: free", ""
-
-
 def state_folder(facts: Facts) -> Iterator[Said]:
     """Check that the state folder can be written to."""
     if facts.state_problem:
@@ -270,7 +244,6 @@ CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
     "meddlers": meddlers,
     "clock": clock,
     "astronomy": astronomy,
-    "network": listeners,
     "state": state_folder,
     "gateways": gateways,
 }

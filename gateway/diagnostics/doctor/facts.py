@@ -48,14 +48,6 @@ class Port(Struct, frozen=True):
     modem_manager_ignores: bool = False
 
 
-class ListeningProcess(Struct, frozen=True):
-    """The process that listens on a TCP port; ``process`` is 0 if this user may not see it."""
-
-    port: int
-    process: int = 0
-    name: str = ""
-
-
 class Running(Struct, frozen=True):
     """A running gateway and its mount; ``mount`` is empty if the gateway does not answer this user.
 
@@ -94,7 +86,6 @@ class Facts(Struct, frozen=True):
     clock_synchronized: bool | None
     #: Running programs that are known to disturb serial ports, with their process ids.
     meddlers: dict[str, int]
-    listeners: list[ListeningProcess]
     state_folder: str
     state_problem: str
     gateways: list[Running]

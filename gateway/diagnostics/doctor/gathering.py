@@ -29,12 +29,11 @@ from gateway.app.status import State
 from gateway.astro.ephemeris.almanac import DAY, stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import is_usb_or_named, local_ports, port_holder
-from gateway.diagnostics.doctor.checks import USUAL
-from gateway.diagnostics.doctor.facts import Facts, ListeningProcess, Package, Port, Running
+from gateway.diagnostics.doctor.facts import Facts, Package, Port, Running
 from gateway.system.computer_clock import synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
-from gateway.system.processes import PROC, listeners
+from gateway.system.processes import PROC
 from gateway.system.runtime_folders import user_name
 from gateway.transport.wires import group_of
 
@@ -117,7 +116,6 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         active_groups=active,
         clock_synchronized=synchronised(),
         meddlers=processes_named(MEDDLERS),
-        listeners=listening(USUAL),
         state_folder=str(folder),
         state_problem=unwritable(folder),
         gateways=list(running(Scope(folder, alone=state is not None))),
@@ -185,11 +183,6 @@ def processes_named(names: Collection[str], proc: Path = PROC) -> dict[str, int]
             if name in names:
                 results[name] = int(process.name)
     return results
-
-
-def listening(ports: Collection[int], proc: Path = PROC) -> list[ListeningProcess]:
-    """Return the processes that listen on these TCP ports."""
-    return [ListeningProcess(port, *owner) for port, owner in listeners(ports, proc)]
 
 
 def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:

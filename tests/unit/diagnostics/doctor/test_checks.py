@@ -7,17 +7,7 @@ from datetime import UTC, datetime
 from msgspec.structs import replace
 
 from gateway.diagnostics.doctor.checks import CHECKS, examine
-from gateway.diagnostics.doctor.facts import (
-    BAD,
-    GOOD,
-    NOTE,
-    CheckResult,
-    Facts,
-    ListeningProcess,
-    Package,
-    Port,
-    Running,
-)
+from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Package, Port, Running
 from tests.support.each import each
 
 
@@ -41,7 +31,6 @@ WELL = Facts(
     active_groups={"me", "dialout"},
     clock_synchronized=True,
     meddlers={},
-    listeners=[],
     state_folder="/home/me/.local/state/mount-gateway",
     state_problem="",
     gateways=[],
@@ -141,15 +130,6 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
             "the running gateway has an almanac",
             "",
         ),
-        ("network", {"listeners": [ListeningProcess(4030, 9, "nc")]}, NOTE, "taken by nc (process 9)", "such as 4031"),
-        ("network", {"listeners": [ListeningProcess(10001)]}, NOTE, "Stellarium would look", "10002"),
-        (
-            "network",
-            {"listeners": [ListeningProcess(4030, 77, "python")], "gateways": [Running(77, "nexstar@sim")]},
-            GOOD,
-            "TCP port 4030 is a gateway's (process 77)",
-            "",
-        ),
         ("state", {"state_problem": "permission denied"}, BAD, "(permission denied)", "sudo chown -R $USER /home/me"),
         ("gateways", {"gateways": [Running(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
         ("gateways", {"gateways": [Running(77, user="user pi", foreign=True)]}, NOTE, "of user pi", "or as root"),
@@ -169,11 +149,6 @@ def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state
     assert result.state == state and do in result.do and bool(result.do) == bool(do)
     unmoved = [result for result in examine(replace(WELL, **facts)) if result.check != check]
     assert not any(result.state == BAD for result in unmoved)
-
-
-def test_a_taken_port_does_not_hide_the_free_ones() -> None:
-    taken, free = of("network", replace(WELL, listeners=[ListeningProcess(4030, 9, "nc")]))
-    assert taken.state == NOTE and free == CheckResult("network", GOOD, "TCP ports 4040, 4080, 10001, 11111: free")
 
 
 def test_a_built_in_port_is_not_modem_managers_to_disturb() -> None:

@@ -18,7 +18,8 @@ from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering
 from gateway.diagnostics.doctor.checks import examine
-from gateway.diagnostics.doctor.facts import BAD, GOOD, CheckResult, ListeningProcess
+from gateway.diagnostics.doctor.facts import BAD, GOOD, CheckResult
+from gateway.system import processes
 from gateway.system.own_commands import how_to_add, pip_command
 from tests.support.process import Running
 
@@ -48,16 +49,15 @@ def test_processes_by_name(proc: Path) -> None:
 
 
 def test_who_listens(proc: Path) -> None:
-    found = sorted(gathering.listening((4030, 4080, 10001), proc), key=lambda listener: listener.port)
-    assert found == [ListeningProcess(4030, 900, "nc"), ListeningProcess(10001)]
-    assert gathering.listening((4031,), proc) == []
+    assert sorted(processes.listeners((4030, 4080, 10001), proc)) == [(4030, (900, "nc")), (10001, ())]
+    assert list(processes.listeners((4031,), proc)) == []
 
 
 @pytest.mark.skipif(not gathering.PROC.joinpath("net").is_dir(), reason="only Linux tells who listens")
 def test_who_listens_here() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        assert [(one.port, one.process) for one in gathering.listening((port,))] == [(port, os.getpid())]
+        assert [(number, owner[0]) for number, owner in processes.listeners((port,))] == [(port, os.getpid())]
 
 
 @pytest.mark.parametrize(("line", "ignored"), [("E:ID_MM_PORT_IGNORE=1", True), ("E:ID_MM_PORT_IGNORE=0", False)])
