@@ -134,7 +134,7 @@ class FirstCommands:
             self.done = True
 
     def end(self) -> None:
-        """The client is no telescope program."""
+        """Stop examining: the client is no telescope program."""
         self.done = True
 
     def _decide(self, began: float) -> None:

@@ -85,12 +85,12 @@ class _Talk:
 
 
 async def identify(
-    protocol: str, ear: PortListener, model: str | None = None, version: str | None = None
+    protocol: str, listener: PortListener, model: str | None = None, version: str | None = None
 ) -> FoundMount:
     """Let the protocol's driver identify the mount on an open port. Raises Fault if it cannot."""
     now = asyncio.get_running_loop().time
-    driver, _, reply_rules = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
-    line = MountLink(ear, reply_rules, WireLog(time.time))
+    driver, _, reply_rules = make_driver(Endpoint(protocol, listener.name, model, version), MountConfig(at="-"), now)
+    line = MountLink(listener, reply_rules, WireLog(time.time))
     talk = _Talk(driver, line)
     line.start()
     try:

@@ -85,33 +85,36 @@ def questions(named: str | None) -> list[Question]:
     ]
 
 
-async def probe(ear: PortListener, patience: Patience, named: str | None = None) -> str:
+async def probe(listener: PortListener, patience: Patience, named: str | None = None) -> str:
     """Query an open port and return the verdict. Raises OSError if the port disappears meanwhile."""
-    if not await _fell_quiet(ear, patience):
-        return PortVerdict.GPS if sentence(ear.heard) else PortVerdict.TALKER
-    ear.forget()
+    if not await _fell_quiet(listener, patience):
+        return PortVerdict.GPS if sentence(listener.heard) else PortVerdict.TALKER
+    listener.forget()
     asked = questions(named)
     waits = [patience.first] * (len(asked) - 1)
     waits.append(patience.answer - sum(waits))
     for question, seconds in zip(asked, waits, strict=True):
-        ear.write(question.request)
-        verdict = await _wait(ear, seconds, partial(_judge, ear, question))
+        listener.write(question.request)
+        verdict = await _wait(listener, seconds, partial(_judge, listener, question))
         if verdict is not None:
             return verdict
-    if not ear.heard:
+    if not listener.heard:
         return PortVerdict.SILENT
-    if sentence(ear.heard):
+    if sentence(listener.heard):
         return PortVerdict.GPS
-    return PortVerdict.STRANGER if _TEXT.fullmatch(ear.heard) else PortVerdict.GARBLED
+    return PortVerdict.STRANGER if _TEXT.fullmatch(listener.heard) else PortVerdict.GARBLED
 
 
-async def overhear(ear: PortListener, seconds: float) -> str:
+async def overhear(listener: PortListener, seconds: float) -> str:
     """Listen to a device that sends by itself and tell whether it is a GPS receiver. Raises OSError."""
-    return await _wait(ear, seconds, lambda: PortVerdict.GPS if sentence(ear.heard) else None) or PortVerdict.TALKER
+    return (
+        await _wait(listener, seconds, lambda: PortVerdict.GPS if sentence(listener.heard) else None)
+        or PortVerdict.TALKER
+    )
 
 
-def _judge(ear: PortListener, question: Question) -> str | None:
-    return judge(ear.heard, ear.still, question)
+def _judge(listener: PortListener, question: Question) -> str | None:
+    return judge(listener.heard, listener.still, question)
 
 
 def judge(heard: bytes, still: float, question: Question) -> str | None:
@@ -135,21 +138,21 @@ def sentence(heard: bytes) -> bool:
     )
 
 
-async def _fell_quiet(ear: PortListener, patience: Patience) -> bool:
+async def _fell_quiet(listener: PortListener, patience: Patience) -> bool:
     """Wait until nothing has arrived for a while. A single stray byte is ignored: opening a port often causes it."""
-    end = ear.now() + patience.restless
-    while ear.still < patience.quiet:
-        if sentence(ear.heard) or ear.now() > end:
+    end = listener.now() + patience.restless
+    while listener.still < patience.quiet:
+        if sentence(listener.heard) or listener.now() > end:
             return False
-        await ear.tick()
+        await listener.tick()
     return True
 
 
-async def _wait(ear: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
+async def _wait(listener: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
     """Wait for a verdict; return None on timeout."""
-    end = ear.now() + seconds
-    while ear.now() < end:
-        await ear.tick()
+    end = listener.now() + seconds
+    while listener.now() < end:
+        await listener.tick()
         verdict = condition()
         if verdict is not None:
             return verdict
@@ -221,25 +224,25 @@ async def look(
         return PortFinding(place, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time
     began = now()
-    ear = PortListener(wire or SerialTransport(place.url, USUAL))
+    listener = PortListener(wire or SerialTransport(place.url, USUAL))
     try:
-        await ear.begin()
+        await listener.begin()
     except Exception as error:  # pyserial has more kinds of failure than OSError
         state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
         if state == BUSY and (who := gateway_of_another()):
             return PortFinding(place, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
         return PortFinding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
-        verdict, baud, rates = await _at_every_rate(ear, place, first, others)
+        verdict, baud, rates = await _at_every_rate(listener, place, first, others)
         state, mount, reason = str(verdict), None, ""
         if state in PROTOCOLS:
             named = place.named if place.named and place.named.protocol == state else None
             model, version = (named.model, named.version) if named else (None, None)
             try:
-                mount = await identify(state, ear, model, version)
+                mount = await identify(state, listener, model, version)
             except Fault as fault:
-                if ear.lost:
-                    raise OSError(ear.lost) from None
+                if listener.lost:
+                    raise OSError(listener.lost) from None
                 reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
             except OSError:
                 raise
@@ -249,26 +252,26 @@ async def look(
     except OSError as error:
         return PortFinding(place, VANISHED, reason=str(error), seconds=now() - began)
     finally:
-        await ear.end()
+        await listener.end()
 
 
 async def _at_every_rate(
-    ear: PortListener, place: SerialPortInfo, first: Patience, others: Patience
+    listener: PortListener, place: SerialPortInfo, first: Patience, others: Patience
 ) -> tuple[str, int, int]:
     """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
     protocol = place.named.protocol if place.named else None
-    verdict, baud, rates = await probe(ear, first, protocol), USUAL, 1
+    verdict, baud, rates = await probe(listener, first, protocol), USUAL, 1
     if not place.has_rates or verdict not in OPEN:
         return verdict, baud, rates
     talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
     for baud in OTHERS:
         try:
-            ear.tune(baud)
+            listener.tune(baud)
         except OSError:
-            await ear.tick()
+            await listener.tick()
             continue  # a rate that this port does not have
         rates += baud != USUAL
-        verdict = await (overhear(ear, EAVESDROP) if talks else probe(ear, others, protocol))
+        verdict = await (overhear(listener, EAVESDROP) if talks else probe(listener, others, protocol))
         if verdict not in OPEN:
             return verdict, baud, rates
         garbled = garbled or verdict == PortVerdict.GARBLED
@@ -277,15 +280,15 @@ async def _at_every_rate(
 
 async def who_answers(url: str, baud: int) -> str | None:
     """Return the protocol of the mount that answers at this rate, or None if none does."""
-    ear = PortListener(SerialTransport(url, baud))
+    listener = PortListener(SerialTransport(url, baud))
     try:
-        await ear.begin()
+        await listener.begin()
     except OSError:
         return None
     try:
-        verdict = await probe(ear, AT_9600)
+        verdict = await probe(listener, AT_9600)
     except OSError:
         return None
     finally:
-        await ear.end()
+        await listener.end()
     return verdict if verdict in PROTOCOLS else None

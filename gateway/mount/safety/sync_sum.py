@@ -28,8 +28,9 @@ ROUNDING = 0.05
 class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
 
-    ``turned`` is what syncs have added to the readings of the two axes: azimuth and altitude, or those of an equatorial
-    mount (`Geometry.axes`). ``around`` is the same if one of them has turned the axes around; None if none can have.
+    ``turned`` is the sum of the turns of the two axes by syncs: azimuth and altitude, or those of an equatorial mount
+    (`Geometry.axes`). ``around`` is the other possible sum, if since one of the syncs the mount may take its tube to
+    point the other way round; else None.
     """
 
     east: float = 0.0
@@ -48,8 +49,8 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return (self.turned,) if self.around is None else (self.turned, self.around)
 
     def added(self, present: Equatorial, wanted: Equatorial, turns: Sequence[Pair]) -> SyncSum:
-        """Return the sum after another sync from ``present`` to ``wanted``, which turns the axes by the first of
-        ``turns``; if there is a second one, it may turn them around.
+        """Return the sum after another sync from ``present`` to ``wanted``. ``turns`` has the turn of the axes, and a
+        second one if the mount may take its tube to point the other way round from then on.
         """
         middle = cos(radians((present.dec + wanted.dec) / 2.0))
         around = None

@@ -26,13 +26,13 @@ LOOK_FIRST, LOOK_AGAIN = 1.25, 2.0
 GLANCE = 0.5
 
 
-def read_report(mount: Lx200Driver, glance: Send | None = None) -> Steps:
-    """Send :GU or :GW, or take this ``glance``, and return what it reports; a recent reply is used again if nothing was
-    ordered since.
+def read_report(mount: Lx200Driver, status_request: Send | None = None) -> Steps:
+    """Send ``status_request``, by default :GU or :GW, and return the report; a recent report is used again if nothing
+    was ordered since.
     """
     if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
-        answer = (yield glance) if glance is not None else (yield from ask(mount, form["command"]))
+        answer = (yield status_request) if status_request is not None else (yield from ask(mount, form["command"]))
         state = (
             _report_from_letters(mount, form, answer["letters"]) if "letters" in answer else _report_from_places(answer)
         )

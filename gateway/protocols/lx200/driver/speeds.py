@@ -69,22 +69,22 @@ def ratio_error(asked: float, done: float) -> float:
     return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf
 
 
-def nearest(able: ModelSpeeds, degrees: float) -> Speed:
+def nearest(model_speeds: ModelSpeeds, degrees: float) -> Speed:
     """Return the choice for a direction key that is nearest to this speed, degrees per second."""
-    return _best([*_arrows(able, degrees)], degrees)
+    return _best([*_arrows(model_speeds, degrees)], degrees)
 
 
-def instead_of_tracking(able: ModelSpeeds, west: float, drive: float) -> Speed:
+def instead_of_tracking(model_speeds: ModelSpeeds, west: float, drive: float) -> Speed:
     """Return the choice that turns the right ascension motor nearest to ``west`` degrees per second (signed).
 
     ``drive`` is the current drive rate, degrees per second.
     """
     return _best(
         [
-            *_drives(able, west, drive),
+            *_drives(model_speeds, west, drive),
             *(
                 replace(speed, degrees=math.copysign(speed.degrees, west))
-                for speed in (() if able.keys else _arrows(able, abs(west)))
+                for speed in (() if model_speeds.keys else _arrows(model_speeds, abs(west)))
                 if speed.command != "RG"
             ),
         ],
@@ -98,12 +98,12 @@ def _best(speeds: list[Speed], asked: float) -> Speed:
     return next(speed for speed in speeds if ratio_error(asked, speed.degrees) <= least + ALIKE)
 
 
-def _arrows(able: ModelSpeeds, degrees: float) -> Iterator[Speed]:
+def _arrows(model_speeds: ModelSpeeds, degrees: float) -> Iterator[Speed]:
     """Yield the speeds of a direction key, the simpler ones first."""
-    if able.keys:
-        yield from (Speed(command, speed) for command, speed in able.keys)
+    if model_speeds.keys:
+        yield from (Speed(command, speed) for command, speed in model_speeds.keys)
         return
-    if able.guides:
+    if model_speeds.guides:
         arcseconds = min(
             math.floor(SIDEREAL_ARCSECONDS / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, degrees * 3600.0)
         )
@@ -112,41 +112,43 @@ def _arrows(able: ModelSpeeds, degrees: float) -> Iterator[Speed]:
     else:
         yield Speed("RG", SPEEDS["RG"])
     yield Speed("RC", SPEEDS["RC"])
-    if able.free:
-        free = min(float(able.range[1]), max(_FREE_FROM, round(round(degrees / _FREE_STEP) * _FREE_STEP, 1)))
+    if model_speeds.free:
+        free = min(float(model_speeds.range[1]), max(_FREE_FROM, round(round(degrees / _FREE_STEP) * _FREE_STEP, 1)))
         yield Speed("RS", free, free=free)
         return
     yield Speed("RM", SPEEDS["RM"])
-    yield Speed("RS", float(able.fastest))
-    if able.limits:
-        for fastest in range(able.range[0], able.range[1] + 1):
+    yield Speed("RS", float(model_speeds.fastest))
+    if model_speeds.limits:
+        for fastest in range(model_speeds.range[0], model_speeds.range[1] + 1):
             yield Speed("RS", float(fastest), fastest=fastest)
 
 
-def _drives(able: ModelSpeeds, west: float, drive: float) -> Iterator[Speed]:
+def _drives(model_speeds: ModelSpeeds, west: float, drive: float) -> Iterator[Speed]:
     """Yield drive rates, with and without a direction key that adds to them."""
     yield Speed(None, drive)
-    if able.keys:
+    if model_speeds.keys:
         for sign in (1, -1):
-            yield from (Speed(command, drive + sign * speed, west=sign > 0) for command, speed in able.keys)
+            yield from (Speed(command, drive + sign * speed, west=sign > 0) for command, speed in model_speeds.keys)
         return
-    if able.guides:
+    if model_speeds.guides:
         more = west - drive
-        arrow = next(_arrows(able, abs(more)))
+        arrow = next(_arrows(model_speeds, abs(more)))
         yield Speed("RG", drive + math.copysign(arrow.degrees, more), guide=arrow.guide, west=more > 0.0)
     else:
         for sign in (1, -1):
             yield Speed("RG", drive + sign * SPEEDS["RG"], west=sign > 0)
-    hertz = _hertz(able, west)
+    hertz = _hertz(model_speeds, west)
     yield Speed(None, _speed(hertz), hertz=hertz)
     guide = SPEEDS["RG"]
     for sign in (1, -1):
-        hertz = _hertz(able, west - sign * guide)
-        yield Speed("RG", _speed(hertz) + sign * guide, guide=1.0 if able.guides else None, hertz=hertz, west=sign > 0)
+        hertz = _hertz(model_speeds, west - sign * guide)
+        yield Speed(
+            "RG", _speed(hertz) + sign * guide, guide=1.0 if model_speeds.guides else None, hertz=hertz, west=sign > 0
+        )
 
 
-def _hertz(able: ModelSpeeds, degrees: float) -> float:
-    low, high = able.hertz
+def _hertz(model_speeds: ModelSpeeds, degrees: float) -> float:
+    low, high = model_speeds.hertz
     return min(high, max(low, round(degrees * 3600.0 * SIDEREAL_HERTZ / SIDEREAL_ARCSECONDS, 1)))
 
 
