@@ -74,15 +74,12 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file.
-    ``first_replies`` are the first replies of the mount about its settings, by command.
-    """
+    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file."""
 
     mount: str = ""
     model: str = ""
     version: str = ""
     equatorial: bool = False
-    first_replies: dict[str, str] = {}
     stages: dict[str, list[Finding]] = {}
 
     def whole(self, stage: str) -> bool:

@@ -46,7 +46,6 @@ STAGES: tuple[Stage, ...] = (
     Stage("motions", "turns it all ways at all rates, up to 5°: about 5 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
     Stage("guiding", "sends short pulses in all directions: about 1 min.", True, guiding.run),
-    Stage("settings", "asks whether its settings are as they were.", False, reads.settings),
 )  # fmt: skip
 
 
@@ -98,7 +97,6 @@ class GuidedCheck:
                 findings.mount, findings.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
-        telescope.settings = self._findings.first_replies
         try:
             await telescope.look()
             self._findings.equatorial = telescope.status.equatorial

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
-from contextlib import suppress
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
 from gateway.diagnostics.log.conversation import Heard, Side
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.registry import streams
@@ -21,11 +20,6 @@ from gateway.protocols.registry import streams
 #: target of a server, which there is after a goto.
 LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
                         "targetrightascension"))  # fmt: skip
-#: Fields of answers that are of their moment only: positions, motion, time, temperature.
-PASSING = frozenset(("ra", "dec", "az", "alt", "bars", "slewing", "state", "letters", "side", "sidereal", "time",
-                     "date", "year", "month", "day", "hour", "minute", "second", "value"))  # fmt: skip
-#: The field that tells whether it tracks, which a limit may have ended.
-TRACKS = "mode"
 #: Seconds after which a line continues if an answer was missing.
 RECOVERS = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
@@ -83,32 +77,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             strange.append(name)
             continue
         took[name] = telescope.now() - began
-        if heard.values and not PASSING & heard.fields.keys():
-            telescope.settings[name] = repr(heard.values)
     report.add(_forms(len(took), silent, strange))
     report.add(_times(took, telescope.controller.line.typical_rtt))
-
-
-async def settings(telescope: CheckedMount, report: StageReporter) -> None:
-    """Read the stored settings of the mount again, and compare them with the first replies. Raises Ended."""
-    if not telescope.settings:
-        report.add(Finding("settings", NOT_TRIED, "the first stage has not been told any"))
-        return
-    after = dict[str, str]()
-    for name in telescope.settings:
-        with suppress(Fault):
-            heard = await ask_mount(telescope, name)
-            if not (TRACKS in heard.fields and telescope.switched_off):
-                after[name] = repr(heard.values)
-        telescope.check()
-    helps = telescope.driver.protocol.commands
-    changed = [f"{name} ({helps[name].help})" for name, values in after.items() if values != telescope.settings[name]]
-    means = "Set it back at the hand control, and tell whoever gave you mount-gateway."
-    if changed:
-        report.add(Finding("settings", DIFFERS, "; ".join(changed), "as before", means))
-    else:
-        answered = f"{len(after)} of {len(telescope.settings)} were told, as they were"
-        report.add(Finding("settings", SAME if after else NOT_MEASURABLE, answered))
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:

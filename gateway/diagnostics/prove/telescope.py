@@ -80,8 +80,8 @@ class CheckedMount:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
         self._stops, self._places = self.controller.stops, list[TimedPosition]()
-        #: Whether a motion of the check is under way; what the mount had told of its settings at first.
-        self.mine, self.settings = False, dict[str, str]()
+        #: Whether a motion of the check is under way.
+        self.mine = False
         self._epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.tracking_by_others = False

@@ -132,7 +132,7 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
 
     (folder := tmp_path / "prove").mkdir()
     done = {stage.name: [Finding(stage.name, SAME)] for stage in STAGES} | {"motions": [RATES]}
-    save(folder / "findings.json", Findings(MOUNT, "6-8se", "4.21", first_replies={"w": "(47.3, 11.6)"}, stages=done))
+    save(folder / "findings.json", Findings(MOUNT, "6-8se", "4.21", stages=done))
     toml = tmp_path / "gateway.toml"
     toml.write_text('[mount]\nat = "nexstar:6-8se@sim"\n\n[[surface]]\nat = "any@tcp://127.0.0.1:0"\n')
     ours, theirs = pty.openpty()

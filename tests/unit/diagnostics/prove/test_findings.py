@@ -58,7 +58,7 @@ def test_the_file_is_the_same_wherever_and_whenever_the_mount_is_checked(mount: 
 
 
 def test_words_that_may_tell_a_place_or_an_address_are_left_out(tmp_path: Path) -> None:
-    findings = Findings("Celestron NexStar 6-8se 4.21", "6-8se", "4.21", first_replies={"w": "(52.37, -71.31)"})
+    findings = Findings("Celestron NexStar 6-8se 4.21", "6-8se", "4.21")
     findings.stages = {
         "sky": [
             Finding("the mount and the settings", DIFFERS, "the mount stands at 52.4 N 71.3 W", means="Correct it.")
