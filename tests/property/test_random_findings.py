@@ -1,4 +1,4 @@
-"""What random sequences brought to light, each as short as it can be told."""
+"""What random plays brought to light, each as short as it can be told."""
 
 from __future__ import annotations
 
