@@ -22,8 +22,9 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 EXTRA = {"t": 4}
 #: Printable bytes for echo requests. None is ``#``; consecutive resynchronisations use different ones.
 ECHOES = range(0x40, 0x7E)
-#: Seconds that a hand control may take to answer. Source: Developer Notes, Timeouts.
-TIMEOUT = 3.5
+#: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes them all for a command that it
+#: passes to a device that is not there, so that the line needs some more.
+TIMEOUT, LINE = 3.5, 0.5
 
 
 PROTOCOL = load("nexstar")
@@ -113,4 +114,6 @@ class NexStarReplyRules:
 
 @cache
 def _expected(command: str, once: bool, raw: bool) -> Expected:
-    return Expected(answer_kind(PROTOCOL, command, once, raw), TIMEOUT, unterminated=_reply(command).width == 1)
+    reply = _reply(command)
+    timeout = TIMEOUT + LINE if reply.passed_through else TIMEOUT
+    return Expected(answer_kind(PROTOCOL, command, once, raw), timeout, unterminated=reply.width == 1)

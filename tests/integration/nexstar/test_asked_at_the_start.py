@@ -12,6 +12,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
+from tests.support.lossy_line import LossyLine
 
 NEXSTAR = load("nexstar")
 MOUNTS = [(model, version) for model, row in NEXSTAR.models.items() for version in row.get("versions", [])]
@@ -29,5 +30,25 @@ def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, ver
             for sent in bridge.sent():
                 found = NEXSTAR.find(sent)
                 assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent
+
+    run(program())
+
+
+@pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "2.2"), ("cge", "4.21"), ("avx", "5.31")])
+def test_a_hand_control_is_identified_that_waits_long_for_a_focuser_that_is_not_there(model: str, version: str) -> None:
+    """It takes 3.5 s to say so, as the manual allows (``tests/support/lossy_line.py``), and the line takes more."""
+
+    async def program() -> None:
+        bridge = Bridge(model, version, latency=0.3)
+        LossyLine(bridge, 0.3)
+        bridge.controller.start()
+        try:
+            async with asyncio.timeout(40.0):
+                await bridge.controller.settled.wait()
+            await asyncio.sleep(10.0)
+            assert bridge.controller.line.usable
+            assert await bridge.client().ask(b":GA#", 3.0, until=b"#")
+        finally:
+            await bridge.controller.close()
 
     run(program())
