@@ -35,7 +35,7 @@ LATELY, MOST = 60.0, 10
 class MountState(Struct, frozen=True, dict=True):
     """A mount at the loop time ``now`` and at ``clock`` by this computer.
 
-    ``over`` is its position over the horizon, ``goal`` the goal of a goto under way; both None if not known.
+    ``horizontal`` is its azimuth and altitude, ``goal`` the goal of a goto under way; both None if not known.
     ``pier_kept``: whether a limit of the hour angle can be enforced. ``programs`` are the hosts of connected programs;
     ``sites`` and ``times`` are all reported ones, best first. ``answers`` counts the replies of the mount, ``reply`` is
     its typical reply time in seconds; ``sky`` names the source of the calculated sky.
@@ -48,7 +48,7 @@ class MountState(Struct, frozen=True, dict=True):
     pier: str
     german: bool | None
     pier_kept: bool
-    over: op.Horizontal | None
+    horizontal: op.Horizontal | None
     wanted: Wanted
     goal: op.Equatorial | op.Horizontal | None
     sun_ahead: str
@@ -193,7 +193,7 @@ def mount_state(
         pier=readings.value(op.PierSide) or "",
         german=driver.german,
         pier_kept=identity is None or can_enforce_hour_angle(controller.context),
-        over=astrometry.horizon(position) if sites and position is not None else None,
+        horizontal=astrometry.horizon(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal(controller),
         sun_ahead=controller.sun_ahead.warning,

@@ -48,15 +48,15 @@ BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"),
 def state(gateway: Gateway) -> dict[str, Any]:
     """Return the state of a mount as it is published; a value that is not known is None."""
     now = gateway.state()
-    look, identity, over = now.look, now.identity, now.over
+    look, identity, horizontal = now.look, now.identity, now.horizontal
     status, position = look.status, look.position
     return {
         "online": look.online,
         "does": activity(look) or look.state,
         "ra_hours": None if position is None else round(position.ra / 15.0, 5),
         "dec_degrees": None if position is None else round(position.dec, 4),
-        "altitude_degrees": None if over is None else round(over.alt, 2),
-        "azimuth_degrees": None if over is None else round(over.az, 2),
+        "altitude_degrees": None if horizontal is None else round(horizontal.alt, 2),
+        "azimuth_degrees": None if horizontal is None else round(horizontal.az, 2),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
         "moving": look.moves,
         "goto_ended_short": now.wanted.short or None,

@@ -64,7 +64,7 @@ class StateStore:
         self,
         protocol: str,
         where: str,
-        marked: MarkerContent,
+        marker_base: MarkerContent,
         configured: str | None,
         warn: Callable[[str], None],
         in_thread: InThread = in_thread,
@@ -76,7 +76,7 @@ class StateStore:
         self.held = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
-        self._marker_base, self.in_thread = marked, in_thread
+        self._marker_base, self.in_thread = marker_base, in_thread
         self._warn, self._warned = warn, False
         #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if there is
         #: none.

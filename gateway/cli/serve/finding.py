@@ -63,11 +63,11 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
     began, said, soon = now(), more is not None, NAMED if gateway.mount.model else UNNAMED
-    heard = began if line.transaction.heard_ever else None
+    heard = began if line.transaction.ever_answered else None
     while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
             return True
-        if heard is None and line.transaction.heard_ever:
+        if heard is None and line.transaction.ever_answered:
             heard = now()
         hope = (FIRST_WORD if more is None else more) if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
         if line.unopened or now() > (heard or began) + hope:
@@ -88,7 +88,7 @@ async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = G
     end = now() + longest
     if await _found(gateway, warn):
         return
-    silent = not line.transaction.heard_ever and not _unsupported(gateway.mount.where)
+    silent = not line.transaction.ever_answered and not _unsupported(gateway.mount.where)
     if not line.unopened:
         if silent and longest:
             warn(not_found_message(gateway, longest))
@@ -176,15 +176,15 @@ def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"
-    if not transaction.heard_ever and (what := _unsupported(where)):
+    if not transaction.ever_answered and (what := _unsupported(where)):
         return f"{gateway.title}: no mount answers; {what}"
-    if not transaction.heard_ever and longest:
+    if not transaction.ever_answered and longest:
         return (
             f"{gateway.title}: no mount answers yet (is it switched on, and the cable in the hand control?); the "
             f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait "
             "gives up sooner"
         )
-    if not transaction.heard_ever:
+    if not transaction.ever_answered:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
     asked, came = transaction.trouble
     answer = f"it answered {show(came)}" if came else "it did not answer that"

@@ -31,7 +31,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
     """Return the state of a mount, without what ``ShownMount`` caches, in about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
     shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
-    position = None if look.position is None else coordinates(controller, look.position, state.over)
+    position = None if look.position is None else coordinates(controller, look.position, state.horizontal)
     return {
         "index": index, "name": look.name, "at": state.mount, "found": shown.found, "product": shown.product,
         "model": shown.model, "version": shown.version, "state": look.state, "reason": look.reason,
@@ -76,24 +76,26 @@ def _park_position(controller: MountController, status: op.Status) -> dict[str, 
     axes, derived = controller.driver.destination(op.Park()), controller.astrometry
     if axes is None or (status.equatorial and derived.site_clock.site() is None):
         return None
-    over: op.GotoAxes | op.Horizontal = axes
+    horizontal: op.GotoAxes | op.Horizontal = axes
     if status.equatorial:
-        over = derived.horizon(derived.from_axes(axes, wedge=not controller.driver.german))
-    return {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
+        horizontal = derived.horizon(derived.from_axes(axes, wedge=not controller.driver.german))
+    return {"alt": round(horizontal.alt, COARSE), "az": round(horizontal.az, COARSE)}
 
 
-def coordinates(controller: MountController, place: op.Equatorial, over: op.Horizontal | None = None) -> dict[str, Any]:
-    """Return a position of date, also as J2000 and ``over`` the horizon (None while the site is unknown)."""
+def coordinates(
+    controller: MountController, place: op.Equatorial, horizontal: op.Horizontal | None = None
+) -> dict[str, Any]:
+    """Return a position of date, also as J2000 and ``horizontal`` (None while the site is unknown)."""
     derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(place.ra, place.dec, derived.site_clock.unix())
     shown: dict[str, Any] = {
         "ra": round(place.ra, FINE), "dec": round(place.dec, FINE), "ra2000": round(ra2000, FINE),
         "dec2000": round(dec2000, FINE), "alt": None, "az": None,
     }  # fmt: skip
-    if over is None and derived.site_clock.site() is not None:
-        over = derived.horizon(place)
-    if over is not None:
-        shown |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
+    if horizontal is None and derived.site_clock.site() is not None:
+        horizontal = derived.horizon(place)
+    if horizontal is not None:
+        shown |= {"alt": round(horizontal.alt, COARSE), "az": round(horizontal.az, COARSE)}
     return shown
 
 

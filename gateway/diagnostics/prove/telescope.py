@@ -86,7 +86,7 @@ class CheckedMount:
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.tracking_by_others = False
         self._steps = list(self.driver.ticks)
-        self.controller.reader.position.connect(lambda _: self._seen())
+        self.controller.reader.position.connect(lambda _: self._add_position())
         self.controller.wanted.changed.connect(self._ordered)
         #: What the gateway has said when it switched tracking off; empty if it has not.
         self.switched_off = ""
@@ -275,7 +275,7 @@ class CheckedMount:
         """
         return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
-    def _seen(self) -> None:
+    def _add_position(self) -> None:
         """Take a new position."""
         if (place := self.latest) is None:
             return

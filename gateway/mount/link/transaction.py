@@ -153,7 +153,7 @@ class Transaction:
         self.late = LateReplies(reply_rules.ambiguous_with)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
-        self.heard_ever = False
+        self.ever_answered = False
         self.trouble = b"", b""
         self._buffer, self._arrived = b"", TimedEvent()
         #: Loop time of the last byte.
@@ -191,7 +191,7 @@ class Transaction:
     def _receive(self, data: bytes) -> None:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
-        self.heard_ever = True
+        self.ever_answered = True
         self.heard = self._now()
         self._arrived.set()
 

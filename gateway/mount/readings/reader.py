@@ -110,11 +110,13 @@ class Reader:
             return NOT_CACHED
         if not self._moves:
             return entry.value
-        if not any(course_of(self._context, kind, entry).rates) and self._was_given(kind, entry.reading.complete):
+        if not any(course_of(self._context, kind, entry).rates) and self._was_given_before(
+            kind, entry.reading.complete
+        ):
             return NOT_CACHED  # nothing says how it goes on: a mount that moves is asked, rather than a value repeated
         return self._position_at(kind, entry, self._instant())
 
-    def _was_given(self, kind: Kind, complete: float) -> bool:
+    def _was_given_before(self, kind: Kind, complete: float) -> bool:
         """Whether the reading that was complete at this time was given to a client, longer ago than a moment."""
         now = self._now()
         reading, at = self._given.get(kind, (0.0, 0.0))

@@ -216,7 +216,7 @@ class SunAhead:
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
         """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
         suns = self._mount.suns
-        up = {(sun.shift, sun.confirmed) for sun in suns.up()}
+        up = {(sun.shift, sun.confirmed) for sun in suns.to_avoid()}
         for minute in range(round(AHEAD / STEP) + 1):
             for sun in suns.suns(self._mount.frame(), minute * STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)

@@ -178,7 +178,7 @@ class SunAvoidance:
         self.limit, self._astrometry, self._sky, self._sources = limit, astrometry, astrometry.sky, sources
         self._now, self._frame_now, self._settled, self._note_once = now, frame, settled, note_once
         self.frame, self._until = _ALTAZ, float("-inf")
-        self._up: list[Sun] = []
+        self._risen_suns: list[Sun] = []
         #: How many of them are ``confirmed``; they come first.
         self.confirmed = 0
         #: Changes when distances from now on cannot be compared with those before: a clock has jumped, the Sun rose.
@@ -193,7 +193,7 @@ class SunAvoidance:
         self.limit = limit
         self.era += 1
 
-    def up(self) -> list[Sun]:
+    def to_avoid(self) -> list[Sun]:
         """Return every Sun to be avoided now."""
         if not self.limit:
             return []
@@ -201,12 +201,12 @@ class SunAvoidance:
         if now >= self._until or frame != self.frame:
             suns = self.suns(frame)
             self._until, self.frame = now + (CACHE_FOR if len(suns) < 2 else CACHE_SHORTLY), frame
-            if not _continues(self._up, suns):
+            if not _continues(self._risen_suns, suns):
                 self.era += 1
-            self._up, self.confirmed = suns, sum(sun.confirmed for sun in suns)
+            self._risen_suns, self.confirmed = suns, sum(sun.confirmed for sun in suns)
             if self._settled.is_set() and self._sources.best_time().source == COMPUTER:  # before, it may still tell one
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
-        return self._up
+        return self._risen_suns
 
     def tube(self, position: op.Equatorial, shift: Shift | None) -> op.Equatorial:
         """Return the direction of the tube, in the mount's coordinates, while the mount reports ``position``."""
@@ -225,7 +225,7 @@ class SunAvoidance:
 
     def distances(self, position: op.Equatorial) -> list[float]:
         """Return the distances from every Sun to be avoided, degrees; those by the mount's own data come first."""
-        return [self.distance(position, sun) for sun in self.up()]
+        return [self.distance(position, sun) for sun in self.to_avoid()]
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
         """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""

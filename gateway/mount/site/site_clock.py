@@ -89,7 +89,7 @@ class SiteClock:
         self.mount_site: Place | None = None
         self.mount_clock: tuple[Moment, float] | None = None
         #: The hosts of the programs that have set the mount's site and clock; empty if they are the mount's own.
-        self.site_by = self.clock_by = ""
+        self.site_set_by = self.clock_set_by = ""
         #: The mount's site before a program changed it far, and when it did.
         self._former: tuple[Place, float] | None = None
         #: The site that the owner has set on the page.
@@ -172,7 +172,7 @@ class SiteClock:
         elif before is not None and not _same_place(before, place):
             counts = self._former is not None and self.now() - self._former[1] < FORMER_FOR
             self._former = self._former if counts and not self._is_confirmed(before) else (before, self.now())
-        self.site_by = "" if changed else self.site_by if by is None else by
+        self.site_set_by = "" if changed else self.site_set_by if by is None else by
         self.changed.emit(None)
         return changed
 
@@ -183,7 +183,7 @@ class SiteClock:
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
             self.programs.forget("clock")
-        self.clock_by = "" if changed else self.clock_by if by is None else by
+        self.clock_set_by = "" if changed else self.clock_set_by if by is None else by
         self.changed.emit(None)
         return changed
 
@@ -264,7 +264,7 @@ class BestSources:
         sites = [
             Site(place, source, by)
             for place, source, by in (
-                (known.mount_site, MOUNT, known.site_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
+                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
         if sites or (site := known.site_of_program()) is None:
@@ -286,7 +286,7 @@ class BestSources:
         """
         known = self._site_clock
         times = [
-            Time(moment.unix, source, by=known.clock_by if source is MOUNT else "")
+            Time(moment.unix, source, by=known.clock_set_by if source is MOUNT else "")
             for moment, source in (
                 (known.present_time(known.mount_clock), MOUNT),
                 (known.present_time(known.gps_clock), GPS),
@@ -308,7 +308,7 @@ class BestSources:
         """Return the first of ``times``. If the mount has reported a time, the others need not be computed."""
         known = self._site_clock
         moment = known.present_time(known.mount_clock)
-        return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_by)
+        return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_set_by)
 
     def unix(self) -> float:
         """UTC in force for the limits, Unix seconds."""

@@ -234,20 +234,20 @@ class Driver:
         """Forget the goto under way: it has ended before its goal."""
         self.goto = None
 
-    def begin_goto(self, state: GotoUnderWay, order: Steps, moves: Handler) -> Steps:
+    def begin_goto(self, state: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
         """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so that a stop knows
         of it.
 
-        If the acknowledgement is lost, ``moves`` finds out whether the mount slews. Raises NoAnswer if it does not.
+        If the acknowledgement is lost, ``is_slewing`` finds out whether the mount slews. Raises NoAnswer if it does not.
         """
         self.parked, self.goto = False, state
         try:
             yield from order
         except NoAnswer:
             state.unconfirmed = True
-            if not (yield from moves(self)):
+            if not (yield from is_slewing(self)):
                 yield Wait(RECHECK_AFTER)
-                if not (yield from moves(self)):
+                if not (yield from is_slewing(self)):
                     self.give_up_goto()
                     raise
             self.goto, state.unconfirmed = state, False

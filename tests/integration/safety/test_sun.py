@@ -128,7 +128,7 @@ def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_and_can_
             for wanted in (25.0, None, 25.0):
                 era = controller.suns.era
                 controller.narrow(sun=wanted)
-                assert bool(controller.suns.up()) is bool(wanted), "at once"
+                assert bool(controller.suns.to_avoid()) is bool(wanted), "at once"
                 assert controller.suns.era != era, "what was measured before is not compared with what comes"
                 await asyncio.sleep(0.8)
             assert 25.0 <= await nearest(bridge, 60) < 35.0

@@ -122,7 +122,7 @@ def test_a_polar_mount_that_was_synced_keeps_away_from_where_the_sun_is_then(
         async with Bridge(
             mount, version, driven=driven, start=DAY, site=(latitude, 10.0), simulated=simulated
         ) as bridge:
-            sun = bridge.controller.suns.up()[0]
+            sun = bridge.controller.suns.to_avoid()[0]
             assert (await goes(bridge, op.Goto(sun.ra + 60.0, sun.dec + 20.0)))[0] is None
             await bridge.controller.perform(op.Sync(sun.ra + 74.0, sun.dec + 20.0))
             await asyncio.sleep(1.0)
@@ -163,7 +163,7 @@ def test_a_clock_that_a_program_sets_does_not_bring_the_tube_to_the_sun(
 ) -> None:
     async def program() -> None:
         async with Bridge(mount, version, driven=driven, start=DAY) as bridge:
-            sun = bridge.controller.suns.up()[0]
+            sun = bridge.controller.suns.to_avoid()[0]
             assert (await to(bridge, 120.0, 40.0))[0] is None
             await bridge.controller.perform(op.SetClock(bridge.clock() + hours * 3600.0, 0.0))
             await asyncio.sleep(5.0)
@@ -184,7 +184,7 @@ def test_a_site_with_the_wrong_sign_does_not_bring_the_tube_to_the_sun(
         async with Bridge(
             mount, version, driven=driven, start=DAY - 4 * 3600.0, site=(20.0, 60.0), config=config
         ) as bridge:
-            sun = bridge.controller.suns.up()[0]
+            sun = bridge.controller.suns.to_avoid()[0]
             assert (await to(bridge, 120.0, 60.0))[0] is None
             await bridge.controller.perform(op.SetSite(20.0, -60.0))
             await asyncio.sleep(5.0)
@@ -201,7 +201,7 @@ def test_a_mount_aligned_on_stars_with_a_wrong_clock_keeps_away_from_the_sun_on_
 
     async def program() -> None:
         async with Bridge("cge", start=DAY, host_ahead=0.0) as bridge:
-            sun = bridge.controller.suns.up()[0]
+            sun = bridge.controller.suns.to_avoid()[0]
             bridge.site_clock.take_mount_clock(op.Moment(bridge.clock() + 7200.0, 0.0))
             fault, nearest = await goes(bridge, op.Goto(sun.ra + 5.0, sun.dec))
             assert isinstance(fault, NearSun)
@@ -215,7 +215,7 @@ def test_a_mount_aligned_on_stars_with_a_wrong_clock_keeps_away_from_the_sun_on_
 
 async def away(bridge: Any, degrees: float, hours: float) -> op.Equatorial:
     """A place so many degrees east of where a clock that is ``hours`` ahead puts the Sun on the mount's sky."""
-    sun = bridge.controller.suns.up()[0]
+    sun = bridge.controller.suns.to_avoid()[0]
     return op.Equatorial(sun.ra - hours * 15.0 + degrees, sun.dec)
 
 

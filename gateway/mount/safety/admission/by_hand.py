@@ -184,7 +184,7 @@ class HandAdmission:
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             position = await self._ask.read_now(op.Position())
         turned = await self._turned(position) if self._watch.hour_angle.watched else None
-        return Start(position, status, tuple(by_mount(mount)), turned, tuple(mount.suns.up()))
+        return Start(position, status, tuple(by_mount(mount)), turned, tuple(mount.suns.to_avoid()))
 
     async def _turned(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""

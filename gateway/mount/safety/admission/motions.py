@@ -84,7 +84,7 @@ class MotionAdmission:
         self._path.forget()
         await self._check_aligned(operation)
         seeks = isinstance(operation, op.Home | op.SetHome) and self._mount.driver.seeks_unseen
-        if seeks and self._mount.suns.up():
+        if seeks and self._mount.suns.to_avoid():
             raise NearSun(SEEKS_UNSEEN)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._by_hand.check(operation)
@@ -245,7 +245,7 @@ class MotionAdmission:
         target is checked.
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
-        limit, suns = mount.suns.limit, mount.suns.up()
+        limit, suns = mount.suns.limit, mount.suns.to_avoid()
         for sun in suns:
             if mount.suns.distance(goal, sun) < limit:
                 raise too_near(mount.sources, sun)

@@ -201,7 +201,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
 
 def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     """Whether every possible way keeps the limits and the distance from the Sun, or leads out of where it begins."""
-    paths, suns = paths_of(mount, leg), mount.suns.up()
+    paths, suns = paths_of(mount, leg), mount.suns.to_avoid()
     places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in suns]
     return len(paths_within(mount, limits, leg)) == len(paths) and all(
         is_clear(*path, place, min(mount.suns.limit, separation(*path[0], *place) - 0.01))
