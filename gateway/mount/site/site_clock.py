@@ -264,7 +264,8 @@ class BestSources:
         sites = [
             Site(place, source, by)
             for place, source, by in (
-                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS, ""), (known.configured, CONFIGURED, ""))
+                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS, ""),
+                (known.configured, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
         if sites or (site := known.site_of_program()) is None:

@@ -238,7 +238,8 @@ class Driver:
         """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so that a stop knows
         of it.
 
-        If the acknowledgement is lost, ``is_slewing`` finds out whether the mount slews. Raises NoAnswer if it does not.
+        If the acknowledgement is lost, ``is_slewing`` finds out whether the mount slews. Raises NoAnswer if it does
+        not.
         """
         self.parked, self.goto = False, state
         try:
