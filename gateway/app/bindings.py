@@ -19,7 +19,6 @@ from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import AccessRules, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.clients.reply_pace import AS_HARDWARE, paced
-from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.shutdown import stop_commands
@@ -27,7 +26,7 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.reply_rules import PlainReplies, Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols, surfaces
+from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, request_bytes
 from gateway.transport.listening import SERVED
@@ -41,22 +40,12 @@ if TYPE_CHECKING:
 MakeFramer = Callable[[], Framer]
 
 
-def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
-    """Raise UserError if the mount's protocol has no driver, or the protocol of a surface endpoint no surface."""
-    if mount.protocol not in mounts():
-        raise UserError(f"{mount}: {mount.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
-    for endpoint in endpoints:
-        if not set(surface_protocols(endpoint.protocol)) <= set(surfaces()):
-            raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
-
-
 def make_driver(
     endpoint: Endpoint, config: MountConfig, now: Callable[[], float], warn: Callable[[str], None] | None = None
 ) -> MadeDriver:
-    """Make the driver of a mount. Raises UserError if its protocol has none."""
+    """Make the driver of a mount."""
     make = PROTOCOLS[endpoint.protocol].make_driver
-    if make is None:
-        raise UserError(f"{endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
+    assert make is not None  # by the check of the configuration
     settings = DriverSettings(
         **_of_keys(config, DriverSettings)
         | {
@@ -90,8 +79,7 @@ def make_surface(
 ) -> SurfaceBinding:
     """Make the surface for a port; ``guides`` is ``guide-directions`` of the mount. Raises UserError."""
     spec = PROTOCOLS[endpoint.protocol]
-    if spec.make_surface is None:
-        raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
+    assert spec.make_surface is not None  # every protocol has one
     made = spec.make_surface(
         SurfaceSettings(
             endpoint.model,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from gateway.app.bindings import (
     Acceptor,
     AcceptorFactory,
-    check_pair,
     configure_binding,
     exposure_warning,
     make_driver,
@@ -79,7 +78,6 @@ class Gateway:
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
-        check_pair(self.mount, self.endpoints)
         self.acceptors: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []

@@ -128,6 +128,8 @@ def parse_endpoint(text: str, of: str = "") -> Endpoint:
             f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), of)}"
         )
     endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
+    if of == "mount" and endpoint.protocol not in (*mounts(), ANY):
+        raise UserError(f"{endpoint}: {endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     return _over_http(endpoint, of) if where.startswith("http") or of == "mount" else endpoint
 
 

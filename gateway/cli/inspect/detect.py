@@ -19,7 +19,7 @@ from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import NOT_PLAIN
 
 if TYPE_CHECKING:
-    from gateway.diagnostics.detect import PortFinding
+    from gateway.diagnostics.detect.scan_port import PortFinding
 
 NONE_FOUND = 1
 
@@ -58,8 +58,9 @@ def add_detect(commands: Commands) -> None:
 def _detect(arguments: argparse.Namespace) -> int:
     import json
 
-    from gateway.diagnostics.detect import ask_servers, local_ports, look_at_all, parse_port
+    from gateway.diagnostics.detect.ports import local_ports, parse_port
     from gateway.diagnostics.detect.report import block, next_steps, toml, values
+    from gateway.diagnostics.detect.scan_port import ask_servers, look_at_all
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)

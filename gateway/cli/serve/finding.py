@@ -111,7 +111,7 @@ async def _check_for_another(gateway: Gateway) -> None:
     """Look for a mount of another protocol or baud rate on the port, which must be closed. Raises UserError if it finds
     one.
     """
-    from gateway.diagnostics.detect import who_answers
+    from gateway.diagnostics.detect.scan_port import who_answers
 
     protocol = await who_answers(gateway.mount.where, gateway.config.baud)
     if protocol is None and gateway.config.baud != USUAL and await _answers_at(gateway.mount.where, USUAL):
@@ -130,7 +130,7 @@ def _unsupported(where: str) -> str:
 
 async def _answers_at(where: str, baud: int) -> bool:
     """Whether a mount answers at this rate; try twice, because bytes sent at another rate may still disturb it."""
-    from gateway.diagnostics.detect import who_answers
+    from gateway.diagnostics.detect.scan_port import who_answers
 
     return bool(await who_answers(where, baud) or await who_answers(where, baud))
 

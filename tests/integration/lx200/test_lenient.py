@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from gateway.core.errors import Fault, Garbled
-from gateway.diagnostics.detect import SerialPortInfo, look, parse_port
+from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
+from gateway.diagnostics.detect.scan_port import look
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules

@@ -132,7 +132,7 @@ def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.Mon
         assert await bridge.client().ask(b":GR#", until=b"#")
         await bridge.controller.close()
 
-    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
     run(program())
 
 
@@ -152,7 +152,7 @@ def test_a_port_that_stays_silent_is_given_up(
         assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
         await bridge.controller.close()
 
-    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
     run(program())
 
 
@@ -169,7 +169,7 @@ def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monk
         assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
         await bridge.controller.close()
 
-    monkeypatch.setattr("gateway.diagnostics.detect.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
     run(program())
 
 
@@ -180,7 +180,7 @@ def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.M
         async def meade(where: str, baud: int) -> str | None:
             return "lx200" if where == "/dev/ttyUSB0" else None
 
-        monkeypatch.setattr("gateway.diagnostics.detect.who_answers", meade)
+        monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", meade)
         for at, answer, words in (
             ("nexstar@/dev/ttyUSB0", b"", "the mount speaks lx200; write lx200@/dev/ttyUSB0"),
             ("nexstar@socket://1.2.3.4:2000", b"", "Celestron's AUX protocol: that is not supported"),

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
-from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, parse_port
+from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
 from gateway.diagnostics.detect.report import block, command, toml
-from gateway.diagnostics.detect.scan_port import OTHERS, sentence
+from gateway.diagnostics.detect.scan_port import OTHERS, PortFinding, look, sentence
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire

@@ -23,9 +23,9 @@ from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
 from gateway.cli.inspect.detect import write_whole
 from gateway.core.errors import UserError
-from gateway.diagnostics.detect import PortFinding, SerialPortInfo, look, parse_port, ports
-from gateway.diagnostics.detect.ports import lasting_name, local_ports, port_holder
-from gateway.diagnostics.detect.scan_port import Patience
+from gateway.diagnostics.detect import ports
+from gateway.diagnostics.detect.ports import SerialPortInfo, lasting_name, local_ports, parse_port, port_holder
+from gateway.diagnostics.detect.scan_port import Patience, PortFinding, look
 from gateway.system.processes import Process
 from gateway.transport.baud import misread
 from gateway.transport.pty import speed

@@ -12,9 +12,10 @@ import serial
 
 from gateway.app.config import make_config, read_tables
 from gateway.cli import main
-from gateway.diagnostics.detect import PortFinding, SerialPortInfo
 from gateway.diagnostics.detect.identify import FoundMount
+from gateway.diagnostics.detect.ports import SerialPortInfo
 from gateway.diagnostics.detect.report import block, next_steps, toml, values
+from gateway.diagnostics.detect.scan_port import PortFinding
 from gateway.transport.wires import group_of
 from tests.support.each import each
 from tests.support.process import Running
@@ -81,14 +82,14 @@ def test_without_a_mount_it_is_said_what_to_try(finding: PortFinding, says: list
 
 
 def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.diagnostics.detect.local_ports", list)
+    monkeypatch.setattr("gateway.diagnostics.detect.ports.local_ports", list)
     asked = []
 
     async def nobody(urls: list[str] | None) -> list[PortFinding]:
         asked.append(urls)
         return []
 
-    monkeypatch.setattr("gateway.diagnostics.detect.ask_servers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.ask_servers", nobody)
     assert main(["detect"]) == 1
     told = capsys.readouterr()
     assert told.out == "no mount was found\n" and asked == [None]

@@ -17,8 +17,8 @@ from gateway.app.pages import application
 from gateway.app.simulated import serve_simulator
 from gateway.cli import main
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.detect import ask_servers
 from gateway.diagnostics.detect.report import block, command, toml
+from gateway.diagnostics.detect.scan_port import ask_servers
 from gateway.protocols.alpaca.http import chain, finding
 from gateway.protocols.alpaca.http.discovery import answer_discovery
 from gateway.protocols.alpaca.http.server import AlpacaServer
