@@ -231,16 +231,18 @@ def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[st
     """
     if not exposed(where):
         return ""
-    here = reachable(where)
+    reached = reachable(where)
     if surface.allow is not None:
         allowed = networks(surface.allow)
         outside = [
-            network for network in here if not any(network.overlaps(other) for other in allowed if other.version == 4)
+            network
+            for network in reached
+            if not any(network.overlaps(other) for other in allowed if other.version == 4)
         ]
         return f"{where}: allow excludes the network {outside[0]}, from which phones connect" if outside else ""
     if surface.read_only is True:
         return ""
-    only = "".join(f"{network}," for network in here[:1])
+    only = "".join(f"{network}," for network in reached[:1])
     return (
         f"{where} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
         f"{'that network and ' if only else ''}this computer"

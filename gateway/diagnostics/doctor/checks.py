@@ -51,7 +51,7 @@ def python(facts: Facts) -> Iterator[Said]:
 
 def packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
-    needed = [one for one in facts.packages if not (facts.without_astropy and one.name in SKY)]
+    needed = [package for package in facts.packages if not (facts.without_astropy and package.name in SKY)]
     wrong = [package for package in needed if not package.fits]
     for package in wrong:
         state = f"version {package.version} is installed" if package.version else "is not installed"

@@ -117,7 +117,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on it. Raises Ended."""
     axis = pair[0].axis
-    motions = [await telescope.press(one, key, min(LONGEST, FARTHEST / speed)) for one in pair]
+    motions = [await telescope.press(direction, key, min(LONGEST, FARTHEST / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
         return Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused)

@@ -103,7 +103,7 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
         limits.check_altitude(altitude)
     except Fault as fault:
         text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
-        text += [at_length(one) for one in list(contradictions(mount.sources.sites(), mount.sources.times()))[:1]]
+        text += [at_length(first) for first in list(contradictions(mount.sources.sites(), mount.sources.times()))[:1]]
         raise type(fault)(" ".join(text), str(fault)) from None
 
 

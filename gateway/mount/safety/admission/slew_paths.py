@@ -34,8 +34,8 @@ EITHER_SIDE = 2.0
 STEP = 0.2
 #: Degrees that an axis can turn on a path, and degrees between two points of a path that are kept.
 LONGEST, APART = 1080.0, 3.0
-#: Azimuths and altitudes of the places that are tried between here and a goal, and how far they keep from a limit: the
-#: mount tracks while its user reads the refusal.
+#: Azimuths and altitudes of the places that are tried between the mount's position and a goal, and how far they keep
+#: from a limit: the mount tracks while its user reads the refusal.
 BETWEEN = tuple((azimuth, altitude) for altitude in (45, 65, 25) for azimuth in range(15, 360, 30))
 WITHIN = 3.0
 
@@ -47,7 +47,7 @@ class Journey(NamedTuple):
     """
 
     equatorial: bool
-    here: op.Equatorial
+    position: op.Equatorial
     others: set[bool]
     goal: op.Equatorial
     axes: Pair | None = None
@@ -74,10 +74,10 @@ def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
 
 def paths_of(mount: Context, journey: Journey) -> list[Path]:
     """Return the possible ways of a goto."""
-    astrometry, (equatorial, here, others, goal, axes) = mount.astrometry, journey
+    astrometry, (equatorial, position, others, goal, axes) = mount.astrometry, journey
     german = mount.driver.german is True and equatorial and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
-    start, end = (sun_reading(astrometry, place, equatorial) for place in (here, goal))
+    start, end = (sun_reading(astrometry, place, equatorial) for place in (position, goal))
     if axes is not None:
         end = (axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]) if geometry.build is Build.WEDGE else axes
     flips = sides_at(astrometry, goal) if german and axes is None else {False}
@@ -182,7 +182,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
     """
     paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.fastest
     begin = [
-        len(paths_within(mount, limits, one, stretch)) == len(paths_of(mount, one)) for one in (journey, *unsynced)
+        len(paths_within(mount, limits, path, stretch)) == len(paths_of(mount, path)) for path in (journey, *unsynced)
     ]
     if paths and all(begin):
         return paths
@@ -190,7 +190,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
     for azimuth, altitude in BETWEEN:
         place = mount.astrometry.equatorial(op.Horizontal(float(azimuth), float(altitude)))
         sides = sides_at(mount.astrometry, place) if mount.driver.german else {False}
-        legs = journey._replace(goal=place, axes=None), journey._replace(here=place, others=sides)
+        legs = journey._replace(goal=place, axes=None), journey._replace(position=place, others=sides)
         inside = limits.lowest + WITHIN <= altitude <= limits.highest - WITHIN
         if inside and len(sides) == 1 and all(_keeps_clear(mount, limits, leg) for leg in legs):
             raise WayBlocked(f"The way is too {where}. Send it first to az {azimuth}, alt {altitude}.")
