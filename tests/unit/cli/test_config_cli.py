@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import socket
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
+from gateway.cli.serve.signals import unless
 from gateway.protocols.wireformat.command_set import load
 from tests.support.process import Running
 
@@ -49,3 +51,10 @@ def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
             told = gateway.finish(signal.SIGINT)
     assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
     assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
+
+
+async def test_signal_cancels_what_is_under_way() -> None:
+    done, work = asyncio.Event(), asyncio.ensure_future(asyncio.sleep(3600.0))
+    asyncio.get_running_loop().call_later(0.01, done.set)
+    assert await unless(done, work) is None
+    assert work.cancelled()

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import shutil
-import socket
-import subprocess
 from typing import Any
 
 import pytest
 
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import PAUSE, SHARE
 from tests.support.in_process_gateway import Bridge
-from tests.support.process import PATIENCE, Running
+from tests.support.process import PATIENCE
 from tests.unit.clients.test_backlog import shares
 
 ARROWS = b":RM#:Me#" * 60_000
@@ -79,40 +78,23 @@ async def test_who_sends_no_more_holds_no_arrow() -> None:
         assert not bridge.controller.moving
 
 
-# --- the whole --------------------------------------------------------------------------------------------------------
+# --- sockets ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str, started: list[Running]) -> None:
-    gateway = Running(
-        "run",
-        "--mount",
-        "lx200:autostar@sim",
-        "--surface",
-        f"lx200@{scheme}://127.0.0.1:0",
-        "--latency",
-        "0.05",
-        "--sun",
-        "0",
-    )
-    started.append(gateway)
-    where = gateway.ready()
-    address = split_address(where)
-    goto = b":Sa+40*00#:Sz180*00#:MA#"
-
-    def answer(said: bytes) -> bytes:
-        with socket.create_connection((str(address[0]), address[1]), PATIENCE) as link:
-            link.settimeout(PATIENCE)
-            link.sendall(said)
-            link.shutdown(socket.SHUT_WR)
-            return b"".join(iter(lambda: link.recv(100), b""))
-
-    assert any(answer(b":Gt#") and answer(b":GA#") for _ in range(5)), "before it has told that, it is sent nowhere"
-    for said, heard in ((b":GR#", b"#"), (goto, b"110"), (b":GVP#", b"#"), (b":D#", b"#")):
-        assert answer(said).endswith(heard), said
-    if shutil.which("socat"):
-        to = f"TCP:{address[0]}:{address[1]}"
-        talk = ["socat", "-t20", "-", to]
-        done = subprocess.run(talk, input=b":GR#", capture_output=True, timeout=PATIENCE, check=True)
-        assert done.stdout.endswith(b"#")
-    assert gateway.end() == 0
+async def test_client_that_sends_no_more_is_answered_before_its_connection_closes(scheme: str) -> None:
+    mount = MountConfig(at="lx200:autostar@sim", latency=0.1, sun=0.0, lowest=-90.0)
+    gateway = Gateway(mount, [SurfaceConfig(at=f"lx200@{scheme}://127.0.0.1:0")])
+    await gateway.open()
+    try:
+        assert await gateway.wait_identified(PATIENCE)
+        for said, heard in ((b":GR#", b"#"), (b":Sa+40*00#:Sz180*00#:MA#", b"110"), (b":GVP#", b"#"), (b":D#", b"#")):
+            reader, writer = await asyncio.open_connection(*split_address(gateway.ports[0].where))
+            writer.write(said)
+            writer.write_eof()
+            async with asyncio.timeout(PATIENCE):
+                assert (await reader.read()).endswith(heard), said
+            writer.close()
+    finally:
+        await gateway.close()

@@ -15,6 +15,7 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet import station as stations
+from gateway.fleet.client import LARGEST
 from gateway.fleet.station import Station
 from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
 
@@ -145,6 +146,15 @@ async def test_what_is_not_obeyed_is_refused_in_words(
         assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
         assert there.gateway.controller.stops == before and not there.happened("done")
         assert why in there.gateway.wire_log.recent[-1].text
+
+
+async def test_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_it(tmp_path: Path) -> None:
+    async with shown(tmp_path) as there:
+        for _ in range(3):
+            there.broker.say(COMMAND, b"x" * (LARGEST + 1))
+            there.broker.say("mount-gateway/all/command", b"stop")
+        await until(lambda: there.happened("done"))
+        assert len(told := there.happened("refused")) == 1 and "100 characters" in told[0]
 
 
 async def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: Path) -> None:
