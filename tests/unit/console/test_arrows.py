@@ -103,12 +103,12 @@ async def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay
 
 def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
     moved = 0.0
-    for seed in range(as_a_rule(4, whole=60)):
+    for seed in range(as_a_rule(2, whole=60)):
         delay, jitter = DELAYS[seed % len(DELAYS)], JITTERS[seed % len(JITTERS)]
         outcome = run(play(scripts, seed, delay, jitter))
         assert not outcome.run_away, (seed, outcome)
         moved += outcome.moved
-    assert moved > 10.0
+    assert moved > 5.0
 
 
 def test_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:

@@ -42,6 +42,7 @@ def prepare(replies: set[bytes], proven: Proven) -> None:
     )
 
 
+@pytest.mark.sampled(every=4)
 @pytest.mark.parametrize("mount", KINDS)
 def test_the_file_is_the_same_wherever_and_whenever_the_mount_is_checked(mount: str, tmp_path: Path) -> None:
     replies = set[bytes]()

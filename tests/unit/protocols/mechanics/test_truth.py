@@ -21,10 +21,9 @@ from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.mechanics.truth import Truth, sample, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from tests.support.each import each
-from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.in_process_gateway import EVENING
 from tests.support.process import Running, ask
 from tests.support.simulated_meade import Clock
-from tests.support.truth import sampled
 
 #: Day and night, north and south.
 MOMENTS = [1768514400.0, 1782036000.0, 1799000000.0]
@@ -252,30 +251,6 @@ def test_a_wrong_site_turns_an_alt_az_mount_that_tracks_and_the_truth_shows_it()
 
 
 # --- sampling ---------------------------------------------------------------------------------------------------
-
-
-async def test_ten_samples_a_second_of_virtual_time_and_assertions_come_through() -> None:
-    async with Bridge("cge", ramps=True) as bridge:
-        seen: list[Truth] = []
-        client = bridge.client()
-        async with sampled(bridge.sim, seen.append):
-            await asyncio.sleep(2.0)
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qn#")
-            await asyncio.sleep(3.0)
-        times = [one.t - EVENING for one in seen]
-        assert len(times) == pytest.approx(70, abs=1)
-        assert max(b - a for a, b in pairwise(times)) < 0.101
-        assert max(abs(one.rate2) for one in seen) == pytest.approx(bridge.sim.mechanics.fastest, rel=0.01)
-        assert not seen[0].moving and not seen[-1].moving
-
-        def refuse(_: Truth) -> None:
-            raise AssertionError("too low")
-
-        with pytest.raises(AssertionError, match="too low"):
-            async with sampled(bridge.sim, refuse):
-                await asyncio.sleep(1.0)
 
 
 async def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
