@@ -91,7 +91,7 @@ async def serve_mounts(
     A ``guest`` is a program such as ``prove``: it uses the first mount once it is ready, has a ``screen`` of its own,
     and its end ends everything. Raises UserError if a port cannot be opened, or if no mount is found.
     """
-    from gateway.app.discovery.announcing import Announcement
+    from gateway.app.discovery.answering import DiscoveryAnswers
     from gateway.app.discovery.offer import network_offers
     from gateway.app.discovery.served import PhoneLines
     from gateway.app.gateway import Gateway
@@ -109,7 +109,7 @@ async def serve_mounts(
     broker = None
     phone = PhoneLines()
     web = None if config.page is None else WebServer(partial(load_console, config.page, gateways))
-    announcement = Announcement(screen.warn)
+    discovery = DiscoveryAnswers(screen.warn)
 
     def surfaces() -> list[Offer]:
         return network_offers(name for gateway in gateways for name in gateway.names()) if config.discovery else []
@@ -144,7 +144,7 @@ async def serve_mounts(
         almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
-        await announcement.answer(offers())
+        await discovery.answer(offers())
         if banner:
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
@@ -177,7 +177,7 @@ async def serve_mounts(
         if config.page is not None and not done.is_set():
             await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
-            await announcement.answer_discovery([*surfaces(), *http_offers(gateways[0].web)])
+            await discovery.answer_discovery([*surfaces(), *http_offers(gateways[0].web)])
         visit = None if guest is None or done.is_set() else asyncio.ensure_future(guest(gateways[0]))
         if visit is not None:
             visit.add_done_callback(lambda _: done.set())
@@ -195,7 +195,7 @@ async def serve_mounts(
         for each in gateways:
             await each.web.close()
         moved = [gateway.busy for gateway in gateways]
-        announcement.close()
+        discovery.close()
         await asyncio.gather(*(gateway.close() for gateway in gateways))
         if broker is not None:
             await broker.close()

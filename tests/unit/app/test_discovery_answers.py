@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery.announcing import Announcement, answer
+from gateway.app.discovery.answering import DiscoveryAnswers, answer
 from gateway.app.discovery.offer import Offer, network_offers, phone_line, reachable_addresses
 from gateway.cli.serve import serving
 from tests.support.each import each
@@ -71,19 +71,19 @@ def test_offers_are_what_the_network_can_reach() -> None:
 @pytest.mark.real_time
 async def test_skysafari_is_answered_until_the_end() -> None:
     told: list[str] = []
-    announcement, second = Announcement(told.append), Announcement(told.append)
-    await announcement.answer([EVERYWHERE], "127.0.0.1", 0)
+    answers, second = DiscoveryAnswers(told.append), DiscoveryAnswers(told.append)
+    await answers.answer([EVERYWHERE], "127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
         phone.setblocking(False)
-        phone.connect(("127.0.0.1", announcement.skyfi_port))
+        phone.connect(("127.0.0.1", answers.skyfi_port))
         phone.send(b"nonsense")
         phone.send(b"skyfi:Newton?")
         async with asyncio.timeout(60):
             assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
         assert told == []
-        await second.answer([EVERYWHERE], "127.0.0.1", announcement.skyfi_port)  # another gateway
-        assert second.skyfi_port == 0 and len(told) == 1 and f"UDP port {announcement.skyfi_port} is in use" in told[0]
-        announcement.close()
+        await second.answer([EVERYWHERE], "127.0.0.1", answers.skyfi_port)  # another gateway
+        assert second.skyfi_port == 0 and len(told) == 1 and f"UDP port {answers.skyfi_port} is in use" in told[0]
+        answers.close()
         await asyncio.sleep(0)
         phone.send(b"skyfi?")
         with pytest.raises(ConnectionRefusedError):
@@ -103,7 +103,7 @@ def test_run_announces_what_it_presents(
 ) -> None:
     done, said = asyncio.Event(), []
 
-    class Listener(Announcement):
+    class Listener(DiscoveryAnswers):
         async def answer(self, offers: Sequence[Offer], *_: Any) -> None:
             said.append([offer.host for offer in offers])
             done.set()
@@ -111,7 +111,7 @@ def test_run_announces_what_it_presents(
         def close(self) -> None:
             said.append("closed")
 
-    monkeypatch.setattr("gateway.app.discovery.announcing.Announcement", Listener)
+    monkeypatch.setattr("gateway.app.discovery.answering.DiscoveryAnswers", Listener)
     monkeypatch.setattr(serving, "until_signal", lambda: done)
     config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
     assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0

@@ -9,7 +9,7 @@ from contextlib import closing
 
 import pytest
 
-from gateway.app.discovery.announcing import Announcement
+from gateway.app.discovery.answering import DiscoveryAnswers
 from gateway.app.discovery.offer import Offer
 from gateway.protocols.alpaca.http import discovery
 from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
@@ -73,7 +73,7 @@ async def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch
         return lambda: ended.append(True)
 
     monkeypatch.setattr(discovery, "answer_discovery", answering)
-    own = Announcement(lambda text: None)
+    own = DiscoveryAnswers(lambda text: None)
     await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030)])
     assert asked == [], "nothing that would be looked for so"
     await own.answer_discovery([Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("alpaca", "tcp", *EVERYWHERE)])
@@ -88,14 +88,14 @@ async def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: 
 
     monkeypatch.setattr(discovery, "answer_discovery", failing)
     said: list[str] = []
-    own = Announcement(said.append)
+    own = DiscoveryAnswers(said.append)
     await own.answer_discovery([Offer("alpaca", "tcp", *EVERYWHERE)])
     own.close()
     assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
 
 
 async def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
-    own = Announcement(lambda text: None)
+    own = DiscoveryAnswers(lambda text: None)
     await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
     assert own.skyfi_port == 0
     own.close()

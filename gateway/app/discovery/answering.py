@@ -1,4 +1,4 @@
-"""Answers programs that look for a mount on the network, so that programs find them and users need not type an address.
+"""Answers programs that look for a mount on the network, so that their users need not type an address.
 
 SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
 mount, to UDP port 4031. The answer is the question with ``@`` and an address in place of the question mark:
@@ -25,7 +25,7 @@ USUAL = 4030
 _QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 
 
-class Announcement:
+class DiscoveryAnswers:
     """All answers, until it is closed. ``warn`` gets messages for the user."""
 
     def __init__(self, warn: Callable[[str], object]) -> None:
