@@ -60,6 +60,7 @@ SAFETY, STOPS = "tests/integration/safety", "tests/integration/stops"
 READINGS = "tests/integration/readings"
 ALTERED = f"{READINGS}/test_altered_answers.py"
 TABLES = "mappings/*/commands.toml"
+NEXSTAR_SURFACE = "gateway/protocols/nexstar/surface/*.py"
 MUTATIONS = [
     # --- cached replies
     Mutation(
@@ -366,6 +367,73 @@ MUTATIONS = [
         "tests/unit/app/control",
     ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
+    # --- what one test plays where several did
+    Mutation(
+        "M of a NexStar program ends no goto",
+        r"^    yield FireAndForget\(op\.AbortSlew\(\)\)",
+        "    yield from ()",
+        "tests/integration/lx200/test_other_makers.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "a goto of a NexStar program goes beside its goal",
+        r"op\.Goto\(\*fold_declination\(values\[\"ra\"\], values\[\"dec\"\]\)\)",
+        'op.Goto(*fold_declination(values["ra"], values["dec"] + 0.1))',
+        "tests/integration/nexstar/test_surface_flow.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "a sync of a NexStar program is not done",
+        r"yield from attempt\(op\.Sync\(.*",
+        "yield from ()",
+        "tests/integration/lx200/test_other_makers.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "T 0 of a NexStar program leaves tracking on",
+        r"on=wanted is not op\.Tracking\.OFF, mode=wanted",
+        "on=True, mode=wanted",
+        "tests/integration/lx200/test_other_makers.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "a motor command of a NexStar program turns the other way",
+        r"\(1 if sense == \"pos\" else -1\)",
+        '(1 if sense == "neg" else -1)',
+        "tests/integration/motion/test_directions.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "rate 0 of one axis halts both",
+        r"yield FireAndForget\(op\.StopAxis\(axis\)\)\n    elif values",
+        "yield FireAndForget(op.AbortMotion())\n    elif values",
+        "tests/integration/nexstar/test_surface_flow.py",
+        NEXSTAR_SURFACE,
+    ),
+    Mutation(
+        "the Sun is avoided only where the best clock puts it",
+        r"for time in self\._sources\.times\(\)\]$",
+        "for time in self._sources.times()[:1]]",
+        f"{SAFETY}/test_instrument.py",
+    ),
+    Mutation(
+        "the Sun is avoided by where the mount believes to point",
+        r"for shift in frame\.shifts or \(\(None,\) if risen is not known else \(\)\):",
+        "for shift in (None,) if risen is not known else ():",
+        f"{SAFETY}/test_instrument.py",
+    ),
+    Mutation(
+        "a command of any length is kept",
+        r"if len\(self\._frame\) > LONGEST:",
+        "if False:",
+        "tests/property/test_fuzz.py",
+    ),
+    Mutation(
+        "the second motor of a Meade turns the other way",
+        r'return "n" if sense > 0 else "s"',
+        'return "s" if sense > 0 else "n"',
+        "tests/integration/motion/test_directions.py tests/integration/lx200/test_driver.py",
+    ),
     # --- the layers
     Mutation(
         "a lower layer imports a higher one",

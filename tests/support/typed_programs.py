@@ -114,13 +114,6 @@ class Face:
         else:
             self.client.tell(b":Q#")
 
-    async def arrows(self) -> None:
-        if self.nexstar:
-            for said in (b"P\x02\x10\x24\x09\0\0\0", b"P\x02\x11\x24\x08\0\0\0"):
-                assert await self.client.ask(said) == b"#"
-        else:
-            self.client.tell(b":RS#:Mw#:Mn#")
-
     async def set_site(self, latitude: float, longitude: float) -> None:
         if self.nexstar:
             assert await self.client.ask(b"W" + nexstar_angle(latitude) + nexstar_angle(longitude)) == b"#"

@@ -74,24 +74,6 @@ async def test_the_very_first_l_after_a_goto(bridge: Bridge) -> None:
     assert await client.ask(b"L") == b"1#"
 
 
-@on_a_bridge()
-async def test_m_ends_a_goto(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    ra, dec = up(bridge, 60.0)
-    assert await client.ask(precise(b"r", ra, dec)) == b"#"
-    await asyncio.sleep(2)
-    assert await client.ask(b"L") == b"1#"
-    assert bridge.sim.slewing
-    assert await client.ask(b"M") == b"#"
-    await asyncio.sleep(2.0)
-    assert await client.ask(b"L") == b"0#"
-    assert not bridge.sim.slewing
-    assert off(bridge, ra, dec) > 1
-    await asyncio.sleep(3)
-    assert bridge.sim.tracking
-
-
 @on_a_bridge(aligned=False)
 async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
     client = bridge.client()
@@ -102,58 +84,7 @@ async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge:
     assert any("not aligned" in entry.note for entry in bridge.entries)
 
 
-@on_a_bridge()
-async def test_a_goto_below_the_horizon_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    before = bridge.sim.truth()
-    assert await client.ask(precise(b"r", up(bridge)[0], -70.0)) == b"#"
-    await settled(client, 3)
-    assert separation(*before, *bridge.sim.truth()) < 5 * ARCSECOND
-
-
-@on_a_bridge()
-async def test_azimuth_and_altitude(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    await client.ask(b"T\0")
-    assert await client.ask(precise(b"b", 200.0, 30.0)) == b"#"
-    await settled(client)
-    az, alt = place(await client.ask(b"z"))
-    assert az == pytest.approx(200.0, abs=0.01)
-    assert alt == pytest.approx(30.0, abs=0.01)
-
-
 # --- motion by hand ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mount", ["6-8se", "cge"])
-def test_motion_by_hand(mount: str) -> None:
-    @on_a_bridge(mount=mount, surface=mount)
-    async def motion(bridge: Bridge) -> None:
-        client = bridge.client()
-        await polled(client)
-        await client.ask(precise(b"r", *up(bridge)))
-        await settled(client)
-        mode = await client.ask(b"t")
-        before = bridge.sim.mechanics.axes(bridge.sim.now)
-        assert await client.ask(NORTH) == b"#"
-        heard = []
-        for _ in range(6):
-            heard += [await client.ask(b"L"), await client.ask(b"e")]
-            await asyncio.sleep(0.5)
-        assert set(heard[::2]) == {b"0#"}, "no goto"
-        assert len(set(heard[1::2])) > 4, "and the position goes on"
-        assert await client.ask(HALT[2]) == b"#"
-        await asyncio.sleep(4)
-        assert bridge.sim.mechanics.axes(bridge.sim.now)[1] - before[1] > 3, "the motor's positive sense"
-        assert bridge.sim.tracking
-        assert await client.ask(b"t") == mode
-        ra, dec = bridge.sim.truth()
-        await asyncio.sleep(60)
-        assert off(bridge, ra, dec) < ARCSECOND
-
-    motion()
 
 
 @on_a_bridge()
@@ -193,22 +124,6 @@ async def test_a_halt_stops_its_own_axis_only(bridge: Bridge) -> None:
 # --- tracking, sync, clock --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mount", "mode"), [("6-8se", 1), ("cge", 2)])
-def test_tracking_off_and_on(mount: str, mode: int) -> None:
-    @on_a_bridge(mount=mount, surface=mount)
-    async def tracking(bridge: Bridge) -> None:
-        client = bridge.client()
-        assert await client.ask(b"t") == bytes((mode,)) + b"#"
-        assert await client.ask(b"T\0") == b"#"
-        assert await client.ask(b"t") == b"\0#"
-        assert not bridge.sim.tracking
-        assert await client.ask(b"T" + bytes((mode,))) == b"#"
-        assert await client.ask(b"t") == bytes((mode,)) + b"#"
-        assert bridge.sim.tracking
-
-    tracking()
-
-
 @on_a_bridge(mount="cge", surface="cge")
 async def test_tracking_rates_go_to_the_motor_as_they_came(bridge: Bridge) -> None:
     client = bridge.client()
@@ -222,18 +137,6 @@ async def test_tracking_rates_go_to_the_motor_as_they_came(bridge: Bridge) -> No
         before = bridge.sim.truth()
         await asyncio.sleep(10)
         assert off(bridge, *before) < 20 * ARCSECOND, "nothing runs away"
-
-
-@on_a_bridge()
-async def test_a_sync(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    ra, dec = place(await client.ask(b"e"))
-    assert await client.ask(precise(b"s", ra + 1.0, dec - 0.5)) == b"#"
-    assert separation(*place(await client.ask(b"e")), ra + 1.0, dec - 0.5) < 2 * ARCSECOND
-    far = precise(b"s", ra + 90.0, dec)
-    assert await client.ask(far) == b"#"
-    assert separation(*place(await client.ask(b"e")), ra + 1.0, dec - 0.5) < 5 * ARCSECOND, "too far: not done"
 
 
 @on_a_bridge()

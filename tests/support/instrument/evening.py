@@ -45,7 +45,9 @@ def goal_for(world: World, dice: Random, lowest: float, park: bool) -> tuple[flo
     return dice.uniform(0.0, 360.0), dice.uniform(lowest + 6.0, 86.0)
 
 
-async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | None, park: bool) -> list[Told]:
+async def evening(
+    kind: str, slip: str, day: bool, seed: int, lowest: float | None, park: bool, gotos: int = GOTOS
+) -> list[Told]:
     """Play the gotos of one evening. ``lowest``: what the owner wrote, if anything; ``park``: Hamlib's, each time."""
     dice = Random(f"{kind} {slip} {day} {seed} {lowest} {park}")
     site = SITES[seed % len(SITES)]
@@ -55,7 +57,7 @@ async def evening(kind: str, slip: str, day: bool, seed: int, lowest: float | No
     async with World(kind, site, start, settings, limits) as world:
         if settings.phone:
             await world.set_clock(settings.phone)
-        for number in range(2 * GOTOS if park else GOTOS):
+        for number in range(2 * gotos if park else gotos):
             if number == 1 and settings.syncs[0]:
                 await synced(world, dice, *settings.syncs)
             there = goal_for(world, dice, lowest or 0.0, park and number % 2 == 1)
