@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.instrument.attacks import LOW, arrow, goes
+from tests.support.instrument.attacks import LOW, LOWEST, Attack, anywhere, arrow, assault, goes
 from tests.support.instrument.worlds import HOUR, Slip, World, altitude_at
 
 EVENING = 1768514400.0
@@ -28,3 +28,13 @@ def test_an_arrow_keeps_a_written_limit_by_every_clock(kind: str, wrong: str) ->
             assert min(heights) < 30.0
 
     run(program())
+
+
+@pytest.mark.parametrize("kind", ["cge", "teenastro", "lx200gps polar"])
+@pytest.mark.safety_line(3)
+def test_no_goto_passes_below_a_written_limit_by_another_clock_on_its_way(kind: str) -> None:
+    """The mount's clock is an hour fast, so its way is not as high as it seems."""
+    slip = Slip(told=HOUR)
+    for seed in range(3):
+        result = run(assault(Attack("anywhere", (kind,), (anywhere,), limits=LOWEST, slip=slip), kind, seed))
+        assert not result.through, result

@@ -13,7 +13,9 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.admission import slew_paths
 from tests.integration.safety.test_altitude import altitude, at_rest, notes
 from tests.integration.safety.test_by_hand import polled, ready
-from tests.support.in_process_gateway import Bridge
+from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.instrument.attacks import LOW, arrow, goes
+from tests.support.instrument.worlds import Slip, World
 
 #: East of the pole and near it; from there over the pole it looks west.
 BESIDE_THE_POLE = -90.0, 80.0
@@ -44,6 +46,23 @@ def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit
             low, _ = await at_rest(bridge)
             assert low >= 10.0
             assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize("kind", ["teenastro", "onstep"])
+def test_a_german_mount_without_axes_that_was_driven_over_the_pole_may_point_either_way(kind: str) -> None:
+    """One way to the goal leads down at once from where it stands, just above the limit beyond the pole."""
+
+    async def program() -> None:
+        async with World(kind, (45.0, 10.0), EVENING, Slip(), {"lowest": 20.0}) as world:
+            await goes(world, 0.0, 55.0)
+            await arrow(world, "n", 30.0)
+            begin = len(world.looks)
+            for azimuth in (170.0, 190.0, 90.0, 270.0):
+                await goes(world, azimuth, 40.0)
+                await arrow(world, "n", 10.0)
+            assert min(look.altitude for look in world.looks[begin:]) > 20.0 - LOW
 
     run(program())
 

@@ -67,6 +67,21 @@ def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) ->
     return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < within for one in sums)
 
 
+@pytest.mark.parametrize("latitude", [45.0, -33.0])
+@pytest.mark.parametrize(("mount", "version"), GERMANS[:4])
+def test_at_the_pole_where_it_begins_both_ways_count(mount: str, version: str | None, latitude: float) -> None:
+    """A wrong star, 14 degrees off: nobody knows on which side of the pier the mount solves for it."""
+
+    async def program() -> None:
+        async with standing(mount, version, latitude, start=DAY) as bridge:
+            await asyncio.sleep(1.0)
+            why, turned = await synced(bridge, 14.0)
+            assert not why
+            assert counted(bridge, turned)
+
+    run(program())
+
+
 async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float) -> None:
     """The mount stands like that, and its tube a little before the pole or the zenith; a Meade is aligned by a sync."""
     mechanics = bridge.sim.mechanics

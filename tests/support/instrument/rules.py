@@ -72,7 +72,7 @@ RULES = {
         ("gateway.mount.site.site_clock.BestSources.sites_for_sun", BestSources.sites),)),
     "the goal and the Sun": Rule(("Sun",), "D1", "safety/admission/motions.py", "to the Sun", (
         ("gateway.mount.site.astrometry.SunAvoidance.distance", lambda *_: 180.0),)),
-    "the goal's altitude": Rule(("orizon", "Limit"), "D2", "policy.py", "low gotos", (
+    "the goal's altitude": Rule(("orizon", "Limit"), "D2", "safety/admission/altitudes.py", "low gotos", (
         (f"{ALTITUDES}.check_altitude", _nothing),)),
 }  # fmt: skip
 
