@@ -26,6 +26,8 @@ EXCHANGES = 3
 #: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
+#: Exchanges between the stops of the two axes, which alone may lead where both together do not.
+BETWEEN_AXES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
@@ -177,6 +179,11 @@ class View(Struct, frozen=True):
         """
         return self.moving.slewing and self.moving.ordered and not self.moving.by_hand and not self.astray
 
+    @property
+    def _second_axis_alone(self) -> float:
+        """How far one of two axes moves the tube after the other has stopped, degrees; 0 if at most one moves."""
+        return self.observed.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
+
     def ahead(self, rate: float, earlier: float | None) -> float:
         """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
         observed = self.observed
@@ -196,7 +203,7 @@ class View(Struct, frozen=True):
         """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto, which brakes."""
         if self.on_checked_path or self.moving.slews_by_itself:
             return 0.0
-        return rate * self.timing.overdue(self.observed.elapsed)
+        return rate * self.timing.overdue(self.observed.elapsed) + self._second_axis_alone
 
     def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
         """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees.
@@ -207,7 +214,7 @@ class View(Struct, frozen=True):
             return ALLOWED
         if self.moving.slews_by_itself:
             return Verdict(within=(room + BRAKED) / rate - self.timing.exchange, limit=limit)
-        return Verdict(within=room / rate - self.timing.to_stop, limit=limit)
+        return Verdict(within=(room - self._second_axis_alone) / rate - self.timing.to_stop, limit=limit)
 
 
 def allow(view: View) -> Verdict:
