@@ -57,6 +57,12 @@ def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: flo
         assert verdict.within == pytest.approx((23.0 - 10.0) / 4.0 - TIMING.to_stop)
 
 
+@each(("moving", "ends"), [(Moving(False, {2: DOWN}), True), (Moving(True, {}), False), (Moving(False, {}), False)])
+def test_by_another_clock_only_an_arrow_ends_at_a_written_limit(moving: Moving, ends: bool) -> None:
+    sunk = seen(PositionSample(0.0, HERE, 60.0, further=(23.0,)), PositionSample(0.5, HERE, 59.0, further=(22.0,)))
+    assert bool(altitude(view(sunk, Limits(lowest=20.0), moving)).reason) is ends
+
+
 def test_what_leads_out_of_a_forbidden_place_is_allowed() -> None:
     assert not altitude(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
 
