@@ -18,6 +18,7 @@ from gateway.core.errors import SyncTooFar
 from gateway.diagnostics.virtual_time import run
 from tests.integration.safety.test_altitude import extremes
 from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.instrument.attacks import assault, attacks
 
 #: 2026-06-21 11:00 UTC
 DAY = 1782039600.0
@@ -67,19 +68,13 @@ def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) ->
     return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < within for one in sums)
 
 
-@pytest.mark.parametrize("latitude", [45.0, -33.0])
-@pytest.mark.parametrize(("mount", "version"), GERMANS[:4])
-def test_at_the_pole_where_it_begins_both_ways_count(mount: str, version: str | None, latitude: float) -> None:
-    """A wrong star, 14 degrees off: nobody knows on which side of the pier the mount solves for it."""
-
-    async def program() -> None:
-        async with standing(mount, version, latitude, start=DAY) as bridge:
-            await asyncio.sleep(1.0)
-            why, turned = await synced(bridge, 14.0)
-            assert not why
-            assert counted(bridge, turned)
-
-    run(program())
+@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.safety_line(4)
+def test_after_a_wrong_sync_at_the_pole_no_goto_leads_to_the_sun(seed: int) -> None:
+    """A mount that was switched on looks at the pole: nobody knows on which side of the pier it solves for a sync."""
+    attack = next(one for one in attacks() if one.name == "a sync of +14°, to the Sun")
+    result = run(assault(attack, "synscan", seed))
+    assert not result.through, result
 
 
 async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float) -> None:
