@@ -178,8 +178,8 @@ class LimitWatch:
     def goto_ended(self, _: None = None) -> None:
         """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
-        moving, stopped = self._mount.movement.now(), self.at_rest_since > self.observed.began
-        if not (stopped or moving.ending or moving.by_hand):
+        moving = self._mount.movement.now()
+        if not (moving.ending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
