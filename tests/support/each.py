@@ -1,11 +1,13 @@
 """Tests many cheap rows in one pytest item: an item for each would cost pytest several times as much as the test.
 
 `each` is used like ``pytest.mark.parametrize`` and can be stacked. Every row is tried, and every row that fails is
-named with its failure. A test that is a coroutine runs on virtual time, with every row anew.
+named with its failure. A test that is a coroutine runs anew with every row, on virtual time or, marked ``real_time``,
+on the computer's own.
 """
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import inspect
 from collections.abc import Callable, Iterable, Sequence
@@ -31,7 +33,7 @@ def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[
                 try:
                     called = test(**others, **values)
                     if inspect.iscoroutine(called):
-                        run(called)
+                        (asyncio.run if _real_time(test, all_of_them) else run)(called)
                 except (Exception, BaseExceptionGroup, pytest.fail.Exception) as error:
                     error.add_note(f"with {values}")
                     failed.append(error)
@@ -46,3 +48,9 @@ def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Callable[
         return all_of_them
 
     return made
+
+
+def _real_time(test: Callable[..., Any], decorated: Callable[..., None]) -> bool:
+    """Return whether the test or its module is marked ``real_time``."""
+    marks = [test.__globals__.get("pytestmark"), *getattr(decorated, "pytestmark", [])]
+    return any(getattr(mark, "name", "") == "real_time" for mark in marks)

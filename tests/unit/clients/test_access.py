@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
@@ -27,22 +28,19 @@ from tests.unit.transport.test_ports import address, ask
 LOOKS = AccessRules(read_only=True)
 
 
-def serve(program: Callable[[Gateway, list[str]], Awaitable[None]], at: str = "tcp://127.0.0.1:0", **keys: Any) -> None:
-    """Run a program against a gateway on real sockets; it is given what was warned of, too."""
-
-    async def main() -> None:
-        said: list[str] = []
-        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{at}", **keys)], warn=said.append)
-        gateway.wire_log.sinks.append(lambda entry: said.append(entry.note) if entry.arrow == "!" else None)
-        await gateway.open()
-        try:
-            async with asyncio.timeout(120):
-                assert await gateway.wait_identified(60)
-                await program(gateway, said)
-        finally:
-            await gateway.close()
-
-    asyncio.run(main())
+@asynccontextmanager
+async def serving(at: str = "tcp://127.0.0.1:0", **keys: Any) -> AsyncIterator[tuple[Gateway, list[str]]]:
+    """A gateway on real sockets, and what was warned of."""
+    said: list[str] = []
+    gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{at}", **keys)], warn=said.append)
+    gateway.wire_log.sinks.append(lambda entry: said.append(entry.note) if entry.arrow == "!" else None)
+    await gateway.open()
+    try:
+        async with asyncio.timeout(120):
+            assert await gateway.wait_identified(60)
+            yield gateway, said
+    finally:
+        await gateway.close()
 
 
 async def link(gateway: Gateway, host: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -66,8 +64,9 @@ async def closed(gateway: Gateway, host: str) -> bool:
 # --- who may come in --------------------------------------------------------------------------------------------------
 
 
-def test_only_the_networks_named_may_connect() -> None:
-    async def program(gateway: Gateway, said: list[str]) -> None:
+@pytest.mark.real_time
+async def test_only_the_networks_named_may_connect() -> None:
+    async with serving(allow=["127.0.0.1", "10.0.0.0/8"]) as (gateway, said):
         for _ in range(3):
             assert await closed(gateway, "127.0.0.2")
         friend = await link(gateway, "127.0.0.1")
@@ -77,11 +76,10 @@ def test_only_the_networks_named_may_connect() -> None:
         assert "127.0.0.2 refused on surface 1" in told and "allow" in told
         friend[1].close()
 
-    serve(program, allow=["127.0.0.1", "10.0.0.0/8"])
 
-
-def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() -> None:
-    async def program(gateway: Gateway, said: list[str]) -> None:
+@pytest.mark.real_time
+async def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() -> None:
+    async with serving(max_clients=2) as (gateway, said):
         two = [await link(gateway, "127.0.0.1") for _ in range(2)]
         for one in two:
             await ask(one, b":GR#")
@@ -93,8 +91,6 @@ def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() ->
         await asyncio.sleep(0.05)
         assert not await closed(gateway, "127.0.0.2")
         two[1][1].close()
-
-    serve(program, max_clients=2)
 
 
 async def test_one_address_gets_three_quarters_of_the_places_and_this_computer_all() -> None:
@@ -152,20 +148,18 @@ def test_what_others_can_reach(where: str, wide: bool) -> None:
         ({"read_only": ["10.0.0.0/8"]}, True),
     ],
 )
-def test_a_port_that_anybody_can_reach_is_said_aloud(keys: dict[str, Any], loud: bool) -> None:
-    async def program(gateway: Gateway, said: list[str]) -> None:
+@pytest.mark.real_time
+async def test_a_port_that_anybody_can_reach_is_said_aloud(keys: dict[str, Any], loud: bool) -> None:
+    async with serving(at="tcp://0.0.0.0:0", **keys) as (gateway, said):
         assert any("no password" in line and "allow" in line for line in gateway.cautions()) is loud
         assert not any("password" in line for line in said), "only once it serves"
 
-    serve(program, at="tcp://0.0.0.0:0", **keys)
 
-
-def test_without_a_host_only_this_computer_can_connect() -> None:
-    async def program(gateway: Gateway, said: list[str]) -> None:
+@pytest.mark.real_time
+async def test_without_a_host_only_this_computer_can_connect() -> None:
+    async with serving(at="tcp://:0") as (gateway, _):
         assert gateway.ports[0].where.startswith("tcp://127.0.0.1:")
         assert list(gateway.cautions()) == []
-
-    serve(program, at="tcp://:0")
 
 
 def test_addresses_of_both_families_and_lines_without_any() -> None:

@@ -12,13 +12,12 @@ from typing import Any
 
 import pytest
 
-from gateway.app.gateway import Gateway
 from gateway.core.errors import MappingError
 from gateway.protocols.nexstar import counting
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.system import file_limits
 from tests.support.in_process_gateway import Bridge
-from tests.unit.transport.test_ports import address, ask, serve
+from tests.unit.transport.test_ports import address, ask, serving
 
 
 class Resource(SimpleNamespace):
@@ -55,10 +54,11 @@ def test_room_is_made_as_far_as_the_system_lets(
     assert says in words if says else words == ""
 
 
-def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_let_in(
+@pytest.mark.real_time
+async def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_let_in(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    async def program(gateway: Gateway) -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         notes: list[str] = []
         gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note) if entry.arrow == "!" else None)
         here = await asyncio.open_connection(*address(gateway))
@@ -80,8 +80,6 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
         assert await ask(late, b":GVP#") == b"Autostar#"
         late[1].close()
         here[1].close()
-
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
 
 async def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

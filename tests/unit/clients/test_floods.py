@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from gateway.app.gateway import Gateway
 from gateway.clients.commands.turn import MAX_BACKGROUND
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import Shared
@@ -23,7 +22,7 @@ from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import equatorial
-from tests.unit.transport.test_ports import address, ask, serve
+from tests.unit.transport.test_ports import address, ask, serving
 
 SLOW = 0.12
 #: How often in a round a client leaves everything behind that it can.
@@ -217,8 +216,9 @@ class _SecondFace:
 # --- the connections --------------------------------------------------------------------------------------------------
 
 
-def test_many_connections_and_two_that_send_without_end() -> None:
-    async def program(gateway: Gateway) -> None:
+@pytest.mark.real_time
+async def test_many_connections_and_two_that_send_without_end() -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         links = [await asyncio.open_connection(*address(gateway)) for _ in range(as_a_rule(100, whole=300))]
         loop, done = asyncio.get_running_loop(), asyncio.Event()
 
@@ -243,14 +243,12 @@ def test_many_connections_and_two_that_send_without_end() -> None:
         for link in links:
             link[1].close()
 
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
-
+@pytest.mark.real_time
 @pytest.mark.parametrize("flood", [b":GR#" * 16384, b":Qe#:Qw#" * 8192, b":RC#:Me#:Qe#" * 87_000, b":GR#", b"x"])
-def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_are(flood: bytes) -> None:
+async def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_are(flood: bytes) -> None:
     """Whole, a megabyte at once, and byte by byte."""
-
-    async def program(gateway: Gateway) -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         loop, done = asyncio.get_running_loop(), asyncio.Event()
         other = await asyncio.open_connection(*address(gateway))
 
@@ -278,11 +276,10 @@ def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_are(floo
         await pouring
         other[1].close()
 
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
-
-def test_a_burst_is_answered_to_the_last() -> None:
-    async def program(gateway: Gateway) -> None:
+@pytest.mark.real_time
+async def test_a_burst_is_answered_to_the_last() -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         await ask(link, b":GR#")
         began = asyncio.get_running_loop().time()
@@ -292,34 +289,31 @@ def test_a_burst_is_answered_to_the_last() -> None:
         assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
         link[1].close()
 
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
-
-def test_who_does_not_read_is_let_go_without_a_word(
+@pytest.mark.real_time
+async def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
     monkeypatch.setattr(tcp, "PAUSE", 0.001)  # else it takes two seconds to say enough
 
-    async def program(gateway: Gateway) -> None:
-        deaf = socket.create_connection(address(gateway))
-        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        deaf.setblocking(False)
-        port: Any = gateway.ports[0]
-        (connection,) = await _some(port)
-        connection._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-        connection._transport.set_write_buffer_limits(high=2048)
-        async with asyncio.timeout(60):
-            while port.connections:
-                try:
-                    deaf.send(b":GVP#" * (SHARE // 5))
-                except OSError:
-                    await asyncio.sleep(0.005)
-                await asyncio.sleep(0)
-        deaf.close()
-
     with caplog.at_level(logging.WARNING, "asyncio"):
-        serve(program, "lx200@tcp://127.0.0.1:0")
+        async with serving("lx200@tcp://127.0.0.1:0") as gateway:
+            deaf = socket.create_connection(address(gateway))
+            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            deaf.setblocking(False)
+            port: Any = gateway.ports[0]
+            (connection,) = await _some(port)
+            connection._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+            connection._transport.set_write_buffer_limits(high=2048)
+            async with asyncio.timeout(60):
+                while port.connections:
+                    try:
+                        deaf.send(b":GVP#" * (SHARE // 5))
+                    except OSError:
+                        await asyncio.sleep(0.005)
+                    await asyncio.sleep(0)
+            deaf.close()
     assert caplog.records == []
 
 
@@ -329,8 +323,9 @@ async def _some(port: Any) -> list[Any]:
     return list(port.connections)
 
 
-def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> None:
-    async def program(gateway: Gateway) -> None:
+@pytest.mark.real_time
+async def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         await ask(link, b":GR#")
         port: Any = gateway.ports[0]
@@ -340,8 +335,6 @@ def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> N
         if hasattr(socket, "TCP_KEEPIDLE"):
             assert mine.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 60
         link[1].close()
-
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
 
 async def test_what_a_client_costs_in_memory_is_bounded() -> None:

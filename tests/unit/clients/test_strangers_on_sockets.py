@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 
 import pytest
 
@@ -14,6 +14,7 @@ from gateway.transport import tcp
 from tests.support.greetings import GREETINGS
 from tests.unit.transport.test_ports import ask
 
+pytestmark = pytest.mark.real_time
 SURFACES = (
     "lx200@tcp://127.0.0.1:0",
     "nexstar@tcp://127.0.0.1:0",
@@ -23,24 +24,21 @@ SURFACES = (
 PLACES = 30
 
 
-def serve(program: Callable[[list[int], list[str]], Awaitable[None]], **settings: int) -> None:
-    """Run a program against a gateway with all four surfaces; it is given their ports, and the log's notes."""
-
-    async def main() -> None:
-        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at, **settings) for at in SURFACES])
-        said: list[str] = []
-        gateway.wire_log.sinks.append(
-            lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None
-        )
-        await gateway.open()
-        try:
-            async with asyncio.timeout(60):
-                assert await gateway.wait_identified(10)
-                await program([int(port.where.rpartition(":")[2]) for port in gateway.ports], said)
-        finally:
-            await gateway.close()
-
-    asyncio.run(main())
+@contextlib.asynccontextmanager
+async def serving(**settings: int) -> AsyncIterator[tuple[list[int], list[str]]]:
+    """The ports of a gateway with all four surfaces, and the log's notes."""
+    gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at, **settings) for at in SURFACES])
+    said: list[str] = []
+    gateway.wire_log.sinks.append(
+        lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None
+    )
+    await gateway.open()
+    try:
+        async with asyncio.timeout(60):
+            assert await gateway.wait_identified(10)
+            yield [int(port.where.rpartition(":")[2]) for port in gateway.ports], said
+    finally:
+        await gateway.close()
 
 
 async def visit(port: int, data: bytes, size: int, pause: float = 0.0) -> tuple[bytes, str]:
@@ -73,8 +71,8 @@ def whole(answer: bytes) -> str:
     return text.decode()
 
 
-def test_a_browser_reads_what_the_port_is_and_the_next_program_is_answered() -> None:
-    async def program(ports: list[int], said: list[str]) -> None:
+async def test_a_browser_reads_what_the_port_is_and_the_next_program_is_answered() -> None:
+    async with serving(max_clients=PLACES) as (ports, said):
         for port, speaks in zip(ports, ("LX200", "NexStar", "LX200", "NexStar"), strict=True):
             for size, pause in ((1000, 0.0), (1, 0.002)):
                 request = GREETINGS["a form"] if size > 1 else GREETINGS["a form"][:50]
@@ -85,26 +83,20 @@ def test_a_browser_reads_what_the_port_is_and_the_next_program_is_answered() -> 
             assert len(await ask(link, b"e" if speaks == "NexStar" else b":GR#")) in (9, 18)
             link[1].close()
 
-    serve(program, max_clients=PLACES)
 
-
-def test_a_large_request_is_answered_to_the_end() -> None:
+async def test_a_large_request_is_answered_to_the_end() -> None:
     """What is never read would have the system reset the connection, and the browser show nothing."""
-
-    async def program(ports: list[int], said: list[str]) -> None:
+    async with serving() as (ports, _):
         body = b"#:Me#" * 20_000
         request = b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)
         answer, _ = await visit(ports[0], request, 4096)
         assert "telescope programs" in whole(answer)
         assert "telescope programs" in whole((await visit(ports[1], b"OPTIONS * HTTP/1.0\r\n\r\n", 64))[0])
 
-    serve(program)
 
-
-def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp, "LINGER", 0.2)
-
-    async def program(ports: list[int], said: list[str]) -> None:
+    async with serving() as (ports, _):
         reader, writer = await asyncio.open_connection("127.0.0.1", ports[1])
         writer.write(GREETINGS["TLS"])
         assert await reader.read() == b""
@@ -114,13 +106,10 @@ def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
                 await writer.drain()
                 await asyncio.sleep(0.02)
 
-    serve(program)
 
-
-def test_strangers_take_nobodys_place() -> None:
+async def test_strangers_take_nobodys_place() -> None:
     """They are not counted among the clients, though they have not left yet."""
-
-    async def program(ports: list[int], said: list[str]) -> None:
+    async with serving(max_clients=PLACES) as (ports, _):
         strangers = []
         for _ in range(2 * PLACES):
             link = await asyncio.open_connection("127.0.0.1", ports[0])
@@ -131,5 +120,3 @@ def test_strangers_take_nobodys_place() -> None:
         assert len(await ask(friend, b":GR#")) == 9
         for link in [*strangers, friend]:
             link[1].close()
-
-    serve(program, max_clients=PLACES)

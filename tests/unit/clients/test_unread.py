@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 from msgspec.structs import replace
@@ -14,7 +13,6 @@ from gateway.app.config.programs import hold
 from gateway.clients.commands.unread import HOLD
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
-from gateway.diagnostics.virtual_time import run
 from gateway.transport.handler import Connected
 from tests.support.fake_gateway import FakeGateway
 
@@ -60,116 +58,83 @@ class Line:
         return await self.ask(GOTO)
 
 
-def play(scene: Callable[[], Awaitable[None]]) -> None:
-    run(scene())
+async def test_text_is_dropped_when_the_program_asks_anew() -> None:
+    line = Line()
+    assert await line.refused() == b"1"
+    assert await line.ask(b":GR#") == b"12:34:56#"
+    assert await line.after(10.0) == b""
 
 
-def test_text_is_dropped_when_the_program_asks_anew() -> None:
-    async def scene() -> None:
-        line = Line()
-        assert await line.refused() == b"1"
-        assert await line.ask(b":GR#") == b"12:34:56#"
-        assert await line.after(10.0) == b""
-
-    play(scene)
+async def test_text_follows_for_a_program_that_waits() -> None:
+    line = Line()
+    assert await line.refused() == b"1"
+    assert await line.after(HOLD - 0.1) == b""
+    assert await line.after(0.2) == TEXT
+    assert await line.ask(b":GR#") == b"12:34:56#"
 
 
-def test_text_follows_for_a_program_that_waits() -> None:
-    async def scene() -> None:
-        line = Line()
-        assert await line.refused() == b"1"
-        assert await line.after(HOLD - 0.1) == b""
-        assert await line.after(0.2) == TEXT
-        assert await line.ask(b":GR#") == b"12:34:56#"
-
-    play(scene)
+async def test_bytes_that_ask_for_nothing_do_not_drop_it() -> None:
+    line = Line()
+    await line.refused()
+    assert await line.ask(b"\r\n", HOLD + 0.1) == TEXT
 
 
-def test_bytes_that_ask_for_nothing_do_not_drop_it() -> None:
-    async def scene() -> None:
-        line = Line()
-        await line.refused()
-        assert await line.ask(b"\r\n", HOLD + 0.1) == TEXT
-
-    play(scene)
-
-
-def test_stop_does_not_wait_and_takes_the_text_away() -> None:
-    async def scene() -> None:
-        line = Line()
-        await line.refused()
-        stops = line.gateway.controller.stops
-        line.guest.feed(b":Q#")
-        assert line.gateway.controller.stops == stops + 1
-        assert await line.after(10.0) == b""
-
-    play(scene)
+async def test_stop_does_not_wait_and_takes_the_text_away() -> None:
+    line = Line()
+    await line.refused()
+    stops = line.gateway.controller.stops
+    line.guest.feed(b":Q#")
+    assert line.gateway.controller.stops == stops + 1
+    assert await line.after(10.0) == b""
 
 
-def test_replies_to_commands_that_came_together_are_whole() -> None:
-    async def scene() -> None:
-        line = Line()
-        assert await line.ask(TARGET + GOTO + b":GR#") == b"111" + TEXT + b"12:34:56#"
-
-    play(scene)
+async def test_replies_to_commands_that_came_together_are_whole() -> None:
+    line = Line()
+    assert await line.ask(TARGET + GOTO + b":GR#") == b"111" + TEXT + b"12:34:56#"
 
 
-def test_one_that_is_known_for_certain_never_gets_the_text() -> None:
-    async def scene() -> None:
-        line = Line()
-        assert await line.refused(INDI) == b"1"
-        assert await line.after(60.0) == b""
-        assert await line.ask(b":GR#") == b"12:34:56#"
-        line = Line(client="indi")
-        assert await line.refused() == b"1"
-        assert await line.after(60.0) == b""
-
-    play(scene)
+async def test_one_that_is_known_for_certain_never_gets_the_text() -> None:
+    line = Line()
+    assert await line.refused(INDI) == b"1"
+    assert await line.after(60.0) == b""
+    assert await line.ask(b":GR#") == b"12:34:56#"
+    line = Line(client="indi")
+    assert await line.refused() == b"1"
+    assert await line.after(60.0) == b""
 
 
-def test_whole_at_once_for_whom_it_can_only_delay() -> None:
-    async def scene() -> None:
-        whole = b"1" + TEXT
-        assert await Line(network=False).refused() == whole
-        assert await Line(client="rts2").refused() == whole
-        assert await Line().refused(b"#:GR#") == whole
-        assert await Line().refused(b"#\x06") == whole
-
-    play(scene)
+async def test_whole_at_once_for_whom_it_can_only_delay() -> None:
+    whole = b"1" + TEXT
+    assert await Line(network=False).refused() == whole
+    assert await Line(client="rts2").refused() == whole
+    assert await Line().refused(b"#:GR#") == whole
+    assert await Line().refused(b"#\x06") == whole
 
 
-def test_end_of_the_connection_sends_it() -> None:
+async def test_end_of_the_connection_sends_it() -> None:
     """A program that only closes its sending half still reads."""
-
-    async def scene() -> None:
-        line = Line()
-        await line.refused()
-        line.guest.peer_closed()
-        assert await line.after() == TEXT
-        line = Line()
-        await line.ask(TARGET)
-        line.guest.feed(GOTO)
-        line.guest.peer_closed()
-        assert await line.after() == b"1" + TEXT
-        line = Line()
-        await line.refused()
-        line.guest.close()
-        assert await line.after(10.0) == b""
-
-    play(scene)
+    line = Line()
+    await line.refused()
+    line.guest.peer_closed()
+    assert await line.after() == TEXT
+    line = Line()
+    await line.ask(TARGET)
+    line.guest.feed(GOTO)
+    line.guest.peer_closed()
+    assert await line.after() == b"1" + TEXT
+    line = Line()
+    await line.refused()
+    line.guest.close()
+    assert await line.after(10.0) == b""
 
 
-def test_reply_of_which_nothing_is_read() -> None:
+async def test_reply_of_which_nothing_is_read() -> None:
     """:I# of an LX200GPS: one program waits for its X, another goes on at once."""
-
-    async def scene() -> None:
-        line = Line("lx200gps")
-        assert await line.ask(b":I#", HOLD + 0.1) == b"X"
-        assert await line.ask(b":I#") == b""
-        assert await line.ask(b":GR#") == b"12:34:56#"
-        line.guest.feed(b":I#")
-        line.guest.feed(b":GR#")
-        assert await line.after(10.0) == b"12:34:56#"
-        assert await line.ask(b"#:I#") == b"X"
-
-    play(scene)
+    line = Line("lx200gps")
+    assert await line.ask(b":I#", HOLD + 0.1) == b"X"
+    assert await line.ask(b":I#") == b""
+    assert await line.ask(b":GR#") == b"12:34:56#"
+    line.guest.feed(b":I#")
+    line.guest.feed(b":GR#")
+    assert await line.after(10.0) == b"12:34:56#"
+    assert await line.ask(b"#:I#") == b"X"

@@ -20,6 +20,7 @@ from gateway.protocols.alpaca.driver.telescope_http import TelescopeHttp
 from gateway.protocols.alpaca.http import chain
 from gateway.transport.http_wire import HttpWire, request_bytes
 
+pytestmark = pytest.mark.real_time
 PATIENCE = 20.0
 Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[None]]
 
@@ -71,39 +72,29 @@ async def server(answer: Answer) -> AsyncIterator[tuple[HttpWire, asyncio.Queue[
     wire, lines, lost = HttpWire(url, TelescopeHttp(url)), asyncio.Queue[bytes](), list[str]()
     await wire.open(lines.put_nowait, lost.append)
     try:
-        yield wire, lines, lost, asked
+        async with asyncio.timeout(PATIENCE):
+            yield wire, lines, lost, asked
     finally:
         await wire.close()
         listening.close()
 
 
-def run(program: Awaitable[Any]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(PATIENCE):
-            await program
-
-    asyncio.run(bounded())
-
-
-def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line() -> None:
+async def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line() -> None:
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
         await value(writer, "12.5" if request.startswith(b"GET") else "null")
 
-    async def program() -> None:
-        async with server(answer) as (wire, lines, _, asked):
-            wire.write(b"get canmoveaxis Axis=1\n")
-            assert await lines.get() == b"12.5\n"
-            wire.write(b"put tracking Tracking=true\n")
-            assert await lines.get() == b"null\n"
-            assert asked[0].startswith(b"GET /api/v1/telescope/3/canmoveaxis?Axis=1&ClientID=")
-            assert asked[1].startswith(b"PUT /api/v1/telescope/3/tracking Tracking=True&ClientID=")
-            assert asked[0].endswith(b"&ClientTransactionID=2 ") and asked[1].endswith(b"&ClientTransactionID=3")
-
-    run(program())
+    async with server(answer) as (wire, lines, _, asked):
+        wire.write(b"get canmoveaxis Axis=1\n")
+        assert await lines.get() == b"12.5\n"
+        wire.write(b"put tracking Tracking=true\n")
+        assert await lines.get() == b"null\n"
+        assert asked[0].startswith(b"GET /api/v1/telescope/3/canmoveaxis?Axis=1&ClientID=")
+        assert asked[1].startswith(b"PUT /api/v1/telescope/3/tracking Tracking=True&ClientID=")
+        assert asked[0].endswith(b"&ClientTransactionID=2 ") and asked[1].endswith(b"&ClientTransactionID=3")
 
 
 @pytest.mark.parametrize("newer", [b"put tracking Tracking=true\n", b"put moveaxis Axis=0 Rate=1.5\n"])
-def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_overtaken(newer: bytes) -> None:
+async def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_overtaken(newer: bytes) -> None:
     """Unless a newer motion has begun, which it would end."""
     release = asyncio.Event()
 
@@ -112,25 +103,22 @@ def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_overtaken
             await release.wait()
         await value(writer, "null")
 
-    async def program() -> None:
-        async with server(answer) as (wire, lines, lost, asked):
-            wire.write(b"put slewtocoordinatesasync RightAscension=1 Declination=1\n")
-            while not asked:
-                await asyncio.sleep(0.01)
-            for order in (b"put abortslew\n", b"put moveaxis Axis=0 Rate=0.0\n", newer):
-                wire.write(order)
-                await lines.get()
-            release.set()
-            await asyncio.sleep(0.1)
-            again = [request.split(b"/")[-1] for request in asked[4:]]
-            assert len(again) == (0 if b"moveaxis" in newer else 2)
-            assert all(request.startswith((b"abortslew", b"moveaxis Axis=0&Rate=0.0")) for request in again)
-            assert lines.empty() and not lost
-
-    run(program())
+    async with server(answer) as (wire, lines, lost, asked):
+        wire.write(b"put slewtocoordinatesasync RightAscension=1 Declination=1\n")
+        while not asked:
+            await asyncio.sleep(0.01)
+        for order in (b"put abortslew\n", b"put moveaxis Axis=0 Rate=0.0\n", newer):
+            wire.write(order)
+            await lines.get()
+        release.set()
+        await asyncio.sleep(0.1)
+        again = [request.split(b"/")[-1] for request in asked[4:]]
+        assert len(again) == (0 if b"moveaxis" in newer else 2)
+        assert all(request.startswith((b"abortslew", b"moveaxis Axis=0&Rate=0.0")) for request in again)
+        assert lines.empty() and not lost
 
 
-def test_a_stop_on_a_connection_that_the_server_has_closed_is_repeated() -> None:
+async def test_a_stop_on_a_connection_that_the_server_has_closed_is_repeated() -> None:
     closing = False
 
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
@@ -141,12 +129,9 @@ def test_a_stop_on_a_connection_that_the_server_has_closed_is_repeated() -> None
         else:
             await value(writer, "null")
 
-    async def program() -> None:
-        async with server(answer) as (wire, lines, lost, asked):
-            wire.write(b"put moveaxis Axis=1 Rate=0.0\n")
-            assert await lines.get() == b"null\n" and len(asked) == 2 and not lost
-
-    run(program())
+    async with server(answer) as (wire, lines, lost, asked):
+        wire.write(b"put moveaxis Axis=1 Rate=0.0\n")
+        assert await lines.get() == b"null\n" and len(asked) == 2 and not lost
 
 
 class OneAtATime(BaseHTTPRequestHandler):
@@ -202,22 +187,19 @@ def test_a_server_that_serves_one_connection_at_a_time_is_not_locked_by_an_idle_
         serving.asked = asked = []  # type: ignore[attr-defined]
         thread = threading.Thread(target=serving.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
         thread.start()
-        run(program(f"http://127.0.0.1:{serving.server_port}", asked))
+        asyncio.run(asyncio.wait_for(program(f"http://127.0.0.1:{serving.server_port}", asked), PATIENCE))
         serving.shutdown()
         thread.join(PATIENCE)
 
 
-def test_a_server_that_cannot_be_reached_says_why() -> None:
-    async def program() -> None:
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            url = f"http://127.0.0.1:{taken.getsockname()[1]}"
-        wire = HttpWire(url, TelescopeHttp(url))
-        with pytest.raises(OSError, match="no program listens there"):
-            await wire.open(lambda data: None, lambda reason: None)
-        with pytest.raises(OSError, match="closed"):
-            wire.write(b"get altitude\n")
-
-    run(program())
+async def test_a_server_that_cannot_be_reached_says_why() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+    wire = HttpWire(url, TelescopeHttp(url))
+    with pytest.raises(OSError, match="no program listens there"):
+        await wire.open(lambda data: None, lambda reason: None)
+    with pytest.raises(OSError, match="closed"):
+        wire.write(b"get altitude\n")
 
 
 @pytest.mark.parametrize(
@@ -254,7 +236,7 @@ def test_a_server_without_this_telescope_is_not_opened() -> None:
     telescope.opened(telescope.first[1], 200, b'{"Value": true}')
 
 
-def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_is_told_once() -> None:
+async def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_is_told_once() -> None:
     closing = 0
 
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
@@ -265,43 +247,36 @@ def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_i
         else:
             await value(writer, "1")
 
-    async def program() -> None:
-        nonlocal closing
-        async with server(answer) as (wire, lines, lost, asked):
-            closing = 3
-            wire.write(b"get altitude\n")
-            assert await lines.get() == b"1\n" and len(asked) == 4 and not lost
-            closing = 1
-            wire.write(b"put pulseguide Direction=0 Duration=100\n")
-            while not lost:
-                await asyncio.sleep(0.01)
-            assert len(asked) == 5
-
-    run(program())
+    async with server(answer) as (wire, lines, lost, asked):
+        closing = 3
+        wire.write(b"get altitude\n")
+        assert await lines.get() == b"1\n" and len(asked) == 4 and not lost
+        closing = 1
+        wire.write(b"put pulseguide Direction=0 Duration=100\n")
+        while not lost:
+            await asyncio.sleep(0.01)
+        assert len(asked) == 5
 
 
-def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     watcher = Watcher()
 
-    async def program() -> None:
-        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError):
-                while True:
-                    await reader.readuntil(b"\r\n\r\n")
-                    await value(writer, "true")
-            writer.close()
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(asyncio.IncompleteReadError, ConnectionError):
+            while True:
+                await reader.readuntil(b"\r\n\r\n")
+                await value(writer, "true")
+        writer.close()
 
-        async def both(*_: Any, **__: Any) -> list[Any]:
-            return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (host, port)) for host in ("127.0.0.2", "127.0.0.1")]
+    async def both(*_: Any, **__: Any) -> list[Any]:
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (host, port)) for host in ("127.0.0.2", "127.0.0.1")]
 
-        listening = await asyncio.start_server(serve, "127.0.0.1", 0)
-        port = listening.sockets[0].getsockname()[1]
-        monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", both)
-        url = f"http://localhost:{port}"
-        wire = HttpWire(url, TelescopeHttp(url), watcher)
-        await wire.open(lambda data: None, lambda reason: None)
-        await wire.close()
-        listening.close()
-        assert watcher.told == [("127.0.0.1", port, True)]
-
-    run(program())
+    listening = await asyncio.start_server(serve, "127.0.0.1", 0)
+    port = listening.sockets[0].getsockname()[1]
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", both)
+    url = f"http://localhost:{port}"
+    wire = HttpWire(url, TelescopeHttp(url), watcher)
+    await wire.open(lambda data: None, lambda reason: None)
+    await wire.close()
+    listening.close()
+    assert watcher.told == [("127.0.0.1", port, True)]

@@ -6,7 +6,8 @@ import asyncio
 import os
 import socket
 import struct
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -14,24 +15,23 @@ import pytest
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.core.errors import UserError
+from tests.support.each import each
 
+pytestmark = pytest.mark.real_time
 PATIENCE = 60.0
 
 
-def serve(program: Callable[[Gateway], Awaitable[None]], *surfaces: str, mount: str = "nexstar@sim") -> None:
-    """Run a program against a gateway with a simulated mount and real ports."""
-
-    async def main() -> None:
-        gateway = Gateway(MountConfig(at=mount), [SurfaceConfig(at=surface) for surface in surfaces])
-        await gateway.open()
-        try:
-            assert await gateway.wait_identified(PATIENCE)
-            async with asyncio.timeout(60):
-                await program(gateway)
-        finally:
-            await gateway.close()
-
-    asyncio.run(main())
+@asynccontextmanager
+async def serving(*surfaces: str, mount: str = "nexstar@sim") -> AsyncIterator[Gateway]:
+    """A gateway with a simulated mount and real ports."""
+    gateway = Gateway(MountConfig(at=mount), [SurfaceConfig(at=surface) for surface in surfaces])
+    await gateway.open()
+    try:
+        assert await gateway.wait_identified(PATIENCE)
+        async with asyncio.timeout(60):
+            yield gateway
+    finally:
+        await gateway.close()
 
 
 def address(gateway: Gateway, index: int = 0) -> tuple[str, int]:
@@ -45,8 +45,8 @@ async def ask(link: tuple[asyncio.StreamReader, asyncio.StreamWriter], data: byt
         return await link[0].readuntil(until)
 
 
-def test_clients_come_and_go_and_misbehave_without_reaching_another() -> None:
-    async def program(gateway: Gateway) -> None:
+async def test_clients_come_and_go_and_misbehave_without_reaching_another() -> None:
+    async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         steady = await asyncio.open_connection(*address(gateway))
         assert len(await ask(steady, b":GR#")) == 9
 
@@ -67,13 +67,10 @@ def test_clients_come_and_go_and_misbehave_without_reaching_another() -> None:
             await asyncio.sleep(0.02)
         steady[1].close()
 
-    serve(program, "lx200@tcp://127.0.0.1:0")
 
-
-def test_a_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Path) -> None:
+async def test_a_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
-
-    async def program(gateway: Gateway) -> None:
+    async with serving(f"lx200@pty:{path}"):
         loop = asyncio.get_running_loop()
         for _ in range(5):
             device = os.open(path, os.O_RDWR | os.O_NOCTTY)
@@ -82,32 +79,19 @@ def test_a_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Path) 
                 heard = await loop.run_in_executor(None, os.read, device, 100)
             assert len(heard) == 9
             os.close(device)
-
-    serve(program, f"lx200@pty:{path}")
     assert not path.is_symlink()
 
 
-def test_a_gps_unit_is_presented_where_the_telescope_has_one() -> None:
-    linked = b"P\x01\xb0\x37\x00\x00\x00\x01"
-
-    async def program(gateway: Gateway) -> None:
+@each(("model", "reply"), [("lx200gps", b"\x01#"), ("autostar", b"\x00\x00#")])
+async def test_a_gps_unit_is_presented_where_the_telescope_has_one(model: str, reply: bytes) -> None:
+    async with serving("nexstar@tcp://127.0.0.1:0", mount=f"lx200:{model}@sim") as gateway:
         link = await asyncio.open_connection(*address(gateway))
-        assert await ask(link, linked) == b"\x01#"
+        assert await ask(link, b"P\x01\xb0\x37\x00\x00\x00\x01") == reply
         link[1].close()
-
-    async def without(gateway: Gateway) -> None:
-        link = await asyncio.open_connection(*address(gateway))
-        assert await ask(link, linked) == b"\x00\x00#"
-        link[1].close()
-
-    serve(program, "nexstar@tcp://127.0.0.1:0", mount="lx200:lx200gps@sim")
-    serve(without, "nexstar@tcp://127.0.0.1:0", mount="lx200:autostar@sim")
 
 
 @pytest.mark.parametrize("where", ["tcp://", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:x", "/dev/does-not-exist"])
-def test_a_port_that_cannot_be_is_said(where: str) -> None:
-    async def program(gateway: Gateway) -> None:
-        raise AssertionError("opened")
-
+async def test_a_port_that_cannot_be_is_said(where: str) -> None:
     with pytest.raises(UserError, match=where.replace("/", ".")):
-        serve(program, f"lx200@{where}")
+        async with serving(f"lx200@{where}"):
+            raise AssertionError("opened")

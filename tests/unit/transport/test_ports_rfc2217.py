@@ -13,13 +13,12 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.app.gateway import Gateway
 from gateway.transport import open_port
 from gateway.transport.handler import Connected, Listener
 from gateway.transport.rfc2217 import over_telnet
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
-from tests.unit.transport.test_ports import ask, serve
+from tests.unit.transport.test_ports import ask, serving
 
 EVERY_BYTE = bytes(range(256)) + b"\xff\xff\xf0\xff\xfa"
 #: WILL COM-PORT-OPTION.
@@ -108,9 +107,10 @@ async def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() ->
     assert rest == [True, True, True, False, b"end"]
 
 
+@pytest.mark.real_time
 @PYSERIAL
 @pytest.mark.usefixtures("_brisk")
-def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
+async def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
     """A binary 0xFF in both directions: the time zone of ``H`` an hour west of Greenwich, read back by ``h``."""
     clock = b"H\x0c\x00\x00\x03\x14\x1a\xff\x00"
 
@@ -121,7 +121,7 @@ def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
             port.write(b"h")
             return done, port.read(9)
 
-    async def program(gateway: Gateway) -> None:
+    async with serving("nexstar@rfc2217://127.0.0.1:0", mount="nexstar@sim") as gateway:
         where = gateway.ports[0].where
         assert gateway.names()[0].partition("@")[2] == where
         done, told = await asyncio.to_thread(hand_control, where)
@@ -133,8 +133,6 @@ def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
         plain[1].write(b"h")
         assert (await plain[0].readexactly(9))[6:] == b"\xff\x00#"
         plain[1].close()
-
-    serve(program, "nexstar@rfc2217://127.0.0.1:0", mount="nexstar@sim")
 
 
 def test_no_telnet_before_the_client_begins_it() -> None:

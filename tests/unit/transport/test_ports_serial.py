@@ -19,7 +19,7 @@ from gateway.transport.handler import Connected
 from gateway.transport.pty import speed
 from gateway.transport.wires import SerialTransport
 from tests.support.each import each
-from tests.unit.transport.test_ports import PATIENCE, serve
+from tests.unit.transport.test_ports import PATIENCE, serving
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
 
@@ -35,24 +35,21 @@ async def read(descriptor: int, count: int) -> bytes:
     return heard
 
 
-def test_a_pair_of_ports_by_name() -> None:
+@pytest.mark.real_time
+async def test_a_pair_of_ports_by_name() -> None:
     """The gateway opens one half, the program has the other; it may fall silent and come back."""
     program_side, gateway_side = os.openpty()
     tty.setraw(gateway_side)
     os.set_blocking(program_side, False)
     name = os.ttyname(gateway_side)
 
-    async def program(gateway: Gateway) -> None:
+    async with serving(f"lx200@{name}") as gateway:
         assert gateway.names()[0].endswith(f"@{name}")
         for _ in range(2):
             os.write(program_side, b":GR#")
             assert len(await read(program_side, 9)) == 9
-
-    try:
-        serve(program, f"lx200@{name}")
-    finally:
-        os.close(program_side)
-        os.close(gateway_side)
+    os.close(program_side)
+    os.close(gateway_side)
 
 
 def test_the_rate_is_the_surface_s_own() -> None:
@@ -70,28 +67,27 @@ def test_the_rate_is_the_surface_s_own() -> None:
     os.close(gateway_side)
 
 
-def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.real_time
+async def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that listens, and has the gateway come to it."""
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setblocking(False)
 
-    async def program(gateway: Gateway) -> None:
-        loop = asyncio.get_running_loop()
-        for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
-            async with asyncio.timeout(PATIENCE):
-                link, _ = await loop.sock_accept(listening)
-                monkeypatch.setattr(serial_port, "RETRY_AFTER", again)
-                with link:
-                    link.setblocking(False)
-                    heard = b""
-                    while len(heard) < 9:  # what arrives while a port is being opened is thrown away
-                        await loop.sock_sendall(link, b":GR#")
-                        with contextlib.suppress(TimeoutError):
-                            async with asyncio.timeout(0.05):
-                                heard += await loop.sock_recv(link, 100)
-
     with listening:
-        serve(program, f"lx200@socket://127.0.0.1:{listening.getsockname()[1]}")
+        async with serving(f"lx200@socket://127.0.0.1:{listening.getsockname()[1]}"):
+            loop = asyncio.get_running_loop()
+            for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
+                async with asyncio.timeout(PATIENCE):
+                    link, _ = await loop.sock_accept(listening)
+                    monkeypatch.setattr(serial_port, "RETRY_AFTER", again)
+                    with link:
+                        link.setblocking(False)
+                        heard = b""
+                        while len(heard) < 9:  # what arrives while a port is being opened is thrown away
+                            await loop.sock_sendall(link, b":GR#")
+                            with contextlib.suppress(TimeoutError):
+                                async with asyncio.timeout(0.05):
+                                    heard += await loop.sock_recv(link, 100)
 
 
 def test_a_loop_hears_itself() -> None:
@@ -158,6 +154,7 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
     assert heard == [b"34AB0000,12CE0000#", b"1"]
 
 
+@pytest.mark.real_time
 @each(
     ("told", "words"),
     [
@@ -168,10 +165,13 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
         ("PermissionError(13, 'Access is denied.', None, 5)", "the port is in use by another program"),
     ],
 )
-def test_what_windows_says_of_a_port_is_said_in_words(told: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_what_windows_says_of_a_port_is_said_in_words(
+    told: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise serial.SerialException(f"could not open port 'COM5': {told}")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     with pytest.raises(UserError, match=f"^cannot open COM5: {words}"):
-        serve(lambda _: asyncio.sleep(0), "lx200@COM5")
+        async with serving("lx200@COM5"):
+            raise AssertionError("opened")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import pytest
 from aiohttp import web
 
 from gateway.core.errors import UserError
-from gateway.diagnostics.virtual_time import run
 from gateway.transport.listening import split_address
 from gateway.transport.room import KEPT, Room, share
 from gateway.transport.web_server import IDLE, MAX_BYTES, MOST, WHOLE, WebServer
@@ -84,43 +84,37 @@ class Site:
         return web.Response(text="done")
 
 
-def serve(test: Callable[[WebServer], Awaitable[None]]) -> None:
-    async def program() -> None:
-        site = Site()
-        site.loaded.set()
-        server = WebServer(site.load)
-        try:
-            await test(server)
-        finally:
-            await server.close()
-
-    run(program())
+@asynccontextmanager
+async def serving() -> AsyncIterator[WebServer]:
+    site = Site()
+    site.loaded.set()
+    server = WebServer(site.load)
+    try:
+        yield server
+    finally:
+        await server.close()
 
 
 @each("sent", [b"", b"G", HALF, GET[:-1], POST, POST + b"1"])
-def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
-    async def test(server: WebServer) -> None:
+async def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
+    async with serving() as server:
         line = Line(server, sent=sent)
         await asyncio.sleep(WHOLE - 1.0)
         assert not line.is_closing()
         await asyncio.sleep(2.0)
         assert line.closed_after == WHOLE and line.heard == b""
 
-    serve(test)
-
 
 @each("sent", [GET, POST + b"9" * 99])
-def test_it_does_not_help_to_send_it_byte_by_byte(sent: bytes) -> None:
-    async def test(server: WebServer) -> None:
+async def test_it_does_not_help_to_send_it_byte_by_byte(sent: bytes) -> None:
+    async with serving() as server:
         line = Line(server)
         await line.trickles(sent)
         assert line.closed_after == WHOLE and line.heard == b""
 
-    serve(test)
 
-
-def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
-    async def test(server: WebServer) -> None:
+async def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
+    async with serving() as server:
         line = Line(server)
         for number in range(1, 4):
             line.says(POST.replace(b"99", b"3"))
@@ -143,19 +137,15 @@ def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
         await asyncio.sleep(2.0)
         assert idle.is_closing()
 
-    serve(test)
 
-
-def test_a_client_that_leaves_in_the_middle_is_no_failure_to_tell(caplog: pytest.LogCaptureFixture) -> None:
-    async def test(server: WebServer) -> None:
+async def test_a_client_that_leaves_in_the_middle_is_no_failure_to_tell(caplog: pytest.LogCaptureFixture) -> None:
+    async with serving() as server:
         Line(server, sent=GET)
         await asyncio.sleep(1.0)
         line = Line(server, sent=POST + b"1")
         await asyncio.sleep(1.0)
         line.close()
         await asyncio.sleep(1.0)
-
-    serve(test)
     assert not caplog.records
 
 
@@ -193,34 +183,30 @@ def test_two_places_are_for_an_address_that_has_none() -> None:
 
 @each("sent", [b"", HALF, GET])
 @each("hosts", [1, 2, 7])
-def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(sent: bytes, hosts: int) -> None:
+async def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(sent: bytes, hosts: int) -> None:
     """Half-sent, silent and whole ones, again and again; LX200 programs and a page at another address are answered."""
-
-    async def test(server: WebServer) -> None:
-        async with Bridge() as bridge:
-            program, loop = bridge.client(), asyncio.get_running_loop()
-            Line(server, sent=GET).close()
-            await asyncio.sleep(1.0)
-            lines = list[Line]()
-            for _ in range(4):
-                lines += [Line(server, f"10.0.0.{number % hosts}", sent) for number in range(2 * MOST)]
-                await asyncio.sleep(0.5)
-                there = [line for line in lines if not line.is_closing()]
-                assert len(there) == (share("10.0.0.1", MOST) if hosts == 1 else MOST - KEPT)
-                assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
-                began = loop.time()
-                assert len(await program.ask(b":GR#")) == 9
-                assert loop.time() - began < 0.5
-                stop = Line(server, "10.0.9.9", GET)
-                await asyncio.sleep(0.1)
-                assert b"done" in stop.heard
-                stop.close()
-                await asyncio.sleep(0.4)
-            await asyncio.sleep(IDLE if sent == GET else WHOLE)
-            assert all(line.is_closing() for line in lines)
-            assert b"done" in (await _answered(server, "10.0.0.1"))
-
-    serve(test)
+    async with serving() as server, Bridge() as bridge:
+        program, loop = bridge.client(), asyncio.get_running_loop()
+        Line(server, sent=GET).close()
+        await asyncio.sleep(1.0)
+        lines = list[Line]()
+        for _ in range(4):
+            lines += [Line(server, f"10.0.0.{number % hosts}", sent) for number in range(2 * MOST)]
+            await asyncio.sleep(0.5)
+            there = [line for line in lines if not line.is_closing()]
+            assert len(there) == (share("10.0.0.1", MOST) if hosts == 1 else MOST - KEPT)
+            assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
+            began = loop.time()
+            assert len(await program.ask(b":GR#")) == 9
+            assert loop.time() - began < 0.5
+            stop = Line(server, "10.0.9.9", GET)
+            await asyncio.sleep(0.1)
+            assert b"done" in stop.heard
+            stop.close()
+            await asyncio.sleep(0.4)
+        await asyncio.sleep(IDLE if sent == GET else WHOLE)
+        assert all(line.is_closing() for line in lines)
+        assert b"done" in (await _answered(server, "10.0.0.1"))
 
 
 async def _answered(server: WebServer, host: str) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import struct
-from collections.abc import Awaitable, Callable
 
 import pytest
 from hypothesis import given, settings
@@ -48,20 +47,11 @@ ODD = [
     b"S",
     b"$",
 ]
-Program = Callable[[AnyBridge], Awaitable[None]]
-
-
-def play(program: Program, **settings: object) -> None:
-    async def whole() -> None:
-        async with AnyBridge(**settings) as bridge:  # type: ignore[arg-type]  # a test's own keys
-            await program(bridge)
-
-    run(whole())
 
 
 @pytest.mark.parametrize(("sent", "end", "length", "protocol"), FIRST)
-def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol: str) -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol: str) -> None:
+    async with AnyBridge() as bridge:
         whole, slow, more = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
         assert (answer := await whole.ask(sent)).endswith(end) and len(answer) == length
         await slow.dribble(sent, [0.05])
@@ -72,12 +62,10 @@ def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol
         assert len(more.heard) == 2 * length
         assert bridge.recognised() == [protocol] * 3
 
-    play(program)
-
 
 @pytest.mark.parametrize("idle", [b"#", b"?", b"##", b"\r\n", b"\0", b" "])
-def test_idle_bytes_decide_nothing(idle: bytes) -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_idle_bytes_decide_nothing(idle: bytes) -> None:
+    async with AnyBridge() as bridge:
         one, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         for caller in (one, other):
             caller.tell(idle)
@@ -89,11 +77,9 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         assert len(await other.ask(b"e")) == 18
         assert bridge.recognised() == ["lx200", "nexstar"]
 
-    play(program)
 
-
-def test_silence_is_spoken_to_until_the_first_byte() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_silence_is_spoken_to_until_the_first_byte() -> None:
+    async with AnyBridge() as bridge:
         caller = bridge.call()
         await asyncio.sleep(2.9)
         assert caller.heard == b""
@@ -106,12 +92,10 @@ def test_silence_is_spoken_to_until_the_first_byte() -> None:
         assert len(caller.heard) == told + 9, "no position is told any more"
         assert bridge.recognised()[1:] == ["lx200"]
 
-    play(program)
-
 
 @pytest.mark.parametrize("first", [b"#", b"P", b"H", b"R"])
-def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None:
+    async with AnyBridge() as bridge:
         caller = bridge.call()
         await asyncio.sleep(4.0)
         told = len(caller.heard)
@@ -122,11 +106,9 @@ def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None:
         await asyncio.sleep(5.0)
         assert len(await caller.ask(b"e")) == 18
 
-    play(program)
 
-
-def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
+    async with AnyBridge() as bridge:
         silent, hasty = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         hasty.tell(GOTO)
         await asyncio.sleep(3.0)
@@ -141,11 +123,9 @@ def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
             "stellarium, because the program has sent nothing for 3 s"
         ]
 
-    play(program)
 
-
-def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
+    async with AnyBridge() as bridge:
         meade, celestron, at_once = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
         assert await meade.ask(b"Ka") == b"a#"
         assert await celestron.ask(b"Ka") == b"a#"
@@ -158,13 +138,10 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
         assert bridge.recognised() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
         assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
-    play(program)
 
-
-def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
+async def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
     """It counts in J2000; a program that says the same without the echo does not."""
-
-    async def program(bridge: AnyBridge) -> None:
+    async with AnyBridge() as bridge:
         exact_sky.load(bridge.controller.astrometry.sky)
         mobile, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         for caller, said in ((mobile, [b"Ka", b"##", b"#\x06"]), (other, [b"##", b"#\x06"])):
@@ -174,13 +151,10 @@ def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
         assert await mobile.ask(b":GR#") != await other.ask(b":GR#")
         assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
 
-    play(program)
 
-
-def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
+async def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
     """As on a surface of its own protocol: the digits of a goto whose letter came long ago move nothing."""
-
-    async def program(bridge: AnyBridge) -> None:
+    async with AnyBridge() as bridge:
         caller = bridge.call()
         caller.tell(b"R")
         await asyncio.sleep(1.5)
@@ -189,22 +163,18 @@ def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
         assert not bridge.sim.slewing
         assert [entry.data for entry in bridge.entries if entry.arrow == "x"][:1] == [b"R"]
 
-    play(program)
 
-
-def test_what_fits_nobody_is_noted() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_what_fits_nobody_is_noted() -> None:
+    async with AnyBridge() as bridge:
         caller = bridge.call()
         caller.tell(b"XYZ")
         await asyncio.sleep(1.0)
         assert len(told := bridge.recognised()) == 1 and told[0].startswith("lx200, because no protocol")
         assert bridge.warned == []
 
-    play(program)
 
-
-def test_a_scanner_is_turned_away() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_a_scanner_is_turned_away() -> None:
+    async with AnyBridge() as bridge:
         for sent in (b"\x16\x03\x01\x02\0\x01", b"SSH-2.0-x\r\n", b"EHLO x\r\n", b"USER x\r\n", b"SETUP x RTSP/1.0"):
             caller = bridge.call()
             caller.tell(sent)
@@ -214,23 +184,18 @@ def test_a_scanner_is_turned_away() -> None:
         assert len(notes) == 5 and all("LX200, NexStar, Stellarium" in note for note in notes)
         assert len(bridge.any.present_hosts()) == 0
 
-    play(program)
 
-
-def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
+    async with AnyBridge(keys={"read_only": True}) as bridge:
         for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
             bridge.call().tell(sent)
         await asyncio.sleep(3.0)
         assert not bridge.sim.slewing and not [one for one in bridge.sent() if one[:1] in (b"r", b"R")]
 
-    play(program, keys={"read_only": True})
 
-
-def test_positions_that_are_told_hold_no_arrow() -> None:
+async def test_positions_that_are_told_hold_no_arrow() -> None:
     """Who only listens says nothing: the arrow of another connection of the same computer ends without that one."""
-
-    async def program(bridge: AnyBridge) -> None:
+    async with AnyBridge(config={"dead_man": 6.0}) as bridge:
         caller, listener = bridge.call(), bridge.call()
         caller.tell(b":RS#:Mn#")
         await asyncio.sleep(4.0)
@@ -238,11 +203,9 @@ def test_positions_that_are_told_hold_no_arrow() -> None:
         await asyncio.sleep(4.0)
         assert not bridge.controller.wanted.axes
 
-    play(program, config={"dead_man": 6.0})
 
-
-def test_closing_while_nothing_is_known() -> None:
-    async def program(bridge: AnyBridge) -> None:
+async def test_closing_while_nothing_is_known() -> None:
+    async with AnyBridge() as bridge:
         for sent in (b"", b"#", b"P"):
             caller = bridge.call()
             if sent:
@@ -252,8 +215,6 @@ def test_closing_while_nothing_is_known() -> None:
             caller.guest.close()
         await asyncio.sleep(10.0)
         assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
-
-    play(program)
 
 
 @given(
@@ -275,4 +236,8 @@ def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: li
         told = [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"]
         assert told == ["+", "-"]
 
-    play(program)
+    async def whole() -> None:
+        async with AnyBridge() as bridge:
+            await program(bridge)
+
+    run(whole())

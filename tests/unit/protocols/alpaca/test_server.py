@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from typing import Any
 
 import aiohttp
@@ -19,6 +19,7 @@ from gateway.transport.handler import Connected, ConnectionRefused, Write
 from gateway.transport.web_server import WebDevice, WebServer
 from tests.support.each import each
 
+pytestmark = pytest.mark.real_time
 PATIENCE = 60.0
 API = "/api/v1/telescope/0/"
 
@@ -91,16 +92,8 @@ async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     assert all(guest.closed for guest in mount.guests)
 
 
-def run(test: Callable[[Served], Awaitable[None]], **settings: Any) -> None:
-    async def program() -> None:
-        async with served(**settings) as own:
-            await test(own)
-
-    asyncio.run(program())
-
-
-def test_a_value_and_the_numbers_of_the_request() -> None:
-    async def test(own: Served) -> None:
+async def test_a_value_and_the_numbers_of_the_request() -> None:
+    async with served() as own:
         own.mount.answers[b"get altitude\n"] = b"45.5\n"
         first = await own.ask("GET", API + "altitude?ClientID=7&ClientTransactionID=31")
         second = await own.ask("GET", API + "altitude")
@@ -111,11 +104,9 @@ def test_a_value_and_the_numbers_of_the_request() -> None:
         assert second[1]["ClientTransactionID"] == 0
         assert [name for name, _ in own.mount.said] == ["127.0.0.1:id-7", "127.0.0.1:id-0"]
 
-    run(test)
 
-
-def test_an_order_has_its_parameters_in_the_body() -> None:
-    async def test(own: Served) -> None:
+async def test_an_order_has_its_parameters_in_the_body() -> None:
+    async with served() as own:
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "7", "ClientTransactionID": "2"}
         status, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
         assert status == 200 and "Value" not in answer and answer["ErrorNumber"] == 0
@@ -124,17 +115,13 @@ def test_an_order_has_its_parameters_in_the_body() -> None:
         status, _ = await own.ask("PUT", API + "slewtocoordinatesasync?RightAscension=5.5&Declination=-3")
         assert status == 400
 
-    run(test)
 
-
-def test_a_refusal_is_answered_with_its_number() -> None:
-    async def test(own: Served) -> None:
+async def test_a_refusal_is_answered_with_its_number() -> None:
+    async with served() as own:
         own.mount.answers[b"put park\n"] = b'{"ErrorNumber": 1024, "ErrorMessage": "no"}\n'
         status, answer = await own.ask("PUT", API + "park")
         assert status == 200 and (answer["ErrorNumber"], answer["ErrorMessage"]) == (1024, "no")
         assert "Value" not in answer
-
-    run(test)
 
 
 @each(
@@ -158,18 +145,16 @@ def test_a_refusal_is_answered_with_its_number() -> None:
         ("GET", "/elsewhere", 404),
     ],
 )
-def test_what_is_not_understood_reaches_no_mount(method: str, path: str, status: int) -> None:
-    async def test(own: Served) -> None:
+async def test_what_is_not_understood_reaches_no_mount(method: str, path: str, status: int) -> None:
+    async with served() as own:
         assert (await own.ask(method, path))[0] == status
         assert own.mount.said == []
 
-    run(test)
 
-
-def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
+async def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
     """Half a number would be another number, and the mount would go elsewhere."""
+    async with served() as own:
 
-    async def test(own: Served) -> None:
         async def pieces() -> AsyncIterator[bytes]:
             for piece in (b"TargetDec", b"lination=2", b"2.0145"):
                 yield piece
@@ -181,13 +166,11 @@ def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
             assert status == 200
             assert own.mount.said[-1][1] == b"put targetdeclination TargetDeclination=22.0145\n"
 
-    run(test)
 
-
-def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.transport.web_server.WHOLE", 0.2)
+    async with served() as own:
 
-    async def test(own: Served) -> None:
         async def pieces() -> AsyncIterator[bytes]:
             yield b"Axis=0&Rate=1"
             await asyncio.sleep(0.5)
@@ -197,8 +180,6 @@ def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch)
         with pytest.raises(aiohttp.ClientError):
             await own.ask("PUT", API + "moveaxis", data=pieces(), headers=form)
         assert own.mount.said == []
-
-    run(test)
 
 
 #: What `curl -F` and the pages of Swagger send.
@@ -215,13 +196,11 @@ MULTIPART = (
 @each(
     "kind", ["multipart/form-data; boundary=xY7", "application/x-www-form-urlencoded", "application/json", "text/plain"]
 )
-def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> None:
-    async def test(own: Served) -> None:
+async def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> None:
+    async with served() as own:
         asked = await own.ask("PUT", API + "slewtocoordinatesasync", data=body, headers={"Content-Type": kind})
         assert asked[0] == 200
         assert own.mount.said[-1][1] == b"put slewtocoordinatesasync RightAscension=5.5 Declination=-3\n"
-
-    run(test)
 
 
 @each(
@@ -238,14 +217,12 @@ def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> N
         (b"x" * 9000, 413),
     ],
 )
-def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
-    async def test(own: Served) -> None:
+async def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
+    async with served() as own:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
         for member in ("connected", "slewtocoordinatesasync"):
             assert (await own.ask("PUT", API + member, data=body, headers=form))[0] == status
         assert own.mount.said == []
-
-    run(test)
 
 
 @each(
@@ -267,8 +244,8 @@ def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
         ({"Sec-Fetch-Site": "none"}, 200),
     ],
 )
-def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str], status: int) -> None:
-    async def test(own: Served) -> None:
+async def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str], status: int) -> None:
+    async with served(names=("pier.example.org", "203.0.113.7")) as own:
         for method, path in (("PUT", API + "abortslew"), ("GET", API + "name"), ("GET", "/management/apiversions"),
                              ("GET", "/setup")):  # fmt: skip
             async with own.http.request(method, own.url + path, headers=headers) as response:
@@ -278,37 +255,30 @@ def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str],
         by_name = status == 403 and "Host" in headers
         assert len(own.mount.log.recent) == by_name and all("not in names" in one.text for one in own.mount.log.recent)
 
-    run(test, names=("pier.example.org", "203.0.113.7"))
-
 
 @each(("first", "status"), [("GET / HTTP/1.0", 404), ("GET /setup HTTP/1.0", 200), ("GET /setup HTTP/1.1", 400),
                             ("GET /setup HTTP/1.0\r\nHost: rebound.example.com", 403),
                             ("GET /setup HTTP/1.0\r\nOrigin: http://evil.example", 403)])  # fmt: skip
-def test_a_program_that_does_not_say_whom_it_means_speaks_http_1_0(first: str, status: int) -> None:
-    async def test(own: Served) -> None:
+async def test_a_program_that_does_not_say_whom_it_means_speaks_http_1_0(first: str, status: int) -> None:
+    async with served() as own:
         reader, writer = await asyncio.open_connection(*own.url.removeprefix("http://").split(":"))
         writer.write(f"{first}\r\n\r\n".encode())
         async with asyncio.timeout(PATIENCE):
             assert str(status).encode() in await reader.readline()
         writer.close()
 
-    run(test)
 
-
-def test_a_preflight_is_refused() -> None:
-    async def test(own: Served) -> None:
+async def test_a_preflight_is_refused() -> None:
+    async with served() as own:
         asks = {"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT"}
         async with own.http.options(own.url + API + "park", headers=asks) as response:
             assert response.status == 403 and "Access-Control-Allow-Origin" not in response.headers
         assert own.mount.said == []
 
-    run(test)
 
-
-def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "TIMEOUT", 0.3)
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         own.mount.answers[b"get azimuth\n"] = None
         own.mount.answers[b"get altitude\n"] = b"45.5\n"
         slow = asyncio.create_task(own.ask("GET", API + "azimuth?ClientID=1"))
@@ -322,11 +292,9 @@ def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) 
         _, again = await own.ask("GET", API + "altitude?ClientID=1")
         assert again["Value"] == 45.5
 
-    run(test)
 
-
-def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
-    async def test(own: Served) -> None:
+async def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
+    async with served() as own:
         own.mount.answers |= {b"get slewing\n": b"true\n", b"get altitude\n": b"45.5\n"}
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
         waited = asyncio.create_task(own.ask("PUT", API + "slewtocoordinates", data=place))
@@ -338,11 +306,9 @@ def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
         status, answer = await waited
         assert status == 200 and answer["ErrorNumber"] == 0
 
-    run(test)
 
-
-def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
-    async def test(own: Served) -> None:
+async def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
+    async with served() as own:
         own.mount.answers[programs.ENDED_SHORT] = b'"the goto ended 26.0 degrees from its goal"\n'
         own.mount.answers[b"get slewing\n"] = b"false\n"
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
@@ -351,13 +317,10 @@ def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
         _, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
         assert answer["ErrorNumber"] == 0
 
-    run(test)
 
-
-def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
+async def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
     """The dead man's switch would let a motion by hand of a vanished program go on for ever."""
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         own.mount.answers[b"get slewing\n"] = b"true\n"
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
         waited = asyncio.create_task(own.ask("PUT", API + "slewtocoordinates", data=place))
@@ -370,15 +333,12 @@ def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
         assert (await waited)[1]["ErrorNumber"] == 0
         assert [guest.closed for guest in own.mount.guests] == [False, True]
 
-    run(test)
 
-
-def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "WAITING", 2)
     monkeypatch.setattr(programs, "MOST", 2)
     monkeypatch.setattr(programs, "TIMEOUT", 1.0)
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         own.mount.answers |= {b"get azimuth\n": None, b"put abortslew\n": None}
         asked = [asyncio.create_task(own.ask("GET", API + f"azimuth?ClientID={one % 2}")) for one in range(4)]
         while len(own.mount.said) < 4:
@@ -390,46 +350,38 @@ def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> No
         await asyncio.gather(*asked, *stops)
         assert [line for _, line in own.mount.said].count(b"put abortslew\n") == 2
 
-    run(test)
 
-
-def test_who_is_not_let_in() -> None:
-    async def test(own: Served) -> None:
+async def test_who_is_not_let_in() -> None:
+    async with served() as own:
         own.mount.refuses = True
         assert (await own.ask("GET", API + "altitude"))[0] == 403
 
-    run(test)
 
-
-def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "MOST", 3)
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         for client in range(6):
             assert (await own.ask("GET", API + f"connected?ClientID={client}"))[0] == 200
         assert [guest.closed for guest in own.mount.guests] == [True] * 3 + [False] * 3
 
-    run(test)
 
-
-def test_who_only_looks_drives_out_nobody_who_has_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_who_only_looks_drives_out_nobody_who_has_connected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A web page may send GETs without end, each with another ClientID."""
     monkeypatch.setattr(programs, "MOST", 3)
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         await own.ask("PUT", API + "connected", data={"Connected": "true", "ClientID": "7"})
         for client in range(10, 16):
             assert (await own.ask("GET", API + f"altitude?ClientID={client}"))[0] == 200
         assert [guest.closed for guest in own.mount.guests] == [False, True, True, True, True, False, False]
 
-    run(test)
-
 
 @pytest.mark.parametrize(
     "sent", [b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nA: " + b"a" * 9000, b":Mn#\x01##\r\n\r\n"]
 )
-def test_what_is_no_http_is_answered_and_leaves_no_traceback(sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
-    async def test(own: Served) -> None:
+async def test_what_is_no_http_is_answered_and_leaves_no_traceback(
+    sent: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with served() as own:
         host, port = own.url.removeprefix("http://").split(":")
         await own.ask("GET", API + "name")
         reader, writer = await asyncio.open_connection(host, int(port))
@@ -437,13 +389,11 @@ def test_what_is_no_http_is_answered_and_leaves_no_traceback(sent: bytes, caplog
         async with asyncio.timeout(PATIENCE):
             assert b"400 Bad Request" in await reader.read()
         writer.close()
-
-    run(test)
     assert caplog.records == []
 
 
-def test_management() -> None:
-    async def test(own: Served) -> None:
+async def test_management() -> None:
+    async with served() as own:
         _, versions = await own.ask("GET", "/management/apiversions?ClientTransactionID=9")
         assert versions["Value"] == [1] and versions["ClientTransactionID"] == 9
         _, about = await own.ask("GET", "/management/v1/description")
@@ -459,13 +409,10 @@ def test_management() -> None:
             assert status == 200 and "mount-gateway" in page and "a mount" in page
         assert (await own.ask("GET", "/setup/v1/telescope/1/setup"))[0] == 400
 
-    run(test)
 
-
-def test_whoever_connects_first_is_answered_when_the_server_is_there() -> None:
+async def test_whoever_connects_first_is_answered_when_the_server_is_there() -> None:
     """The request comes in two pieces, before aiohttp is loaded; another connection breaks off."""
-
-    async def test(own: Served) -> None:
+    async with served() as own:
         host, port = own.url.removeprefix("http://").split(":")
         reader, writer = await asyncio.open_connection(host, int(port))
         _, gone = await asyncio.open_connection(host, int(port))
@@ -477,5 +424,3 @@ def test_whoever_connects_first_is_answered_when_the_server_is_there() -> None:
         async with asyncio.timeout(PATIENCE):
             assert b"200 OK" in await reader.read()
         writer.close()
-
-    run(test)
