@@ -95,7 +95,7 @@ def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Vis
 def test_the_arrows_of_an_alt_azimuth_mount_are_those_of_its_tube(visit: Callable[..., Visit]) -> None:
     page = visit(DESK, chart_up="south")
     page.until("so they are named", lambda: page.text("[data-go=east]") == "Left")
-    assert page.text("[data-go=north]") == "Up" and "They turn the tube" in page.text("#pad-hint")
+    assert page.text("[data-go=north]") == "Up" and "It turns the tube" in page.text("#pad-hint")
     boxes = [page.page.locator(f"[data-go={way}]").bounding_box() for way in ("east", "west")]
     assert boxes[0] and boxes[1] and boxes[0]["x"] < boxes[1]["x"], (
         "and stay where they are, however the chart is turned"

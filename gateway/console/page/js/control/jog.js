@@ -84,7 +84,7 @@ function setRate(wanted) {
 
 /** What the arrows have to do with the chart: those of an alt-azimuth mount are those of its tube. */
 function asInChart() {
-  if (tube) return turnedUp() === "zenith" ? "Tube and chart turn alike." : "They turn the tube; Tube ↓ turns the chart alike.";
+  if (tube) return turnedUp() === "zenith" ? "The chart turns with the tube." : "It turns the tube. Tube ↓ turns the chart to match.";
   return turnedUp() === "zenith" ? "" : `${turned ? "W" : "E"} is left, as in the chart.`;
 }
 

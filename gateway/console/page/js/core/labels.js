@@ -29,7 +29,7 @@ export const READINGS = {
 };
 /** Names of fields and groups. */
 export const NAMES = {
-  shown: "What is shown", contains: "Contains, like :MS", filter: "Show only exchanges with this text", side: "Of which program", everyProgram: "Every program",
+  shown: "What is shown", contains: "Filter, like :MS", filter: "Show only exchanges with this text", side: "Of which program", everyProgram: "Every program",
   equinox: "Equinox of what was typed", file: "From a file", ownExample: "M 81\n05:34:32 +22:00:52 J2000",
   own: "One object a line: its name, or right ascension and declination (of date; add J2000 for coordinates from a catalogue).", kinds: "Which objects", rates: "Rate of tracking", spiral: "Search in a spiral", pin: "Pin of the console",
 };
