@@ -135,7 +135,7 @@ class MountState(Struct, frozen=True, dict=True):
             home = "the way to its park position" if isinstance(motion.operation, op.Park) else "the way home"
             yield (f"a goto to {self.goal_text}" if self.goal else home) + asked(motion.by, motion.since)
         elif self.look.slewing:
-            yield "it slews without an order from this gateway: perhaps by its hand control"
+            yield "it slews, but not for this gateway: perhaps by its hand control"
         yield from filter(None, (wanted.short, self.sun_ahead, self.doubt))
         for axis, moving in motion if isinstance(motion, ByHand) else ():
             tube = self.look.status is not None and not self.look.status.equatorial

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 _NOT_YOURS = "choose a folder that you may write to, or run this as its owner"
-_NO_ROOM = "make room on that disk (df -h shows which is full), or choose a folder on another one"
+_NO_ROOM = "free space on that disk (df -h shows which is full), or choose a folder on another disk"
 #: Error of the system -> what to do about it.
 _STEPS = {
     errno.EACCES: _NOT_YOURS, errno.EPERM: _NOT_YOURS, errno.ENOSPC: _NO_ROOM, errno.EDQUOT: _NO_ROOM,

@@ -80,7 +80,7 @@ class Orders:
         elif doubt := self._doubt():
             self._refuse(text, doubt)
         elif self._busy:
-            self._refuse(text, "another order is being taken; send it again in a moment")
+            self._refuse(text, "the gateway is taking another order; send this one again in a moment")
         else:
             self._tasks.spawn(self._carry_out(text, word, rest))
 

@@ -65,6 +65,6 @@ def no_room() -> str:
         return ""
     return (
         f"this system lets mount-gateway have {most} files open at a time, and all but {SPARE}, which it needs "
-        "itself, are open; connect fewer programs at a time, or allow more files: ulimit -n before it is started, "
+        "itself, are open; connect fewer programs, or allow more files: ulimit -n before it is started, "
         "LimitNOFILE= in its systemd unit"
     )

@@ -85,9 +85,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     computer_clock: Annotated[
         Literal["auto", "right", "doubtful"],
         key(
-            "whether the limits may use this computer's clock. auto: not if the clock is older than this version, "
-            "or on a board without a hardware clock that no time server has set, unless neither the mount nor its "
-            "GPS reports the time"
+            "whether the limits may use this computer's clock. auto: yes; but if it is older than this version, or "
+            "no time server has set it on a board without a hardware clock, only if neither the mount nor its GPS "
+            "reports the time"
         ),
     ] = "auto"
     lowest: Annotated[
@@ -141,7 +141,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
             "then where it really points"
         ),
     ] = "refuse"
-    aux_home: Annotated[bool, key("use the mount's home switches for homing, where it has them")] = False
+    aux_home: Annotated[bool, key("use the mount's home switches for homing, if it has them")] = False
     reversed_axes: Annotated[
         Literal["none", "first", "second", "both"] | None,
         key(
@@ -225,13 +225,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = 20
     latency: Annotated[float, key("how long a simulated mount takes to answer (seconds)", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[
-        float,
-        key(
-            "how many times faster than a real one a simulated mount slews, in this process or in another one",
-            "TIMES",
-            gt=0.0,
-            le=1000.0,
-        ),
+        float, key("how many times faster than a real mount a simulated one slews", "TIMES", gt=0.0, le=1000.0)
     ] = 1.0
 
     @property

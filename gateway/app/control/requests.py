@@ -196,7 +196,7 @@ class RequestHandler:
             case requests.SyncRequest():
                 goal = await of_date(self._controller, request.where)
                 await self._perform(op.Sync(goal.ra, goal.dec), active)
-                return f"it points to {format_position(goal)} from now on"
+                return f"it now points to {format_position(goal)}"
             case requests.ParkRequest():
                 active.is_park = True
                 await self._perform(op.Park(), active)
@@ -349,7 +349,7 @@ class RequestHandler:
         if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):
             slew = controller.wanted.value.motion
             other = f"another goto came from {slew.by.who}" if isinstance(slew, Slew) and slew.by else ""
-            return Answer(FAILED, f"{other or f'{short}, or another order came'}{at}", "Stopped")
+            return Answer(FAILED, f"{other or f'{short}, or another request came'}{at}", "Stopped")
         if active.is_park:
             return Answer(DONE, "it is parked")
         return Answer(DONE, f"it is there{': ' + format_position(look.position) if look.position else ''}")

@@ -109,7 +109,7 @@ class Control(asyncio.DatagramProtocol):
         try:
             request = decode(line)
         except ValueError:
-            return Answer(FAILED, "the gateway does not understand this: it is of another version than the command")
+            return Answer(FAILED, "the gateway has another version than this command, and does not understand it")
         try:
             return await self._carry_out(request)
         except asyncio.CancelledError:

@@ -149,7 +149,7 @@ async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:
     wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
         if not gateway.store.held:
-            return Answer(FAILED, "a gateway holds its state files but does not answer")
+            return Answer(FAILED, "a gateway uses its state files, but does not answer")
         async with asyncio.timeout(ACKNOWLEDGED):
             while wanted.owed:
                 await asyncio.sleep(0.02)

@@ -48,7 +48,7 @@ class DiscoveryAnswers:
             if error.errno == errno.EADDRINUSE:
                 why = " is in use by another program (another mount-gateway?)"
             self._warn(
-                f"SkySafari will not find this gateway by itself: UDP port {port}{why}; type address and port into it"
+                f"SkySafari cannot find this gateway by itself: UDP port {port}{why}; type address and port into it"
             )
 
     async def answer_discovery(self, offers: Sequence[Offer]) -> None:

@@ -113,7 +113,7 @@ class Recorder:
         self._lost = True
         self._warn(
             f"the recording {self._path} ends here: {reason}. The gateway "
-            "continues without it; make room on the disk and restart the gateway to record again"
+            "continues without it; free space on the disk and restart the gateway to record again"
         )
 
     async def close(self) -> None:

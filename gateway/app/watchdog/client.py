@@ -150,7 +150,7 @@ class Watchdog:
         self._disconnect()
         if self._loop.time() - self._began < LASTED:
             self.warn(
-                "the watchdog process does not keep running: a gateway that is killed leaves its mount moving "
+                "the watchdog process has ended: a gateway that is killed leaves its mount moving "
                 "until mount-gateway stop is run"
             )
             return

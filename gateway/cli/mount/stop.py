@@ -57,7 +57,7 @@ def _stop(arguments: argparse.Namespace) -> int:
     good, bad = [], []
     report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), request))
     for mount, answer in report.outcomes:
-        name = mount or "a mount that is not known any more"
+        name = mount or "a mount that is no longer known"
         if answer.done:
             good.append(f"{name}: {answer.text}")
         else:

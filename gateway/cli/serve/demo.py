@@ -76,7 +76,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     if sys.platform != "win32":
         path = arguments.pty
         if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
-            notes.append(f"there is a /tmp/{client} of another program already; this demo takes {path}")
+            notes.append(f"another program uses /tmp/{client}; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
     tables: dict[str, object] = {
         "mount": [{"at": f"{mount}@sim", "speed": arguments.speed, "sun": 0.0}],  # there is no glass to be harmed

@@ -44,7 +44,7 @@ class UnreadText:
     def drop(self) -> None:
         """Drop the waiting text: the program has sent another command, or has gone."""
         if text := self._remove_text():
-            self._log.put("x", text, "not sent: the program has not waited for it")
+            self._log.put("x", text, "not sent, because the program did not wait for it")
 
     def read_part(self, reply: bytes, read: int, more: bool) -> bytes:
         """Return the part of a reply to send now: the first ``read`` bytes.

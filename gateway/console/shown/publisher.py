@@ -194,7 +194,7 @@ class Publisher:
     async def next(self) -> None:
         """Wait for another message or more rows. Raises ConnectionError after the end."""
         if self._task is None:
-            raise ConnectionError("the console has nothing to show")
+            raise ConnectionError("the page has nothing to show")
         await asyncio.shield(self._next)
 
     def listen(self, by: int) -> None:

@@ -21,13 +21,13 @@ UNTOLD = "?"
 WORDS = {
     "silent": "nothing here: no answer",
     "echo": "nothing here: what is sent comes back (a loopback plug, a cable with echo, a modem)",
-    "gps": "a GPS receiver sends here: no mount",
-    "talker": "a device sends unintelligible data here by itself: no mount; nothing was sent to it",
+    "gps": "a GPS receiver, not a mount",
+    "talker": "a device that sends unknown data by itself, not a mount; nothing was sent to it",
     "stranger": "something answers here, but not as a mount does",
-    "garbled": "something answers here, unintelligibly at every rate: no mount",
+    "garbled": "something answers here, but nothing legible at any rate: not a mount",
     "busy": "not examined",
     "foreign": "not examined",
-    "served": "a mount that a gateway has already",
+    "served": "a mount that a gateway already uses",
     "unopened": "cannot be opened",
     "vanished": "the port vanished during the search",
     "mute": "a mount",
@@ -40,14 +40,14 @@ EQUINOX = {
     "always": "J2000 (j2000), as its maker says of all versions; that is the default",
 }  # fmt: skip
 NO_PORT = (
-    "no serial port is there: plug the USB adapter in; dmesg | tail tells whether this computer noticed (on Windows "
+    "no serial port was found: plug in the USB adapter; dmesg | tail shows whether this computer noticed (on Windows "
     "the device manager)",
     "a virtual serial port must be named (mount-gateway detect /tmp/ttySIM0), and so must an adapter in the network "
     "(mount-gateway detect socket://192.168.1.50:4030)",
 )
 NO_ADAPTER = (
     "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
-    "dmesg | tail tells whether this computer noticed"
+    "dmesg | tail shows whether this computer noticed"
 )
 #: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
 SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
@@ -61,7 +61,7 @@ OF_OTHERS = {
     SERVED: "{port}: mount-gateway status shows this mount, and the addresses where programs connect to its gateway",
     UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at every port",
     MUTE: "{port}: switch the mount off and on, and look again",
-    "echo": "{port} hears itself: take out a loopback plug, or look whether the cable is the mount's own",
+    "echo": "{port} receives what it sends: remove a loopback plug, or use the mount's own cable",
     "garbled": "{port}: try another cable, a shorter one, or another USB adapter",
 }
 
@@ -125,11 +125,11 @@ def hints(mount: FoundMount) -> list[str]:
     """Return what the user should know or add before the first run."""
     parts = []
     if mount.aligned is False:
-        parts.append("not aligned yet: align it at the hand control, it does no gotos before")
+        parts.append("not aligned yet: align it at the hand control, because it refuses gotos before")
     if not mount.tells_model and (unknown := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
         parts.append(unknown)
     if not mount.tells_place:
-        parts.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
+        parts.append("it does not report its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
     return parts
 
 

@@ -143,7 +143,7 @@ def ports(facts: Facts) -> Iterator[Said]:
     for port in facts.ports:
         called = f"{port.name} ({port.about})" if port.about else port.name
         if not port.permitted:
-            yield BAD, f"{called}: you may not open it", _permission(facts, port)
+            yield BAD, f"{called}: your user may not open it", _permission(facts, port)
         elif port.holder and not any(f"(process {process})" in port.holder for process in processes):
             yield (
                 BAD,
@@ -151,7 +151,7 @@ def ports(facts: Facts) -> Iterator[Said]:
                 "close that program, or let it connect to the gateway instead of the port",
             )
         else:
-            used = f"in use by a gateway: {port.holder}" if port.holder else "free, and you may open it"
+            used = f"in use by a gateway: {port.holder}" if port.holder else "free, and your user may open it"
             yield GOOD, f"{called}: {used}", ""
 
 

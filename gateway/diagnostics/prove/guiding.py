@@ -55,7 +55,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
         finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
         if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
-            reason = "this computer or its line was too busy for pulses as short as these"
+            reason = "this computer or its line was too busy for such short pulses"
             finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
         report.add(finding)
 

@@ -81,7 +81,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
         lines.append(f"  a {face.model} does not have it: nothing is done")
         return Explained("\n".join(lines), False)
     if not command.known_to(None, version):
-        lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
+        lines.append(f"  a hand control of version {face.version} does not know it, and ignores it")
         return Explained("\n".join(lines), False)
     valid = True
     if command.beyond:
@@ -100,7 +100,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     else:
         lines.append(f"outcome on {_name(at)} mount: {_means(became, play.reply)}")
         if became == "refused" != said:
-            lines.append(f"  with other values, or if things stand otherwise than in this example: {said}")
+            lines.append(f"  with other values, or in another state of the mount: {said}")
         for otherwise, changed in _circumstances(at):
             if (other := play_one(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
@@ -207,9 +207,9 @@ def _means(outcome: str, reply: bytes) -> str:
     if outcome != "refused":
         return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
     if not reply:
-        return "refused (this command has no reply: only the log tells it)"
+        return "refused (this command has no reply: only the log says so)"
     if reply == ACKNOWLEDGED:
-        return "refused (the reply is # all the same, because this protocol has no other: only the log tells it)"
+        return "refused (the reply is # all the same, because this protocol has no other: only the log says so)"
     return "refused (the reply says so)"
 
 

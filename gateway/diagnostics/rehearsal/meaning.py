@@ -77,9 +77,7 @@ def _limits(operation: Any) -> str:
 
 def _site(operation: op.SetSite) -> str:
     if operation.latitude is None and operation.longitude is None:
-        return (
-            "the mount stands where its own hand control says" if operation.others is not None else "the mount's site"
-        )
+        return "the site is the one of the hand control" if operation.others is not None else "the mount's site"
     parts = [
         None if operation.latitude is None else f"latitude {FORMS['north'](operation.latitude)}",
         None if operation.longitude is None else f"longitude {FORMS['east'](operation.longitude)}",
@@ -113,9 +111,9 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.Slewing: "is a goto under way?",
     op.GetStatus: "does the mount track, and is it aligned?",
     op.GetIdentity: "which mount is it?",
-    op.GetSite: "where does the mount stand?",
+    op.GetSite: "what is the mount's site?",
     op.GetClock: "what is the mount's time?",
-    op.GetGps: "what does the mount's GPS receiver tell?",
+    op.GetGps: "what does the mount's GPS receiver report?",
     op.SiderealTime: "what is the sidereal time?",
     op.PierSide: "on which side of the pier is the tube?",
     op.DriveRate: "at which rate does it track?",
@@ -125,8 +123,8 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.AbortSlew: "end the goto",
     op.Park: "go to the park position, and switch tracking off there",
     op.Home: "go to the home position",
-    op.SetHome: "the present position is home from now on",
-    op.Unpark: "take up service again, tracking",
+    op.SetHome: "the present position becomes home",
+    op.Unpark: "unpark, and track",
     op.Hibernate: "go to sleep",
     op.Wake: "wake up",
     op.ClockFromGps: "set the mount's clock by its GPS receiver",

@@ -171,7 +171,7 @@ class TrackingAtLimit:
             # at rest: the mount has not reached it by tracking
             sky_changed = self._watch.sky.changed_at > self._watch.observed.began
             context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
-            context.note_once("the tracking of this mount cannot be switched off at a limit")
+            context.note_once("this mount's tracking cannot be switched off at a limit")
             if not sky_changed:
                 self.must_stop.emit(f"stopped at {reason}")
         except Fault as fault:

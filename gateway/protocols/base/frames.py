@@ -39,7 +39,7 @@ class Unterminated(bytes):
         """The log message with the reason of its refusal."""
         text = bytes(self)
         if self.late:
-            return f"{text!r} arrived without its end (#): it is not done, and what it would have set is cleared"
+            return f"{text!r} arrived without its end (#): the gateway ignores it, and clears what it would have set"
         return (
             f"{text!r} is refused as a whole: the first command in it arrived without its end (#). What it would have "
             "set is cleared. Until the client pauses for 0.1 s its commands begin no motion; stops are carried out"

@@ -102,7 +102,7 @@ class Surface:
         if match is None:
             reply = self.unanswered(frame, None)
             if reply == ACKNOWLEDGED:
-                session.refused = "its argument cannot be read"
+                session.refused = "its argument is not valid"
             return reply
         command, template = match
         if command.name in session.model.get("lacking", ()):

@@ -64,7 +64,7 @@ def test_every_operation_has_words(kind: type[op.Operation]) -> None:
         (op.TrackRate(factor=1.5), "track at 1.5 of the sidereal rate"),
         (op.SetSite(latitude=-33.5), "the mount stands at latitude 33°30'00\" S"),
         (op.SetSite(), "the mount's site"),
-        (op.SetSite(others=()), "the mount stands where its own hand control says"),
+        (op.SetSite(others=()), "the site is the one of the hand control"),
         (op.SetClock(0.0, -7.5, 0), "it is 1970-01-01 00:00:00 UTC, UTC-7.5 h here, no daylight saving"),
         (op.Focus(0), "stop the focuser"),
         (op.Focus(-1, 4), "move the focuser out, speed 4"),

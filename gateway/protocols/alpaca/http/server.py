@@ -163,7 +163,7 @@ def _form_data(body: bytes) -> Pairs:
     boundary = body.partition(b"\n")[0].strip().removeprefix(b"--")
     form: Any = message_from_bytes(b'Content-Type: multipart/form-data; boundary="%s"\r\n\r\n' % boundary + body)
     if form.defects or not form.is_multipart():
-        raise ValueError("the form is not whole")
+        raise ValueError("the form is incomplete")
     return [
         (str(part.get_param("name", "", "content-disposition")), part.get_payload(decode=True).decode("utf-8"))
         for part in form.get_payload()

@@ -171,7 +171,7 @@ def set_tracking_rate(values: Values) -> Handling:
     """Set a drive rate. Raises Invalid if the mount does not have it."""
     number = decoded(values)["rate"]
     if number not in (yield from _rates()):
-        raise Invalid(f"TrackingRate {number} is not among the rates of this mount (TrackingRates).")
+        raise Invalid(f"This mount does not have TrackingRate {number} (see TrackingRates).")
     yield op.TrackRate(name=RATES[number][0])
 
 

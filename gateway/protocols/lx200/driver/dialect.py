@@ -150,7 +150,9 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
         yield Schedule(LOOK_AGAIN, replace(operation, observed_at=mount.now()))
     elif state.fault or not operation.observed_at < ends < mount.now():
         del mount.moving[axis]
-        yield Remark("the mount has ended the arrow, by a limit of its own or at its keypad: it is not pressed again")
+        yield Remark(
+            "the mount ended the arrow, by its own limit or at its keypad: the gateway does not press it again"
+        )
     else:
         yield from ask(mount, mount.rate_sent)
         if mount.moving.get(axis) == letter:

@@ -281,7 +281,7 @@ def test_a_gps_receiver_is_not_spoken_to() -> None:
     finding, wire = seen(lambda: silent, talk=GPS)
     assert (finding.state, finding.baud) == ("gps", 9600)
     assert wire.log == []
-    assert "a GPS receiver sends here: no mount" in block(finding)
+    assert "a GPS receiver, not a mount" in block(finding)
 
 
 def test_a_gps_receiver_at_another_rate_is_not_spoken_to() -> None:

@@ -80,10 +80,10 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
             "ports",
             {"ports": [replace(USB, permitted=False)], "active_groups": {"me"}},
             BAD,
-            "you may not open it",
+            "your user may not open it",
             "log out and in again",
         ),
-        ("ports", {"ports": [replace(USB, permitted=False)]}, BAD, "you may not open it", "ls -l /dev/ttyUSB0"),
+        ("ports", {"ports": [replace(USB, permitted=False)]}, BAD, "your user may not open it", "ls -l /dev/ttyUSB0"),
         (
             "ports",
             {"ports": [replace(USB, holder="indi_lx200 (process 77)")]},
