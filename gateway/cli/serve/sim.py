@@ -35,8 +35,8 @@ def add_sim(commands: Commands) -> None:
         "--baud",
         type=int,
         metavar="N",
-        help="the pace of the line, on TCP too; a pty or serial port "
-        "then understands this rate only (without it: the pace of 9600 there, none on TCP)",
+        help="send and receive at this baud rate, also over TCP; a pty or serial port then understands no other "
+        "(default: 9600 there, unlimited over TCP)",
     )
     sim.add_argument("--speed", type=float, default=1.0, help="slews this many times faster")
     sim.add_argument("--time", metavar="ISO", help="begin at this UTC time")

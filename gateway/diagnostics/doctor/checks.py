@@ -26,7 +26,7 @@ SKY, FEW = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
 #: The udev rule that makes ModemManager ignore all USB serial ports.
 RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
 LEAVE_ALONE = (
-    "without a modem here: sudo systemctl disable --now ModemManager; else write the line "
+    "if you use no modem: sudo systemctl disable --now ModemManager; else write the line "
     f"{RULE} into /etc/udev/rules.d/99-telescope.rules, type sudo udevadm control --reload, and plug the adapter in "
     "again"
 )
@@ -136,7 +136,7 @@ def ports(facts: Facts) -> Iterator[Said]:
         yield (
             NOTE,
             "there is no serial port",
-            "plug the USB adapter in, unless the mount is reached over the network; dmesg | tail tells whether this "
+            "plug the USB adapter in, unless the mount is reached over the network; dmesg | tail shows whether this "
             "computer noticed",
         )
     processes = {running.process for running in facts.gateways}

@@ -81,7 +81,7 @@ def over_time(night: Night) -> str:
     for remark in night.remarks:
         x = frame.x(remark.time)
         drawn.append(tag("line", x1=x, x2=x, y1=TOP, y2=frame.foot, class_="fault"))
-    return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over the time")
+    return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over time")
 
 
 def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
@@ -239,4 +239,4 @@ def altitude(points: list[TrackPoint], lights: list[Light], night: Night) -> str
     for remark in night.refusals:
         x = frame.x(remark.time)
         drawn.append(path(((x, frame.foot), (x - 4, frame.foot + 7), (x + 4, frame.foot + 7)), "refusal", closed=True))
-    return picture(frame.width, frame.height, "".join(drawn), "The telescope's altitude over the time")
+    return picture(frame.width, frame.height, "".join(drawn), "The telescope's altitude over time")
