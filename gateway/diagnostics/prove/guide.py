@@ -43,7 +43,7 @@ STAGES: tuple[Stage, ...] = (
     Stage("reads", "sends it every question of its protocol. Nothing moves.", False, reads.run),
     Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run, points=True),
     Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.why_no_room),
-    Stage("motions", "moves it in each direction at each rate, up to 5°: about 5 min.", True, small_motions.run),
+    Stage("motions", "moves it every way at every rate, up to 5°: about 5 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
     Stage("guiding", "sends short pulses in all directions: about 1 min.", True, guiding.run),
 )  # fmt: skip

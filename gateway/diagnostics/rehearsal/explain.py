@@ -100,7 +100,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     else:
         lines.append(f"outcome on {_name(at)} mount: {_means(became, play.reply)}")
         if became == "refused" != said:
-            lines.append(f"  with other values, or in another state of the mount: {said}")
+            lines.append(f"  with other values, or in another state: {said}")
         for otherwise, changed in _circumstances(at):
             if (other := play_one(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")

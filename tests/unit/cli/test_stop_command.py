@@ -235,7 +235,7 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
     seen.append(Process(4711, os.getuid()))
     code, words = stop()
     assert code == 1
-    assert "a gateway runs as process 4711 and" in words and "kill 4711" in words
+    assert "process 4711 is a gateway" in words and "kill 4711" in words
 
 
 @each(("seconds", "looks"), [(5.0, stop_command.LOOKS), (3600.0, 2)])

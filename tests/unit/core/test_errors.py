@@ -15,7 +15,7 @@ from gateway.core.errors import explain_file_error, explain_os_error
     ("number", "step"),
     [
         (errno.EACCES, "Permission denied; choose a folder that you may write to, or run this as its owner"),
-        (errno.ENOSPC, "No space left on device; make room on that disk (df -h shows which is full), or choose a"),
+        (errno.ENOSPC, "No space left on device; free space on that disk (df -h shows which is full), or choose a"),
         (errno.EROFS, "Read-only file system; choose a folder on a disk that can be written to"),
         (errno.EIO, "Input/output error"),
     ],

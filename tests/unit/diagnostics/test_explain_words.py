@@ -118,7 +118,7 @@ def test_the_outcome_is_the_one_on_the_wire() -> None:
 
 
 def test_a_command_that_is_carried_out_but_not_with_these_values() -> None:
-    otherwise = "  with other values, or if things stand otherwise than in this example: translated\n"
+    otherwise = "  with other values, or in another state: translated\n"
     midnight = explain("nexstar", "lx200", "H\\x18\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text  # 24 o'clock
     assert "mount: refused (" in midnight and otherwise in midnight
     assert otherwise not in explain("nexstar", "lx200", "H\\x17\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text

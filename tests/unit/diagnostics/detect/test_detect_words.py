@@ -93,7 +93,7 @@ def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     assert main(["detect"]) == 1
     told = capsys.readouterr()
     assert told.out == "no mount was found\n" and asked == [None]
-    assert "plug the USB adapter in" in told.err and "socket://192.168.1.50:4030" in told.err
+    assert "plug in the USB adapter" in told.err and "socket://192.168.1.50:4030" in told.err
     assert main(["detect", "--json"]) == 1
     assert capsys.readouterr() == ("[]\n", "")
 

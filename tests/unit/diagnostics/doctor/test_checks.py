@@ -73,7 +73,7 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
             "ports",
             {"ports": [replace(USB, permitted=False)], "groups": {"me"}, "active_groups": {"me"}},
             BAD,
-            "/dev/ttyUSB0 (FT232R): you may not open it",
+            "/dev/ttyUSB0 (FT232R): your user may not open it",
             "sudo usermod -aG dialout $USER",
         ),
         (
