@@ -192,29 +192,6 @@ def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
     run(program())
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, "lx200", config={"lowest": 20.0, "sun": 0.0}) as bridge:
-            controller, client = bridge.controller, bridge.client()
-            controller.reader.position.disconnect(controller.watch.check_position)  # nobody stops it there
-            controller.watch.began = lambda _: None  # type: ignore[method-assign]
-            client.tell(b":RS#:Ms#")
-            lowest = 90.0
-            for _ in range(700):
-                seen = await reported_position(client, "lx200")
-                lowest = min(lowest, controller.astrometry.overhead(op.Equatorial(*seen))[0] or 0.0)
-                said = controller.cache.value(op.Position)
-                if said is not None and (controller.astrometry.overhead(said)[0] or 0.0) >= 20.0:
-                    assert (controller.astrometry.overhead(op.Equatorial(*seen))[0] or 0.0) >= 19.98
-                if lowest < 12.0:
-                    break
-                await asyncio.sleep(0.03)
-            assert lowest < 15.0
-
-    run(program())
-
-
 def test_rules_go_by_what_the_mount_has_said() -> None:
     async def program() -> None:
         async with bridge_to("cge", "nexstar") as bridge:
