@@ -97,78 +97,21 @@ def _nexstar_moves(request: bytes) -> bool:
 
 
 SETUPS = (
-    Setup(
-        "LX200 on NexStar",
-        "nexstar",
-        "cge",
-        "lx200",
-        (
-            Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
-            Ending(
-                ":Qn#",
-                (b":RM#:Mn#", b":RM#:Ms#"),
-                b":Qn#",
-                _nexstar_moves,
-                lambda request: request[:5] == b"P\2\x11\x24\0",
-            ),
-        ),
-        (
-            b":GR#",
-            b":GD#",
-            b":GA#",
-            b":GZ#",
-            b":GS#",
-            b":D#",
-            b":GW#",
-            b":Gt#",
-            b":TQ#",
-            b":TL#",
-            b":TS#",
-            b":RC#:Me#",
-            b":Qe#",
-            b":Sr05:00:00#",
-            b":Sd+80*00:00#",
-            b":Mge0100#",
-        ),
-    ),
-    Setup(
-        "NexStar on LX200",
-        "lx200",
-        "lx200gps",
-        "nexstar",
-        (
-            Ending(
-                "M",
-                (b"r20000000,20000000", b"r30000000,20000000"),
-                b"M",
-                lambda request: request == b":MS#",
-                lambda request: request.lstrip(b"#") == b":Q#",
-            ),
-            Ending(
-                "rate 0",
-                (_slew(17, True, 7), _slew(17, False, 7)),
-                _slew(17, True, 0),
-                lambda request: request in (b":Mn#", b":Ms#"),
-                lambda request: request.lstrip(b"#") in (b":Qn#", b":Qs#", b":Q#"),
-            ),
-        ),
-        (
-            b"e",
-            b"z",
-            b"L",
-            b"t",
-            b"w",
-            b"h",
-            b"J",
-            b"V",
-            _slew(16, True, 5),
-            _slew(16, True, 0),
-            b"P\3\x10\6\xff\xff\0\0",
-            b"P\3\x10\6\xff\xfd\0\0",
-            b"T\2",
-        ),
-    ),
-)
+    Setup("LX200 on NexStar", "nexstar", "cge", "lx200", (
+        Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
+        Ending(":Qn#", (b":RM#:Mn#", b":RM#:Ms#"), b":Qn#", _nexstar_moves,
+               lambda request: request[:5] == b"P\2\x11\x24\0"),
+    ), (b":GR#", b":GD#", b":GA#", b":GZ#", b":GS#", b":D#", b":GW#", b":Gt#", b":TQ#", b":TL#", b":TS#", b":RC#:Me#",
+        b":Qe#", b":Sr05:00:00#", b":Sd+80*00:00#", b":Mge0100#")),
+    Setup("NexStar on LX200", "lx200", "lx200gps", "nexstar", (
+        Ending("M", (b"r20000000,20000000", b"r30000000,20000000"), b"M", lambda request: request == b":MS#",
+               lambda request: request.lstrip(b"#") == b":Q#"),
+        Ending("rate 0", (_slew(17, True, 7), _slew(17, False, 7)), _slew(17, True, 0),
+               lambda request: request in (b":Mn#", b":Ms#"),
+               lambda request: request.lstrip(b"#") in (b":Qn#", b":Qs#", b":Q#")),
+    ), (b"e", b"z", b"L", b"t", b"w", b"h", b"J", b"V", _slew(16, True, 5), _slew(16, True, 0),
+        b"P\3\x10\6\xff\xff\0\0", b"P\3\x10\6\xff\xfd\0\0", b"T\2")),
+)  # fmt: skip
 
 
 class Bench(NamedTuple):
