@@ -372,7 +372,7 @@ MUTATIONS = [
         "M of a NexStar program ends no goto",
         r"^    yield FireAndForget\(op\.AbortSlew\(\)\)",
         "    yield from ()",
-        "tests/integration/lx200/test_other_makers.py",
+        f"{STOPS}/test_lost_answers.py",
         NEXSTAR_SURFACE,
     ),
     Mutation(
@@ -393,7 +393,7 @@ MUTATIONS = [
         "T 0 of a NexStar program leaves tracking on",
         r"on=wanted is not op\.Tracking\.OFF, mode=wanted",
         "on=True, mode=wanted",
-        "tests/integration/lx200/test_other_makers.py",
+        "tests/integration/lx200/test_driver.py tests/integration/tracking",
         NEXSTAR_SURFACE,
     ),
     Mutation(
@@ -426,7 +426,7 @@ MUTATIONS = [
         "a command of any length is kept",
         r"if len\(self\._frame\) > LONGEST:",
         "if False:",
-        "tests/property/test_fuzz.py",
+        "tests/integration/sharing/test_dropped_in_the_log.py",
     ),
     Mutation(
         "the second motor of a Meade turns the other way",

@@ -164,18 +164,10 @@ for _model in (
 
 #: One of each kind for the suite.
 KINDS = [
-    ("nexstar-gps", "1.2"),
-    ("nexstar-gps", "2.2"),
-    ("cge", "3.01"),
-    ("6-8se", "4.21"),
-    ("evolution", "5.31"),
-    ("cgx", "5.31"),
-    ("cpc", "starsense-1.20"),
-    ("avx", "starsense-1.20"),
-    ("synscan", "3.36"),
-    ("synscan", "4.39.05"),
-    ("synscan-az", "4.39.05"),
-]
+    ("nexstar-gps", "1.2"), ("nexstar-gps", "2.2"), ("cge", "3.01"), ("6-8se", "4.21"), ("evolution", "5.31"),
+    ("cgx", "5.31"), ("cpc", "starsense-1.20"), ("avx", "starsense-1.20"), ("synscan", "3.36"),
+    ("synscan", "4.39.05"), ("synscan-az", "4.39.05"),
+]  # fmt: skip
 
 
 def wrong(found: dict[str, str], refusals: Refusals) -> dict[str, tuple[str, str]]:

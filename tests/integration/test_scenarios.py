@@ -13,18 +13,11 @@ from tests.support.typed_programs import face
 
 #: Model, version, and what the user must say because the hand control cannot.
 MOUNTS: list[tuple[str, str, dict[str, Any]]] = [
-    ("nexstar-gps", "1.2", {"site": NORTH, "mode": "alt-az"}),
-    ("nexstar-gps", "1.6", {"mode": "alt-az"}),
-    ("i-series", "2.2", {"site": NORTH, "mode": "alt-az"}),
-    ("cge", "3.02", {}),
-    ("slt", "4.10", {}),
-    ("gt", "104.0", {}),
-    ("cpc", "4.21", {}),
-    ("cgem", "5.31", {}),
-    ("avx", "5.31", {}),
-    ("evolution", "5.31", {}),
+    ("nexstar-gps", "1.2", {"site": NORTH, "mode": "alt-az"}), ("nexstar-gps", "1.6", {"mode": "alt-az"}),
+    ("i-series", "2.2", {"site": NORTH, "mode": "alt-az"}), ("cge", "3.02", {}), ("slt", "4.10", {}),
+    ("gt", "104.0", {}), ("cpc", "4.21", {}), ("cgem", "5.31", {}), ("avx", "5.31", {}), ("evolution", "5.31", {}),
     ("6-8se", "starsense-1.20", {}),
-]
+]  # fmt: skip
 #: This version moves by small gotos, which `safety/test_by_hand.py` tests: it has no pass-through.
 OTHERWISE = {"1.2": {"arrows", "pulses", "tracking"}}
 

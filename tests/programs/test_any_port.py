@@ -46,14 +46,6 @@ def test_any_port_serves_stellarium(workshop: Workshop) -> None:
     wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR)
 
 
-def test_any_port_shows_a_browser_the_console(workshop: Workshop) -> None:
-    requires("chromium")
-    surface, _ = start(workshop, "nexstar")
-    browser = Browser(workshop)
-    tab = browser.visit(f"http://127.0.0.1:{surface.port}/")
-    wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se")
-
-
 def test_hostile_page_moves_nothing_by_any_port(workshop: Workshop) -> None:
     """What it posts begins as HTTP does, so that all of it is HTTP's, and the console refuses it."""
     requires("chromium")
@@ -77,7 +69,9 @@ def test_any_port_serves_all_kinds_of_programs_at_once(workshop: Workshop) -> No
     requires("indiserver", LX200[0], NEXSTAR[0], "chromium")
     surface, truth = start(workshop, "nexstar")
     drivers = [Telescope(workshop, *driver, surface) for driver in (LX200, NEXSTAR)]
-    Browser(workshop).visit(f"http://127.0.0.1:{surface.port}/")
+    browser = Browser(workshop)
+    tab = browser.visit(f"http://127.0.0.1:{surface.port}/")
+    wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se")
     drivers[0].goto(Spot(STAR.ra, STAR.dec))
     wait_until("arrival", lambda: not truth.goto_running())
     for telescope in drivers:

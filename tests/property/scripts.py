@@ -35,25 +35,9 @@ MEETS = (-0.1, 0.0, 0.0, 0.02, 0.1, 0.3, 1.0)
 #: How a play ends: a program stops everything, lets go of its arrows, or all programs leave.
 ENDINGS = ("stop", "release", "leave")
 _PROGRAMS = (
-    "goto",
-    "goto",
-    "goto",
-    "arrow",
-    "arrow",
-    "arrow",
-    "release",
-    "release",
-    "stop",
-    "stop",
-    "pulse",
-    "sync",
-    "track",
-    "track",
-    "rate",
-    "park",
-    "site",
-    "clock",
-)
+    "goto", "goto", "goto", "arrow", "arrow", "arrow", "release", "release", "stop", "stop", "pulse", "sync", "track",
+    "track", "rate", "park", "site", "clock",
+)  # fmt: skip
 _OWNER = ("key", "key", "unkey", "cancel", "own track", "own site")
 _LETTERS = "nsew"
 

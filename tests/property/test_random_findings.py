@@ -10,9 +10,9 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from tests.integration.safety.test_altitude import altitude
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude
 
 
 def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 
@@ -59,3 +60,20 @@ def lose_replies(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list
 
     wire.feed = hear
     return heard
+
+
+def swallow(bridge: Any, wanted: Callable[[bytes], bool], times: int = 1, *, carried_out: bool = False) -> list[bytes]:
+    """The next requests that are wanted never reach the mount, or only their answers are lost -> those so far."""
+    wire = bridge.controller.line.wire
+    good, lost = wire.feed, []
+
+    def feed(data: bytes) -> bytes:
+        if len(lost) < times and wanted(data):
+            lost.append(data)
+            if carried_out:
+                good(data)
+            return b""
+        return bytes(good(data))
+
+    wire.feed = feed
+    return lost

@@ -64,17 +64,11 @@ class Row(NamedTuple):
 
 
 NEXSTARS: tuple[tuple[str, str | None, str], ...] = (
-    ("cpc", "4.21", "fork"),
-    ("nexstar-gps", "4.21", "fork"),
-    ("cge", "4.21", "german east"),
-    ("cge", "4.21", "german west"),
-    ("avx", "5.31", "german east"),
-    ("avx", "5.31", "german west"),
-    ("cpc", "4.21", "alt-az"),
-    ("slt", "4.03", "alt-az"),
-    ("evolution", "5.31", "alt-az"),
+    ("cpc", "4.21", "fork"), ("nexstar-gps", "4.21", "fork"), ("cge", "4.21", "german east"),
+    ("cge", "4.21", "german west"), ("avx", "5.31", "german east"), ("avx", "5.31", "german west"),
+    ("cpc", "4.21", "alt-az"), ("slt", "4.03", "alt-az"), ("evolution", "5.31", "alt-az"),
     ("nexstar-gps", "2.2", "alt-az"),
-)
+)  # fmt: skip
 MEADES: tuple[tuple[str, str], ...] = (
     ("lx200gps", "fork"),
     ("lx200", "fork"),

@@ -33,23 +33,10 @@ CHECKED = Path(__file__).parents[2] / "docs" / "checked"
 #: One mount of each kind: Celestrons with old and new hand controls, two of SynScan, the four Meades, three
 #: controllers that speak LX200 with words of their own, and the three kinds of Alpaca.
 KINDS = (
-    "nexstar:6-8se",
-    "nexstar:nexstar-gps/2.2",
-    "nexstar:cgem",
-    "nexstar:avx/starsense-1.19",
-    "nexstar:synscan",
-    "nexstar:synscan-az",
-    "lx200:lx200",
-    "lx200:lx200-16",
-    "lx200:autostar",
-    "lx200:lx200gps",
-    "lx200:onstep",
-    "lx200:teenastro",
-    "lx200:other",
-    "alpaca:german",
-    "alpaca:altaz",
-    "alpaca:polar",
-)
+    "nexstar:6-8se", "nexstar:nexstar-gps/2.2", "nexstar:cgem", "nexstar:avx/starsense-1.19", "nexstar:synscan",
+    "nexstar:synscan-az", "lx200:lx200", "lx200:lx200-16", "lx200:autostar", "lx200:lx200gps", "lx200:onstep",
+    "lx200:teenastro", "lx200:other", "alpaca:german", "alpaca:altaz", "alpaca:polar",
+)  # fmt: skip
 
 
 class CalmLoop(VirtualLoop):

@@ -17,19 +17,11 @@ from tests.support.in_process_gateway import Bridge
 
 #: The mounts to compare: protocol, model, version.
 MOUNTS = (
-    ("nexstar", "cpc", "4.21"),
-    ("nexstar", "cge", "4.21"),
-    ("nexstar", "avx", "5.31"),
-    ("nexstar", "6-8se", "4.21"),
-    ("nexstar", "slt", "4.03"),
-    ("nexstar", "gt", "101.0"),
-    ("nexstar", "nexstar-gps", "1.2"),
-    ("nexstar", "nexstar-gps", "2.2"),
-    ("lx200", "autostar", None),
-    ("lx200", "lx200", None),
-    ("lx200", "lx200-16", None),
-    ("lx200", "lx200gps", None),
-)
+    ("nexstar", "cpc", "4.21"), ("nexstar", "cge", "4.21"), ("nexstar", "avx", "5.31"), ("nexstar", "6-8se", "4.21"),
+    ("nexstar", "slt", "4.03"), ("nexstar", "gt", "101.0"), ("nexstar", "nexstar-gps", "1.2"),
+    ("nexstar", "nexstar-gps", "2.2"), ("lx200", "autostar", None), ("lx200", "lx200", None),
+    ("lx200", "lx200-16", None), ("lx200", "lx200gps", None),
+)  # fmt: skip
 #: How many of the 91 replies may differ; mappings/README.md says which do, and why.
 ALLOWED = 2
 #: Seconds to wait for a reply.
@@ -58,23 +50,7 @@ _ANGLES, _MOTORS = (b"l", b"e", b"E", b"z", b"Z"), (_get(16, 1, 3), _get(17, 1, 
 _ABSENT = (4, 13, 14, 32, 181, 182, 183, 191)
 
 NEXSTAR: tuple[bytes, ...] = (
-    b"V",
-    b"v",
-    b"m",
-    b"J",
-    b"L",
-    b"t",
-    b"Kx",
-    b"K#",
-    b"w",
-    b"h",
-    b"i",
-    b"l",
-    b"p",
-    b"e",
-    b"E",
-    b"z",
-    b"Z",
+    b"V", b"v", b"m", b"J", b"L", b"t", b"Kx", b"K#", b"w", b"h", b"i", b"l", b"p", b"e", b"E", b"z", b"Z",
     *(_get(device, 254, 2) for device in (16, 17, 18, 176, 178, 1, *_ABSENT)),
     *(_get(device, 254, 4) for device in (16, 17)),
     *(
@@ -86,40 +62,14 @@ NEXSTAR: tuple[bytes, ...] = (
         _get(motor, number, count)
         for motor in (16, 17)
         for number, count in (
-            (5, 2),
-            (0x0E, 1),
-            (0x12, 1),
-            (0x13, 1),
-            (0x15, 1),
-            (0x18, 1),
-            (0x21, 4),
-            (0x23, 1),
-            (0x27, 1),
-            (0x3B, 1),
-            (0x3C, 3),
-            (0x40, 1),
-            (0x41, 1),
-            (0x47, 1),
-            (0xFC, 1),
+            (5, 2), (0x0E, 1), (0x12, 1), (0x13, 1), (0x15, 1), (0x18, 1), (0x21, 4), (0x23, 1), (0x27, 1), (0x3B, 1),
+            (0x3C, 3), (0x40, 1), (0x41, 1), (0x47, 1), (0xFC, 1),
         )
     ),
-    _get(18, 1, 3),
-    _get(18, 0x13, 1),
-    _p(2, 16, 0x46, 100),
-    _get(16, 0x47, 1),
-    _p(2, 17, 0x10, 12),
-    _get(17, 0x40, 1),
-    _p(2, 16, 0x24, 0),
-    _p(2, 17, 0x24, 0),
-    b"M",
-    b"T\0",
-    b"t",
-    b"z",
-    b"Z",
-    _get(16, 1, 3),
-    _get(17, 1, 3),
-    b"n",
-)
+    _get(18, 1, 3), _get(18, 0x13, 1),
+    _p(2, 16, 0x46, 100), _get(16, 0x47, 1), _p(2, 17, 0x10, 12), _get(17, 0x40, 1),
+    _p(2, 16, 0x24, 0), _p(2, 17, 0x24, 0), b"M", b"T\0", b"t", b"z", b"Z", _get(16, 1, 3), _get(17, 1, 3), b"n",
+)  # fmt: skip
 
 _TIME = re.compile(rb"\d\d:\d\d:\d\d")
 #: Requests whose replies contain running seconds.

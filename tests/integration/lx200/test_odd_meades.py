@@ -22,19 +22,9 @@ NAK = b"\x15"
 STATES = [b"LN1#", b"PT4#", b"18:00:00#", NAK, b"", b"#", b"AT", b"XT1#", b"GT2", b"0", b"1#", b"AN0#", b"PTH#"]
 LETTERS = [b"G", b"D", b"1", b"A#", b"", b"P#", NAK, b"#", b"?", b"AP", b"L", b"0#"]
 NAMES = [
-    b"",
-    b"#",
-    b"LX200 Classic#",
-    b"LX200GPS#",
-    b"LX2001#",
-    b"Autostar",
-    NAK,
-    b"On-Step#",
-    b"1",
-    b"0#",
-    b"\xff\xfe#",
+    b"", b"#", b"LX200 Classic#", b"LX200GPS#", b"LX2001#", b"Autostar", NAK, b"On-Step#", b"1", b"0#", b"\xff\xfe#",
     b"a name that is far longer than any name of a telescope ever was, with a lot in it#",
-]
+]  # fmt: skip
 FIRMWARE = [b"", b"#", b"4.2g#", NAK, b"1", b"0#"]
 HOME = [b"", b"#", b"9", b"0", NAK, b"1#"]
 VARIANTS = [

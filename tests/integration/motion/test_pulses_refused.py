@@ -6,6 +6,8 @@ NexStar AUX: ``P 03 dev 26 rate ticks 00 00``; the no-response form is ``00 23``
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import pytest
 
@@ -56,22 +58,22 @@ def test_a_mode_that_is_on_its_way_to_the_mount_counts() -> None:
     run(program())
 
 
-async def _set_out(bridge: Bridge, client: Visitor) -> None:
+@asynccontextmanager
+async def _set_out(mount: str, driven: str) -> AsyncIterator[tuple[Bridge, Visitor]]:
     """Two seconds of a goto by the precise command, 40 degrees away in right ascension."""
-    ra, dec = bridge.sim.truth()
-    words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
-    assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
-    await asyncio.sleep(2.0)
+    config = {"lowest": -90.0, "sun": 0.0}
+    async with Bridge(mount, driven=driven, presented="nexstar", surface="avx", config=config) as bridge:
+        client, (ra, dec) = bridge.client(), bridge.sim.truth()
+        words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
+        assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
+        await asyncio.sleep(2.0)
+        yield bridge, client
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps"), ("lx200", "lx200")])
 def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
     async def program() -> None:
-        async with Bridge(
-            mount, driven=driven, presented="nexstar", surface="avx", config={"lowest": -90.0, "sun": 0.0}
-        ) as bridge:
-            client = bridge.client()
-            await _set_out(bridge, client)
+        async with _set_out(mount, driven) as (_, client):
             assert await client.ask(b"L") == b"1#"
             assert await client.ask(PULSE_AZM) == NO
             assert await client.ask(ACTIVE_AZM) == b"\0#"
@@ -87,11 +89,7 @@ def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mo
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps")])
 def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
     async def program() -> None:
-        async with Bridge(
-            mount, driven=driven, presented="nexstar", surface="avx", config={"lowest": -90.0, "sun": 0.0}
-        ) as bridge:
-            client = bridge.client()
-            await _set_out(bridge, client)
+        async with _set_out(mount, driven) as (bridge, client):
             before = len(bridge.sent())
             assert await client.ask(b"M" + PULSE_AZM) == b"##"
             await asyncio.sleep(3.0)

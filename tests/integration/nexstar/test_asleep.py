@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from tests.integration.stops.test_lost_answers import swallow
+from tests.support.cable import swallow
 from tests.support.in_process_gateway import Bridge, Visitor
 
 #: What ``t`` answers.

@@ -15,9 +15,8 @@ from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import Contradicted
 from gateway.diagnostics.virtual_time import run
-from tests.integration.safety.test_altitude import altitude, at_rest, extremes, notes
-from tests.integration.safety.test_sun_frames import sync, to
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude, at_rest, extremes, notes, sync, to
 from tests.support.owner import Owner
 
 LOWEST = 20.0

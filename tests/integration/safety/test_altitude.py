@@ -11,42 +11,11 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.diagnostics.virtual_time import run
-from tests.support import truth
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude, at_rest, extremes, notes
 
 ARCSECOND = 1.0 / 3600.0
 LIMITS = {"lowest": 20.0, "highest": 80.0}
-#: Seconds from one look at the tube to the next: while a motor turns it, and while it stands or follows the sky.
-OFTEN, SELDOM = 0.05, 0.25
-
-
-def altitude(bridge: Any) -> float:
-    """How high the tube really points, degrees."""
-    return truth.altitude(bridge.sim)
-
-
-def notes(bridge: Any) -> list[str]:
-    return [entry.note for entry in bridge.entries if entry.arrow == "!"]
-
-
-async def extremes(bridge: Any, seconds: float) -> tuple[float, float]:
-    """The lowest and the highest altitude that the tube really had meanwhile."""
-    end, seen = bridge.clock() + seconds, [altitude(bridge)]
-    while (left := end - bridge.clock()) > 1e-6:
-        await asyncio.sleep(min(left, OFTEN if truth.moving(bridge.sim) else SELDOM))
-        seen.append(altitude(bridge))
-    return min(seen), max(seen)
-
-
-async def at_rest(bridge: Any, seconds: float = 3.0, most: float = 60.0) -> tuple[float, float]:
-    """The same until no motor has turned the tube for so many seconds, but not for longer than ``most``."""
-    low, high, since, end = 90.0, -90.0, bridge.clock(), bridge.clock() + most
-    while bridge.clock() < min(since + seconds, end):
-        below, above = await extremes(bridge, 0.5)
-        low, high = min(low, below), max(high, above)
-        if truth.moving(bridge.sim):
-            since = bridge.clock()
-    return low, high
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.2])

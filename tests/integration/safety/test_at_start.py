@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.integration.safety.test_altitude import notes
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import notes
 
 
 def said(mount: str = "cpc", driven: str = "nexstar", host_ahead: float = 0.0, **config: Any) -> list[str]:

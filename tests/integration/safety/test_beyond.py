@@ -15,8 +15,8 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
-from tests.integration.safety.test_altitude import notes
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import notes
 
 SINKING, RISING = 240.0, 120.0
 

@@ -9,8 +9,8 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude, extremes, notes
 
 #: The hand control's motor commands: axis 17 is the altitude or declination motor, 36 its positive sense, rate 9.
 UP, DOWN, STILL = b"P\x02\x11\x24\x09\0\0\0", b"P\x02\x11\x25\x09\0\0\0", b"P\x02\x11\x24\0\0\0\0"

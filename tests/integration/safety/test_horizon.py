@@ -14,9 +14,9 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Contradicted, NearSun, WayBlocked
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.site_clock import SiteClock
-from tests.integration.safety.test_altitude import at_rest, notes
 from tests.integration.safety.test_ways import pointed
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import at_rest, notes
 from tests.support.truth import altitude
 
 NORTH, SOUTH = (45.0, 10.0), (-33.0, 150.0)

@@ -11,11 +11,11 @@ from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission import slew_paths
-from tests.integration.safety.test_altitude import altitude, at_rest, notes
 from tests.integration.safety.test_by_hand import polled, ready
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.instrument.attacks import LOW, arrow, goes
 from tests.support.instrument.worlds import Slip, World
+from tests.support.looks import altitude, at_rest, notes
 
 #: East of the pole and near it; from there over the pole it looks west.
 BESIDE_THE_POLE = -90.0, 80.0

@@ -10,9 +10,9 @@ import pytest
 from gateway.core.errors import UserError
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
-from tests.integration.safety.test_altitude import at_rest, notes
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import at_rest, notes
 from tests.unit.app.config.test_config import flags
 
 

@@ -16,9 +16,9 @@ from gateway.console.shown.view import state as page_state
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
-from tests.integration.safety.test_altitude import notes
-from tests.integration.safety.test_sun_frames import DAY, LIMIT, goes, to
+from tests.integration.safety.test_sun_frames import DAY, LIMIT
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import goes, notes, to
 
 #: 2026-03-20 04:40 UTC, 48 minutes before sunrise.
 DAWN = 1773981600.0

@@ -13,60 +13,17 @@ import pytest
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Contradicted, Fault, NearSun
+from gateway.core.errors import Contradicted, NearSun
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.mechanics.truth import Truth, truth_of
-from tests.integration.safety.test_altitude import notes
+from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
-from tests.support.truth import sampled
+from tests.support.looks import goes, notes, sync, to
 
 #: 2026-03-20 14:30 UTC, in the afternoon, and 02:00 UTC, at night.
 DAY, NIGHT = 1774017000.0, 1773972000.0
 LIMIT = 20.0
 NEXSTARS = [("cpc", "4.21", "nexstar"), ("evolution", "5.31", "nexstar")]
 MEADES = [("lx200gps", None, "lx200"), ("autostar", None, "lx200")]
-
-
-class Nearest:
-    """The least true distance from the Sun."""
-
-    def __init__(self) -> None:
-        self.distance = 180.0
-
-    def keep(self, seen: Truth) -> None:
-        self.distance = min(self.distance, seen.sun_distance)
-
-
-async def goes(bridge: Any, operation: op.Operation, seconds: float = 60.0) -> tuple[Fault | None, float]:
-    """Give an order and wait for the end of the motion -> why it was refused, and how near the tube came to the Sun."""
-    nearest, fault = Nearest(), None
-    async with sampled(bridge.sim, nearest.keep):
-        try:
-            await bridge.controller.perform(operation)
-        except Fault as refused:
-            fault = refused
-        for _ in range(round(seconds)):
-            await asyncio.sleep(1.0)
-            if not bridge.controller.movement.anything:
-                break
-        await asyncio.sleep(2.0)
-    return fault, nearest.distance
-
-
-async def believed(bridge: Any, az: float, alt: float) -> op.Equatorial:
-    """Right ascension and declination that the mount puts at an azimuth and altitude."""
-    return bridge.controller.astrometry.equatorial(op.Horizontal(az, alt))
-
-
-async def to(bridge: Any, az: float, alt: float) -> tuple[Fault | None, float]:
-    place = await believed(bridge, az, alt)
-    return await goes(bridge, op.Goto(place.ra, place.dec))
-
-
-async def sync(bridge: Any, az: float, alt: float) -> None:
-    place = await believed(bridge, az, alt)
-    await bridge.controller.perform(op.Sync(place.ra, place.dec))
-    await asyncio.sleep(1.0)
 
 
 # --- syncs: the mount believes to point elsewhere -----------------------------------------------------------------

@@ -16,9 +16,9 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
 from gateway.diagnostics.virtual_time import run
-from tests.integration.safety.test_altitude import extremes
 from tests.support.in_process_gateway import EVENING, Bridge
 from tests.support.instrument.attacks import assault, attacks
+from tests.support.looks import extremes
 
 #: 2026-06-21 11:00 UTC
 DAY = 1782039600.0

@@ -16,9 +16,9 @@ from gateway.mount.motion.seen import Observed
 from gateway.mount.policy import Limits
 from gateway.mount.readings.poller import OWN_AGE
 from gateway.mount.readings.rest import come_to_rest
-from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import UP, polled, ready
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude, extremes, notes
 from tests.support.sampling import as_a_rule
 
 

@@ -13,8 +13,8 @@ from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.admission import slew_paths
-from tests.integration.safety.test_altitude import at_rest, extremes, notes
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import at_rest, extremes, notes
 from tests.support.sampling import as_a_rule
 
 FIRST = re.compile(r"The way is too (low|high)\. Send it first to az (\d+), alt (\d+)\.")

@@ -158,34 +158,30 @@ def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
     run(program())
 
 
-def test_a_mount_that_was_set_at_its_keys_meanwhile_is_left_as_it_is() -> None:
+@pytest.mark.parametrize(
+    ("aligned", "has", "told", "words"),
+    [
+        (False, (50.0, 20.0), b"+50*00#", "the site was changed at the mount"),
+        (True, (45.0, 10.0), b"+40*45#", "site that was set is stored"),
+    ],
+)
+def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
+    aligned: bool, has: tuple[float, float], told: bytes, words: str
+) -> None:
     async def program() -> None:
         async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
             client, cable = bridge.client(), Cable(bridge)
             cable.pull()
             await asyncio.sleep(2.0)
             await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
-            bridge.sim.relocate(Observer(50.0, 20.0, bridge.sim.mechanics.sky.ahead))
+            if aligned:
+                bridge.sim.aligned = True
+            else:
+                bridge.sim.relocate(Observer(*has, bridge.sim.mechanics.sky.ahead))
             await plugged_in(bridge, cable)
-            assert bridge.sim.mechanics.sky[:2] == (50.0, 20.0)
-            assert await client.ask(b":Gt#") == b"+50*00#"
-            assert "the site was changed at the mount" in notes(bridge)
-
-    run(program())
-
-
-def test_a_mount_that_was_aligned_meanwhile_is_not_told() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            cable.pull()
-            await asyncio.sleep(2.0)
-            await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
-            bridge.sim.aligned = True
-            await plugged_in(bridge, cable)
-            assert bridge.sim.mechanics.sky[:2] == (45.0, 10.0)
-            assert await client.ask(b":Gt#") == b"+40*45#"
-            assert "site that was set is stored" in notes(bridge)
+            assert bridge.sim.mechanics.sky[:2] == has
+            assert await client.ask(b":Gt#") == told
+            assert words in notes(bridge)
 
     run(program())
 

@@ -12,7 +12,7 @@ import pytest
 
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
-from tests.integration.stops.test_lost_answers import swallow
+from tests.support.cable import swallow
 from tests.support.in_process_gateway import Bridge
 
 HALT = b"P\x02\x12\x24\x00\x00\x00\x00"

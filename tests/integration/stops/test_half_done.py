@@ -14,8 +14,8 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
-from tests.integration.stops.test_lost_answers import swallow
 from tests.support import truth
+from tests.support.cable import swallow
 from tests.support.in_process_gateway import Bridge
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"

@@ -3,33 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 
 import pytest
 
 from gateway.diagnostics.virtual_time import run
+from tests.support.cable import swallow
 from tests.support.in_process_gateway import Bridge
 
 RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
-
-
-def swallow(
-    bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1, *, carried_out: bool = False
-) -> list[bytes]:
-    """The next requests that are wanted never reach the mount, or only their answers are lost -> those so far."""
-    wire = bridge.controller.line.wire
-    good, lost = wire.feed, []  # type: ignore[attr-defined]
-
-    def feed(data: bytes) -> bytes:
-        if len(lost) < times and wanted(data):
-            lost.append(data)
-            if carried_out:
-                good(data)
-            return b""
-        return bytes(good(data))
-
-    wire.feed = feed  # type: ignore[attr-defined]
-    return lost
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])

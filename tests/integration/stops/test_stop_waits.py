@@ -38,18 +38,12 @@ class Mount(NamedTuple):
 
 
 MOUNTS = {
-    "nexstar-gps/2.2": Mount("nexstar", "nexstar-gps", "2.2"),
-    "cge/4.21": Mount("nexstar", "cge", "4.21"),
-    "avx/5.31": Mount("nexstar", "avx", "5.31"),
-    "starsense": Mount("nexstar", "cge-pro", "starsense-1.20"),
-    "synscan": Mount("nexstar", "synscan"),
-    "lx200gps": Mount("lx200", "lx200gps"),
-    "autostar": Mount("lx200", "autostar"),
-    "classic": Mount("lx200", "lx200", latency=0.5),
-    "onstep": Mount("lx200", "onstep"),
-    "teenastro": Mount("lx200", "teenastro"),
-    "alpaca": Mount("alpaca", "german"),
-}
+    "nexstar-gps/2.2": Mount("nexstar", "nexstar-gps", "2.2"), "cge/4.21": Mount("nexstar", "cge", "4.21"),
+    "avx/5.31": Mount("nexstar", "avx", "5.31"), "starsense": Mount("nexstar", "cge-pro", "starsense-1.20"),
+    "synscan": Mount("nexstar", "synscan"), "lx200gps": Mount("lx200", "lx200gps"),
+    "autostar": Mount("lx200", "autostar"), "classic": Mount("lx200", "lx200", latency=0.5),
+    "onstep": Mount("lx200", "onstep"), "teenastro": Mount("lx200", "teenastro"), "alpaca": Mount("alpaca", "german"),
+}  # fmt: skip
 SERIAL = [name for name, mount in MOUNTS.items() if mount.protocol != "alpaca"]
 
 
@@ -120,18 +114,12 @@ def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str, lost:
 
 #: What is on the wire when the stop comes, after what.
 TRAFFIC = {
-    "read": (b":RS#:Me#", b":GR#:GD#"),
-    "second arrow": (b":RS#:Me#", b":RC#:Mn#"),
-    "release": (b":RS#:Me#", b":Qe#"),
-    "goto": (b"", b":Sr08:00:00#:Sd+30*00:00#:MS#"),
-    "in a goto": (b":Sr08:00:00#:Sd+30*00:00#:MS#", b":GR#:D#"),
-    "site": (b":RS#:Me#", b":St+44*10#:Sg350*30#"),
-    "clock": (b":RS#:Me#", b":SG-01#:SL23:00:10#:SC01/15/26#"),
-    "drive rate": (b":RS#:Mn#", b":TL#:TQ#"),
-    "guide rate": (b":RS#:Me#", b":Rg07.5#"),
-    "pulse": (b"", b":Mgn0800#"),
+    "read": (b":RS#:Me#", b":GR#:GD#"), "second arrow": (b":RS#:Me#", b":RC#:Mn#"), "release": (b":RS#:Me#", b":Qe#"),
+    "goto": (b"", b":Sr08:00:00#:Sd+30*00:00#:MS#"), "in a goto": (b":Sr08:00:00#:Sd+30*00:00#:MS#", b":GR#:D#"),
+    "site": (b":RS#:Me#", b":St+44*10#:Sg350*30#"), "clock": (b":RS#:Me#", b":SG-01#:SL23:00:10#:SC01/15/26#"),
+    "drive rate": (b":RS#:Mn#", b":TL#:TQ#"), "guide rate": (b":RS#:Me#", b":Rg07.5#"), "pulse": (b"", b":Mgn0800#"),
     "park": (b"", b":hP#"),
-}
+}  # fmt: skip
 
 
 def settings_of(bridge: Bridge) -> dict[str, Any]:

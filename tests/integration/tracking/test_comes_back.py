@@ -41,26 +41,16 @@ class Mount(NamedTuple):
 
 _GUIDE = b"P\x02\x10\x46\x40\0\0\0"  # AUX 0x46: a quarter of the sidereal rate
 MOUNTS = (
-    Mount("nexstar", "cge", "2.3", (_GUIDE,)),
-    Mount("nexstar", "cge", "3.02", (_GUIDE,)),
-    Mount("nexstar", "cge", "4.21", (_GUIDE, b"P\x02\x10\x0d\x01\0\0\0")),
-    Mount("nexstar", "avx", "5.31", (_GUIDE,)),
-    Mount("nexstar", "cpc", "4.21"),
-    Mount("nexstar", "avx", "starsense-1.20"),
-    Mount("nexstar", "synscan", "3.36", (b"T\3",)),
-    Mount("nexstar", "synscan", "4.39.05", (b"T\3",)),
-    Mount("nexstar", "synscan", "4.39.05", (b"T\2",)),
-    Mount("nexstar", "synscan-az", "4.39.05"),
+    Mount("nexstar", "cge", "2.3", (_GUIDE,)), Mount("nexstar", "cge", "3.02", (_GUIDE,)),
+    Mount("nexstar", "cge", "4.21", (_GUIDE, b"P\x02\x10\x0d\x01\0\0\0")), Mount("nexstar", "avx", "5.31", (_GUIDE,)),
+    Mount("nexstar", "cpc", "4.21"), Mount("nexstar", "avx", "starsense-1.20"),
+    Mount("nexstar", "synscan", "3.36", (b"T\3",)), Mount("nexstar", "synscan", "4.39.05", (b"T\3",)),
+    Mount("nexstar", "synscan", "4.39.05", (b"T\2",)), Mount("nexstar", "synscan-az", "4.39.05"),
     Mount("lx200", "lx200gps", None, (b":AP#",), (op.SetGuideRate(1, 0.5), op.PeriodicError(1, True))),
-    Mount("lx200", "lx200gps"),
-    Mount("lx200", "autostar", None, (b":AP#",)),
-    Mount("lx200", "lx200"),
-    Mount("lx200", "onstep", None, (b":R0#", b":R4#")),
-    Mount("lx200", "teenastro"),
-    Mount("alpaca", "german"),
-    Mount("alpaca", "altaz"),
-    Mount("alpaca", "polar"),
-)
+    Mount("lx200", "lx200gps"), Mount("lx200", "autostar", None, (b":AP#",)), Mount("lx200", "lx200"),
+    Mount("lx200", "onstep", None, (b":R0#", b":R4#")), Mount("lx200", "teenastro"), Mount("alpaca", "german"),
+    Mount("alpaca", "altaz"), Mount("alpaca", "polar"),
+)  # fmt: skip
 
 
 async def arrow(bridge: Bridge, rate: str, direction: op.Direction) -> None:

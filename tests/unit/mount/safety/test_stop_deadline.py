@@ -9,9 +9,9 @@ import pytest
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.safety.watch import StopDeadline
-from tests.integration.safety.test_altitude import altitude, extremes, notes
 from tests.integration.safety.test_by_hand import DOWN, UP, ready
 from tests.support.in_process_gateway import Bridge
+from tests.support.looks import altitude, extremes, notes
 from tests.support.sampling import as_a_rule
 
 
