@@ -38,7 +38,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     by_mount = next((time for time in times if time.source == MOUNT), None)
     computer = next((time for time in times if time.source == COMPUTER), None)
     if by_mount is None or computer is None:
-        report.add(Finding("clock", NOT_MEASURABLE, "the mount tells no time"))
+        report.add(Finding("clock", NOT_MEASURABLE, "the mount reports no time"))
     elif abs(by_mount.unix - computer.unix) <= CLOCK:
         report.add(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
     report.progress(1, 2, "altitude and azimuth")
@@ -49,7 +49,7 @@ def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
     """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
-        return Finding("site", NOT_MEASURABLE, "nobody tells it; --site LATITUDE,LONGITUDE does")
+        return Finding("site", NOT_MEASURABLE, "no source has it; --site LATITUDE,LONGITUDE sets it")
     zone = clock[0].offset if clock is not None else 0.0  # a clock that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
     if sites[0].source == MOUNT and away > ZONE:

@@ -195,5 +195,5 @@ async def tracking(telescope: CheckedMount) -> Finding:
     if rate <= DRIFT:
         shows = sky * seconds - least > DRIFT * seconds
         return Finding(what, SAME) if shows else Finding(what, NOT_MEASURABLE, "too few steps of its reading")
-    explanation = "It says that it tracks, and does not." if tracks else "It says that it rests, and follows the sky."
+    explanation = "It reports tracking, but does not track." if tracks else "It reports rest, but follows the sky."
     return Finding(what, DIFFERS, f"it drifts {rate_text(rate)}", "", explanation)
