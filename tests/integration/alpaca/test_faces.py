@@ -1,7 +1,7 @@
 """Programs of four protocols over Alpaca telescopes of three kinds, step by step, judged by the true axes.
 
 What a step found is a figure, or *refused* with the reason, or nothing where the protocol has no words for it. Anything
-else is wrong, and there must be none. ``python -m tests.integration.alpaca.test_faces`` prints the whole table.
+else is wrong, and there must be none.
 """
 
 from __future__ import annotations
@@ -178,24 +178,3 @@ def test_other_servers(kind: str, server: str) -> None:
     assert {step for step, words in found.items() if words.startswith("refused: ")} - refused <= {
         step for one, step in REFUSED if one == kind
     }
-
-
-if __name__ == "__main__":
-    import sys
-
-    for words, (made, _) in SERVERS.items() if "servers" in sys.argv else ():
-        for kind in KINDS:
-            for presented in ("lx200", "alpaca"):
-                found = run(judged(presented, kind, **made))
-                odd = {step: said for step, said in found.items() if said.startswith(("wrong", "refused:"))}
-                odd = {step: said for step, said in odd.items() if (kind, step) not in REFUSED}
-                print(presented, kind, words, odd)
-    for presented in FACES if "servers" not in sys.argv else ():
-        for kind in KINDS:
-            for south in (False, True):
-                if not sys.argv[1:] or f"{presented}-{kind}-{'south' if south else 'north'}".startswith(
-                    tuple(sys.argv[1:])
-                ):
-                    print(presented, kind, "south" if south else "north")
-                    for step, words in run(judged(presented, kind, south=south)).items():
-                        print(f"    {step:<20} {words}")

@@ -1,13 +1,11 @@
 """One site and clock for each reader: what one program sets on a mount that keeps its own changes nothing for others.
 
 Three programs on one aligned NexStar, each on a surface of its own. The mount stands at 45 N, 10 E, at 22:00 UTC.
-``python -m tests.integration.settings.test_one_site_each`` prints the readings as a table.
 """
 
 from __future__ import annotations
 
 import asyncio
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -180,18 +178,3 @@ def test_a_mount_that_tells_no_site_has_the_programs_over_a_restart(tmp_path: Pa
             assert again.controller.sources.sites()[0].source == "a program (10.0.0.1, 2026-01-15)"
 
     run(program())
-
-
-def main() -> None:
-    for wrong in PROTOCOLS:
-        with tempfile.TemporaryDirectory() as folder:
-            found = readings("cge", wrong, Path(folder))
-        print(
-            f"\n{wrong} sets {LATITUDE} {LONGITUDE} 2020-01-01; latitude, longitude, hours of UTC error, sidereal time"
-        )
-        for moment, told in found.items():
-            print(f"  {moment:10}" + "".join(f" {who} {reading}" for who, reading in told.items()))
-
-
-if __name__ == "__main__":
-    main()
