@@ -16,6 +16,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Contradicted
 from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
+from tests.support.instrument.attacks import assault, attacks
 from tests.support.looks import altitude, at_rest, extremes, notes, sync, to
 from tests.support.owner import Owner
 
@@ -119,6 +120,27 @@ def test_below_the_limit_since_a_sync_what_leads_up_is_done_and_what_leads_down_
             assert altitude(bridge) > 13.0
 
     run(program())
+
+
+@pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
+@pytest.mark.safety_line(8)
+def test_a_goal_that_is_too_low_if_a_sync_was_wrong_is_refused_in_words(stands: Any) -> None:
+    async def program() -> None:
+        async with standing(*stands, 45.0) as bridge:
+            assert (await to(bridge, 200.0, 35.0))[0] is None
+            await sync(bridge, 200.0, 45.0)
+            low = bridge.controller.astrometry.equatorial(op.Horizontal(180.0, LOWEST + 4.0))
+            with pytest.raises(Contradicted, match=r"syncs .* wrong"):
+                await bridge.controller.perform(op.Goto(low.ra, low.dec))
+
+    run(program())
+
+
+def test_a_goto_that_a_sync_may_lead_down_at_once_is_not_begun() -> None:
+    """From just above the limit, after a wrong sync at the pole: a stop would come too late."""
+    attack = next(one for one in attacks() if one.name == "a sync of +14°, arrows down")
+    result = run(assault(attack, "cgem", 5))
+    assert not result.through, result
 
 
 def test_the_keypad_ends_there_only_if_the_limit_was_written_down() -> None:
