@@ -120,57 +120,50 @@ async def nobody(where: str, baud: int) -> None:
     await asyncio.sleep(4.5)
 
 
-def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
-        began, slow = now(), Slow(bridge, 25.0)
-        bridge.controller.start()
-        await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
-        assert 25.0 < now() - began < 30.0
-        assert "asks for 40 s" in slow.said[-1] and "--no-wait" in slow.said[-1]
-        assert 4.0 < slow.times[-1] < 4.5
-        assert await bridge.client().ask(b":GR#", until=b"#")
-        await bridge.controller.close()
-
+async def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
-    run(program())
+    bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
+    began, slow = now(), Slow(bridge, 25.0)
+    bridge.controller.start()
+    await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
+    assert 25.0 < now() - began < 30.0
+    assert "asks for 40 s" in slow.said[-1] and "--no-wait" in slow.said[-1]
+    assert 4.0 < slow.times[-1] < 4.5
+    assert await bridge.client().ask(b":GR#", until=b"#")
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize(
     ("longest", "least", "most", "hints"), [(finding.GIVE_UP, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
 )
-def test_a_port_that_stays_silent_is_given_up(
+async def test_a_port_that_stays_silent_is_given_up(
     longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def program() -> None:
-        bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
-        began, slow = now(), Slow(bridge, 1000.0)
-        bridge.controller.start()
-        with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
-            await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
-        assert least < now() - began < most
-        assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
-        await bridge.controller.close()
-
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
-    run(program())
+    bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
+    began, slow = now(), Slow(bridge, 1000.0)
+    bridge.controller.start()
+    with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
+        await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
+    assert least < now() - began < most
+    assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize("longest", [finding.GIVE_UP, 0.0])
-def test_an_address_that_is_not_supported_is_looked_at_once(longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def program() -> None:
-        bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
-        began, slow = now(), Slow(bridge, 1000.0)
-        bridge.controller.start()
-        with pytest.raises(UserError, match="AUX protocol"):
-            await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
-        assert 8.5 < now() - began < 9.5
-        assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
-        assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
-        await bridge.controller.close()
-
+async def test_an_address_that_is_not_supported_is_looked_at_once(
+    longest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
-    run(program())
+    bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
+    began, slow = now(), Slow(bridge, 1000.0)
+    bridge.controller.start()
+    with pytest.raises(UserError, match="AUX protocol"):
+        await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
+    assert 8.5 < now() - began < 9.5
+    assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
+    assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
+    await bridge.controller.close()
 
 
 def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

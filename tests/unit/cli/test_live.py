@@ -22,7 +22,6 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
-from gateway.diagnostics.virtual_time import run
 from gateway.system.systemd import notify, watchdog
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import GATEWAY, PATIENCE
@@ -94,27 +93,24 @@ def test_a_run_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
     assert any(re.search(r"STATUS=6-8se  \d\d:\d\d:\d\d .*no programs", text) for text in told)
 
 
-def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
+async def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
     systemd: socket.socket, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            controller = bridge.controller
-            gateway = SimpleNamespace(controller=controller, state=lambda: mount_state(controller, "pier"))
-            tasks = start_status_updates([gateway], Screen(None))  # type: ignore[list-item]
-            assert len(tasks) == 1  # no terminal, no line
-            await asyncio.sleep(2)
-            beats = sum(text.startswith("WATCHDOG=1") for text in heard(systemd))
-            assert beats in (10, 11)  # three in each 0.6 s
-            assert bridge.controller.line._task is not None
-            bridge.controller.line._task.cancel()
-            await asyncio.sleep(0.5)
-            heard(systemd)
-            await asyncio.sleep(2)
-            assert not any("WATCHDOG" in text for text in heard(systemd))
-            tasks[0].cancel()
-
-    run(program())
+    async with Bridge() as bridge:
+        controller = bridge.controller
+        gateway = SimpleNamespace(controller=controller, state=lambda: mount_state(controller, "pier"))
+        tasks = start_status_updates([gateway], Screen(None))  # type: ignore[list-item]
+        assert len(tasks) == 1  # no terminal, no line
+        await asyncio.sleep(2)
+        beats = sum(text.startswith("WATCHDOG=1") for text in heard(systemd))
+        assert beats in (10, 11)  # three in each 0.6 s
+        assert bridge.controller.line._task is not None
+        bridge.controller.line._task.cancel()
+        await asyncio.sleep(0.5)
+        heard(systemd)
+        await asyncio.sleep(2)
+        assert not any("WATCHDOG" in text for text in heard(systemd))
+        tasks[0].cancel()
     assert capsys.readouterr().err.count("the mount I/O task has ended") == 1
 
 

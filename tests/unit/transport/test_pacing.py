@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from gateway.app.simulated import _SimulatedConnection, serve_simulator
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from gateway.transport.baud import MAX_BYTES, SerialPace
 from tests.support.simulated_meade import Clock
@@ -47,29 +46,25 @@ async def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_re
 @pytest.mark.parametrize(
     ("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE), (None, 0.0, 0.0)]
 )
-def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: float, seconds: float) -> None:
+async def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: float, seconds: float) -> None:
     """``e`` is one byte, its answer eighteen."""
+    loop = asyncio.get_running_loop()
+    heard = b""
 
-    async def program() -> None:
-        loop = asyncio.get_running_loop()
-        heard = b""
+    def hear(data: bytes) -> None:
+        nonlocal heard
+        heard += data
 
-        def hear(data: bytes) -> None:
-            nonlocal heard
-            heard += data
-
-        caller = _SimulatedConnection(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
-        began = loop.time()
-        caller.feed(b"e")
-        while len(heard) < 18:
-            await asyncio.sleep(BYTE / 8)
-        assert loop.time() - began == pytest.approx(seconds, abs=BYTE / 4)
-        caller.feed(b"e")
-        caller.close()
-        await asyncio.sleep(1.0)
-        assert len(heard) == (18 if baud else 36)
-
-    run(program())
+    caller = _SimulatedConnection(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
+    began = loop.time()
+    caller.feed(b"e")
+    while len(heard) < 18:
+        await asyncio.sleep(BYTE / 8)
+    assert loop.time() - began == pytest.approx(seconds, abs=BYTE / 4)
+    caller.feed(b"e")
+    caller.close()
+    await asyncio.sleep(1.0)
+    assert len(heard) == (18 if baud else 36)
 
 
 @pytest.mark.parametrize(("place", "baud", "least"), [

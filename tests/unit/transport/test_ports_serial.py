@@ -22,6 +22,8 @@ from tests.support.each import each
 from tests.unit.transport.test_ports import PATIENCE, serving
 from tests.unit.transport.test_ports_rfc2217 import Echo
 
+pytestmark = pytest.mark.real_time
+
 
 async def read(descriptor: int, count: int) -> bytes:
     """What the other half of the pair hears."""
@@ -35,7 +37,6 @@ async def read(descriptor: int, count: int) -> bytes:
     return heard
 
 
-@pytest.mark.real_time
 async def test_a_pair_of_ports_by_name() -> None:
     """The gateway opens one half, the program has the other; it may fall silent and come back."""
     program_side, gateway_side = os.openpty()
@@ -52,22 +53,17 @@ async def test_a_pair_of_ports_by_name() -> None:
     os.close(gateway_side)
 
 
-def test_the_rate_is_the_surface_s_own() -> None:
+async def test_the_rate_is_the_surface_s_own() -> None:
     program_side, gateway_side = os.openpty()
     name = os.ttyname(gateway_side)
-
-    async def main() -> None:
-        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{name}", baud=38400)])
-        await gateway.open()
-        assert speed(gateway_side) == 38400
-        await gateway.close()
-
-    asyncio.run(main())
+    gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{name}", baud=38400)])
+    await gateway.open()
+    assert speed(gateway_side) == 38400
+    await gateway.close()
     os.close(program_side)
     os.close(gateway_side)
 
 
-@pytest.mark.real_time
 async def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that listens, and has the gateway come to it."""
     listening = socket.create_server(("127.0.0.1", 0))
@@ -90,51 +86,39 @@ async def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyP
                                     heard += await loop.sock_recv(link, 100)
 
 
-def test_a_loop_hears_itself() -> None:
-    async def main() -> None:
-        guests: list[Echo] = []
+async def test_a_loop_hears_itself() -> None:
+    guests: list[Echo] = []
 
-        def arrive(connected: Connected) -> Echo:
-            guests.append(Echo(connected.write))
-            return guests[0]
+    def arrive(connected: Connected) -> Echo:
+        guests.append(Echo(connected.write))
+        return guests[0]
 
-        port = await open_port("loop://", arrive)
-        guests[0].write(b"once")
-        guests[0].write = lambda data: None
-        async with asyncio.timeout(PATIENCE):
-            while guests[0].heard != b"once":
-                await asyncio.sleep(0.005)
-        await port.close()
-        assert guests[0].closed
-
-    asyncio.run(main())
+    port = await open_port("loop://", arrive)
+    guests[0].write(b"once")
+    guests[0].write = lambda data: None
+    async with asyncio.timeout(PATIENCE):
+        while guests[0].heard != b"once":
+            await asyncio.sleep(0.005)
+    await port.close()
+    assert guests[0].closed
 
 
 @each("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
-def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
-    async def main() -> None:
-        await open_port(where, lambda connected: Echo(connected.write))
-
+async def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
     with pytest.raises(UserError, match=r"^cannot open "):
-        asyncio.run(main())
+        await open_port(where, lambda connected: Echo(connected.write))
 
 
 @pytest.mark.parametrize("where", ["ttyUSB0", "tcp:127.0.0.1:4030", "localhost:4030"])
-def test_what_is_no_name_of_a_port_gets_the_forms_there_are(where: str) -> None:
-    async def main() -> None:
+async def test_what_is_no_name_of_a_port_gets_the_forms_there_are(where: str) -> None:
+    with pytest.raises(UserError, match="write tcp://HOST:PORT"):
         await open_port(where, lambda connected: Echo(connected.write))
 
-    with pytest.raises(UserError, match="write tcp://HOST:PORT"):
-        asyncio.run(main())
 
-
-def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
+async def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
     """18 bytes that arrive together wake the loop once; a byte and the end of the connection lose nothing."""
-    server = socket.create_server(("127.0.0.1", 0))
-
-    async def main() -> tuple[list[bytes], list[str]]:
-        heard: list[bytes] = []
-        lost: list[str] = []
+    heard, lost = list[bytes](), list[str]()
+    with socket.create_server(("127.0.0.1", 0)) as server:
         wire = SerialTransport(f"socket://127.0.0.1:{server.getsockname()[1]}")
         await wire.open(heard.append, lost.append)
         link, _ = server.accept()
@@ -147,14 +131,9 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
             while not lost:
                 await asyncio.sleep(0.002)
         await wire.close()
-        return heard, lost
-
-    with server:
-        heard, _ = asyncio.run(main())
     assert heard == [b"34AB0000,12CE0000#", b"1"]
 
 
-@pytest.mark.real_time
 @each(
     ("told", "words"),
     [

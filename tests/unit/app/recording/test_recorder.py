@@ -148,26 +148,23 @@ def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[s
     assert _mode(full) == mode
 
 
-def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
+@pytest.mark.real_time
+async def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, said, hangs, write = tmp_path / "night.rec", list[str](), threading.Event(), os.write
     monkeypatch.setattr(recorder_module, "WAITING", 1000)
     monkeypatch.setattr(recorder_module, "LOOK", 0.05)
-
-    async def work() -> None:
-        recorder = Recorder(path, SETTINGS, warn=said.append)
-        monkeypatch.setattr(os, "write", lambda file, data: hangs.wait(60.0) and write(file, data))
-        try:
-            async with asyncio.timeout(30.0):
-                while not said:
-                    recorder.put(Entry(0.0, "10.0.0.1:1", "<", b"reply#"))
-                    await asyncio.sleep(0)
-        finally:
-            hangs.set()
-        await recorder.close()
-
-    asyncio.run(work())
+    recorder = Recorder(path, SETTINGS, warn=said.append)
+    monkeypatch.setattr(os, "write", lambda file, data: hangs.wait(60.0) and write(file, data))
+    try:
+        async with asyncio.timeout(30.0):
+            while not said:
+                recorder.put(Entry(0.0, "10.0.0.1:1", "<", b"reply#"))
+                await asyncio.sleep(0)
+    finally:
+        hangs.set()
+    await recorder.close()
     assert len(said) == 1 and "the disk does not answer" in said[0]
 
 
@@ -201,17 +198,14 @@ def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path
     assert "the recording ends" in recording.cut or "cut off" in recording.cut
 
 
-def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> None:
+@pytest.mark.real_time
+async def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
-
-    async def work() -> None:
-        recorder = Recorder(path, SETTINGS)
-        recorder.put(Entry(0.0, "a page\n9.9 mount\t> ", "*", b"", "Goto:\nit goes\r there\u2028°"))
-        recorder.put(Entry(0.0, "mount", "raw", b"12\n \x00#"))
-        recorder.put(Entry(0.0, "", "!", b"", ""))
-        await recorder.close()
-
-    asyncio.run(work())
+    recorder = Recorder(path, SETTINGS)
+    recorder.put(Entry(0.0, "a page\n9.9 mount\t> ", "*", b"", "Goto:\nit goes\r there\u2028°"))
+    recorder.put(Entry(0.0, "mount", "raw", b"12\n \x00#"))
+    recorder.put(Entry(0.0, "", "!", b"", ""))
+    await recorder.close()
     events = [(event.side, event.arrow, event.data) for event in read(path)]
     assert events == [
         ("a_page_9.9_mount_>", "*", "Goto: it goes\r there?°".encode("latin-1")),
@@ -221,33 +215,27 @@ def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> No
     ]
 
 
-def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
+@pytest.mark.real_time
+async def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
-
-    async def work() -> None:
-        recorder = Recorder(path, SETTINGS, longest=1000, warn=said.append)
-        path.unlink()
-        path.write_text("a letter")
-        await _say(recorder, 100)
-        await recorder.close()
-
-    asyncio.run(work())
+    recorder = Recorder(path, SETTINGS, longest=1000, warn=said.append)
+    path.unlink()
+    path.write_text("a letter")
+    await _say(recorder, 100)
+    await recorder.close()
     assert path.read_text() == "a letter"
     assert len(said) == 1 and "this file is not a recording" in said[0]
 
 
-def test_times_are_right_although_the_clock_of_the_computer_is_set(tmp_path: Path) -> None:
+@pytest.mark.real_time
+async def test_times_are_right_although_the_clock_of_the_computer_is_set(tmp_path: Path) -> None:
     path, clock, now = tmp_path / "night.rec", [1e9], [50.0]
-
-    async def work() -> None:
-        recorder = Recorder(path, SETTINGS, clock=lambda: clock[0], now=lambda: now[0])
-        for step, passed in ((0.0, 1.0), (3600.0, 1.0), (-7200.0, 2.0), (0.0, 0.5)):
-            clock[0] += step
-            now[0], clock[0] = now[0] + passed, clock[0] + passed
-            recorder.put(Entry(clock[0], "mount", ">", b":GR#"))
-            await recorder.flush()
-        recorder.put(Entry(clock[0] + 900.0, "mount", ">", b":GR#"))  # from before the clock was set back
-        await recorder.close()
-
-    asyncio.run(work())
+    recorder = Recorder(path, SETTINGS, clock=lambda: clock[0], now=lambda: now[0])
+    for step, passed in ((0.0, 1.0), (3600.0, 1.0), (-7200.0, 2.0), (0.0, 0.5)):
+        clock[0] += step
+        now[0], clock[0] = now[0] + passed, clock[0] + passed
+        recorder.put(Entry(clock[0], "mount", ">", b":GR#"))
+        await recorder.flush()
+    recorder.put(Entry(clock[0] + 900.0, "mount", ">", b":GR#"))  # from before the clock was set back
+    await recorder.close()
     assert [event.at for event in read(path)] == [1.0, 2.0, 4.0, 4.5, 4.5, 4.5]

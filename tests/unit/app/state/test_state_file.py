@@ -167,32 +167,28 @@ async def test_a_mark_that_cannot_be_read_is_a_mark_all_the_same(tmp_path: Path,
 
 
 @pytest.mark.parametrize("kind", ["a file in the way", "a directory in the way"])
-def test_a_place_that_cannot_be_written_to_costs_one_line(tmp_path: Path, kind: str) -> None:
+async def test_a_place_that_cannot_be_written_to_costs_one_line(tmp_path: Path, kind: str) -> None:
     directory = tmp_path / "state"
     if kind == "a file in the way":
         directory.write_text("precious")
     else:
         (directory / "nexstar@bridge.json").mkdir(parents=True)
-
-    async def program() -> None:
-        async with Bridge(state=directory) as bridge:
-            client = bridge.client()
-            for name in (b"one", b"two", b"three"):
-                assert await client.ask(b":SM%s#" % name) == b"1"
-                assert await client.ask(b":GM#") == name + b"#"
-                await asyncio.sleep(3)
-            client.tell(b":Mn#")
-            await asyncio.sleep(1)
-            assert bridge.controller.moving
-            assert len(bridge.warned) == 1
-            assert "state" in bridge.warned[0]
-
-    run(program())
+    async with Bridge(state=directory) as bridge:
+        client = bridge.client()
+        for name in (b"one", b"two", b"three"):
+            assert await client.ask(b":SM%s#" % name) == b"1"
+            assert await client.ask(b":GM#") == name + b"#"
+            await asyncio.sleep(3)
+        client.tell(b":Mn#")
+        await asyncio.sleep(1)
+        assert bridge.controller.moving
+        assert len(bridge.warned) == 1
+        assert "state" in bridge.warned[0]
     if kind == "a file in the way":
         assert directory.read_text() == "precious"
 
 
-def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = True
 
     def write(path: Path, data: bytes) -> None:
@@ -201,21 +197,17 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
         replace_file(path, data)
 
     monkeypatch.setattr(store, "replace_file", write)
-
-    async def program() -> None:
-        nonlocal full
-        async with Bridge(state=tmp_path) as bridge:
-            client = bridge.client()
-            for name in (b"one", b"two"):
-                await client.ask(b":SM%s#" % name)
-                await asyncio.sleep(3)
-            assert len(bridge.warned) == 1
-            assert "No space left" in bridge.warned[0]
-            full = False
-            await client.ask(b":SNthree#")
-
-    run(program())
-    assert to_shared(read_state(tmp_path / "nexstar@bridge.json")).sites == {0: NamedSite("two"), 1: NamedSite("three")}
+    async with Bridge(state=tmp_path) as bridge:
+        client = bridge.client()
+        for name in (b"one", b"two"):
+            await client.ask(b":SM%s#" % name)
+            await asyncio.sleep(3)
+        assert len(bridge.warned) == 1
+        assert "No space left" in bridge.warned[0]
+        full = False
+        await client.ask(b":SNthree#")
+    sites = to_shared(read_state(tmp_path / "nexstar@bridge.json")).sites
+    assert sites == {0: NamedSite("two"), 1: NamedSite("three")}
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
@@ -229,26 +221,24 @@ def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
 # --- when it is written -----------------------------------------------------------------------------------------
 
 
-def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_burst_of_changes_is_few_writes_and_none_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     writes: list[bytes] = []
     monkeypatch.setattr(store, "replace_file", lambda path, data: (writes.append(data), replace_file(path, data)))
-
-    async def program() -> None:
-        async with Bridge(state=tmp_path) as bridge:
-            client = bridge.client()
-            for number in range(500):
-                assert await client.ask(b":SM%d#" % number) == b"1"
-                await asyncio.sleep(0.01)
-            assert 2 <= len(writes) <= 7
-            client.tell(b":SN%d#" % 500)
-            await asyncio.sleep(1.1)
-            before = len(writes)
-            client.tell(b":SN%d#" % 500)  # nothing new
-            await asyncio.sleep(3)
-            assert len(writes) == before
-            client.tell(b":SOlast#")
-
-    run(program())
+    async with Bridge(state=tmp_path) as bridge:
+        client = bridge.client()
+        for number in range(500):
+            assert await client.ask(b":SM%d#" % number) == b"1"
+            await asyncio.sleep(0.01)
+        assert 2 <= len(writes) <= 7
+        client.tell(b":SN%d#" % 500)
+        await asyncio.sleep(1.1)
+        before = len(writes)
+        client.tell(b":SN%d#" % 500)  # nothing new
+        await asyncio.sleep(3)
+        assert len(writes) == before
+        client.tell(b":SOlast#")
     assert {index: site.name for index, site in read_state(tmp_path / "nexstar@bridge.json").sites.items()} == {
         "0": "499",
         "1": "500",

@@ -11,7 +11,6 @@ import pytest
 
 from gateway.core.errors import NoAnswer, NoDevice, Silence
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import MOTION, POSITION, READ, SETTING, STOP
 from gateway.protocols.base.driver import Send
@@ -151,32 +150,28 @@ async def test_a_late_answer_is_never_taken_for_the_next() -> None:
     await line.close()
 
 
-def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
+async def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
     alive = True
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
         return hand_control(data) if alive else []
 
-    async def program() -> None:
-        nonlocal alive
-        line, _ = await opened(answers)
-        ups = []
-        line.came_up.connect(lambda _: ups.append(True))
-        alive = False
-        with pytest.raises(NoAnswer):
-            await line.exchange(Send("J"))
-        await asyncio.sleep(15)
-        assert line.state == "down"
-        with pytest.raises(NoAnswer):  # at once, not after another timeout
-            await asyncio.wait_for(line.exchange(Send("J")), 0.1)
-        alive = True
-        await asyncio.sleep(10)
-        assert line.state == "up"
-        assert ups == [True]
-        assert (await line.exchange(Send("t")))["mode"] == 2
-        await line.close()
-
-    run(program())
+    line, _ = await opened(answers)
+    ups = []
+    line.came_up.connect(lambda _: ups.append(True))
+    alive = False
+    with pytest.raises(NoAnswer):
+        await line.exchange(Send("J"))
+    await asyncio.sleep(15)
+    assert line.state == "down"
+    with pytest.raises(NoAnswer):  # at once, not after another timeout
+        await asyncio.wait_for(line.exchange(Send("J")), 0.1)
+    alive = True
+    await asyncio.sleep(10)
+    assert line.state == "up"
+    assert ups == [True]
+    assert (await line.exchange(Send("t")))["mode"] == 2
+    await line.close()
 
 
 async def test_a_lost_port_is_opened_again() -> None:

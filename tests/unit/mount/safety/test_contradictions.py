@@ -12,7 +12,6 @@ from gateway.app.control.requests import explain
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Contradicted, Fault
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.altitudes import by_others
 from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, too_near
@@ -61,14 +60,11 @@ def test_a_clock_that_contradicts_is_named_with_the_way_out(best: str, other: st
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, times[1], site)), best, other)
 
 
-def test_a_clock_that_is_off_is_told_although_no_site_is_known() -> None:
-    async def program() -> None:
-        async with Bridge(host_ahead=7200.0) as bridge:
-            context = bridge.controller.context
-            context.site_clock.mount_site = context.site_clock.gps_site = context.site_clock.configured = None
-            assert "the clocks of the mount and of this computer differ by 2.0 hours" in contradiction_warning(context)
-
-    run(program())
+async def test_a_clock_that_is_off_is_told_although_no_site_is_known() -> None:
+    async with Bridge(host_ahead=7200.0) as bridge:
+        context = bridge.controller.context
+        context.site_clock.mount_site = context.site_clock.gps_site = context.site_clock.configured = None
+        assert "the clocks of the mount and of this computer differ by 2.0 hours" in contradiction_warning(context)
 
 
 def test_axes_that_are_off_are_named_with_the_way_out() -> None:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 from gateway.core.errors import NoAnswer, Silence
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import STOP
 from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
@@ -48,17 +47,13 @@ async def stopped_after(line: MountLink, wire: Wire, seconds: float, before: Sen
 
 
 @each("seconds", [0.5, 4.9, 5.1, 5.5])
-def test_a_stop_does_not_wait_for_a_read_over_http_nor_for_the_check_after_it(seconds: float) -> None:
+async def test_a_stop_does_not_wait_for_a_read_over_http_nor_for_the_check_after_it(seconds: float) -> None:
     """Its late reply cannot be mistaken for another one."""
-
-    async def program() -> None:
-        line, wire = await opened(alpaca(b"get"))
-        assert await stopped_after(line, wire, seconds, Send("devicestate")) < 0.25
-        assert (await line.exchange(Send("connected")))["value"] is True
-        await line.close()
-
     assert HttpWire.newest_only
-    run(program())
+    line, wire = await opened(alpaca(b"get"))
+    assert await stopped_after(line, wire, seconds, Send("devicestate")) < 0.25
+    assert (await line.exchange(Send("connected")))["value"] is True
+    await line.close()
 
 
 async def test_a_stop_does_not_wait_for_the_check_after_an_order_without_an_answer() -> None:
