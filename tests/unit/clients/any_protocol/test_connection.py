@@ -28,25 +28,9 @@ FIRST = [
 ]
 #: Pieces that begin something, and are put together at random.
 ODD = [
-    b":",
-    b"#",
-    b"?",
-    b"Ka",
-    b"K",
-    b"P",
-    b"R",
-    b"G",
-    b"GET ",
-    b"H",
-    b"\x14",
-    GOTO,
-    b"E",
-    b":GR#",
-    b"\x06",
-    b"\0",
-    b"S",
-    b"$",
-]
+    b":", b"#", b"?", b"Ka", b"K", b"P", b"R", b"G", b"GET ", b"H", b"\x14", GOTO, b"E", b":GR#", b"\x06",
+    b"\0", b"S", b"$",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("sent", "end", "length", "protocol"), FIRST)

@@ -255,19 +255,16 @@ def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> Non
     assert finding.mount is None
 
 
-def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
-    async def program() -> None:
-        def prompt(data: bytes) -> bytes:
-            if data != b"#\x06":
-                return b""
-            asyncio.get_running_loop().call_later(0.15, wire.say, b"assword:")
-            return b"P"
+async def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
+    def prompt(data: bytes) -> bytes:
+        if data != b"#\x06":
+            return b""
+        asyncio.get_running_loop().call_later(0.15, wire.say, b"assword:")
+        return b"P"
 
-        wire = UartWire(prompt)
-        assert (await look(SerialPortInfo("-", "-"), wire)).state == "stranger"
-        assert wire.sent() == HARMLESS
-
-    run(program())
+    wire = UartWire(prompt)
+    assert (await look(SerialPortInfo("-", "-"), wire)).state == "stranger"
+    assert wire.sent() == HARMLESS
 
 
 def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
@@ -342,33 +339,18 @@ def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mista
 # --- trouble ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("when", [0.5, 1.3, 3.0, 6.0])
-def test_a_port_that_vanishes_is_said_to_have(when: float) -> None:
-    async def program() -> PortFinding:
-        wire = UartWire(silent)
+@pytest.mark.parametrize(("device", "when"), [
+    ("silent", 0.5), ("silent", 1.3), ("silent", 3.0), ("silent", 6.0), ("says who it is", 1.3),
+])  # fmt: skip
+async def test_a_port_that_vanishes_is_said_to_have(device: str, when: float) -> None:
+    wire = UartWire(silent if device == "silent" else mount("nexstar:cpc").feed)
 
-        def vanish() -> None:
-            assert wire.on_lost is not None
-            wire.on_lost("unplugged")
+    def vanish() -> None:
+        assert wire.on_lost is not None
+        wire.on_lost("unplugged")
 
-        asyncio.get_running_loop().call_later(when, vanish)
-        return await look(SerialPortInfo("-", "-"), wire)
-
-    assert run(program()).state == "vanished"
-
-
-def test_a_port_that_vanishes_while_the_mount_says_who_it_is() -> None:
-    async def program() -> PortFinding:
-        wire = UartWire(mount("nexstar:cpc").feed)
-
-        def vanish() -> None:
-            assert wire.on_lost is not None
-            wire.on_lost("unplugged")
-
-        asyncio.get_running_loop().call_later(1.3, vanish)
-        return await look(SerialPortInfo("-", "-"), wire)
-
-    assert run(program()).state == "vanished"
+    asyncio.get_running_loop().call_later(when, vanish)
+    assert (await look(SerialPortInfo("-", "-"), wire)).state == "vanished"
 
 
 def test_a_mount_that_says_nothing_more_is_said_to_be_one() -> None:
@@ -387,15 +369,12 @@ def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) ->
     assert "please report it: KeyError('defect')" in block(finding)
 
 
-def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
+async def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
     class Poor(UartWire):
         def set_baud(self, baud: int) -> None:
             if baud in (14400, 28800):
                 raise OSError(22, "no such rate")
             super().set_baud(baud)
 
-    async def program() -> PortFinding:
-        return await look(SerialPortInfo("-", "-"), Poor(silent))
-
-    finding = run(program())
+    finding = await look(SerialPortInfo("-", "-"), Poor(silent))
     assert (finding.state, finding.rates) == ("silent", len(OTHERS) - 2)
