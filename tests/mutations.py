@@ -367,6 +367,81 @@ MUTATIONS = [
         "tests/unit/app/control",
     ),
     Mutation("a mount on hold can be moved", r"raise Held$", "return", "tests/unit/app/test_hold.py"),
+    # --- what one unit test or judge proves where several did
+    Mutation(
+        "an Alpaca mount that still slews is at its park position",
+        r"return moves\.parked and not \(yield from _slews\(moves\)\)",
+        "return moves.parked",
+        "tests/conformance/test_alpaca_evening.py",
+    ),
+    Mutation(
+        "a Meade program's clock is set before its date has come",
+        r"session\.clock\(\) - _draft\(session\)\.touched >= QUIET - 0\.1",
+        "True",
+        "tests/unit/protocols/lx200/surface",
+    ),
+    Mutation(
+        "the offset of a Meade's clock has the sign of a time zone",
+        r"-printable\(offset\)\}",
+        "printable(offset)}",
+        "tests/unit/protocols/lx200/surface",
+    ),
+    Mutation(
+        "a NexStar command is given up in the middle of a slow program's bytes",
+        r"^END_WITHIN = 3\.0",
+        "END_WITHIN = 0.5",
+        "tests/unit/protocols/nexstar",
+    ),
+    Mutation(
+        "a question mark begins a NexStar command",
+        r'^STRAY = frozenset\(b"#\? ',
+        'STRAY = frozenset(b"# ',
+        "tests/unit/protocols/nexstar",
+    ),
+    Mutation(
+        "readings wait for settings without end",
+        r"self\._passed_over = 0 if first\.priority == SETTING else self\._passed_over \+ 1",
+        "pass",
+        "tests/unit/mount/link/test_queue.py",
+    ),
+    Mutation(
+        "a place of J2000 is taken for one of date",
+        r"elif where\.j2000:",
+        "elif False:",
+        "tests/unit/app/test_mount.py",
+    ),
+    Mutation(
+        "a connection that is half closed gets no late reply",
+        r"if self\._handler is None or self\._handler\.answered:",
+        "if True:",
+        "tests/unit/clients/test_clients_that_are_gone.py",
+        "gateway/transport/tcp.py",
+    ),
+    Mutation(
+        "a client counts as answered while its reply is owed",
+        r"return self\.client\.answered$",
+        "return True",
+        "tests/unit/clients/test_clients_that_are_gone.py",
+    ),
+    Mutation(
+        "a search that a signal ends goes on",
+        r"for future in \(end, working\):",
+        "for future in (end,):",
+        "tests/unit/cli/test_config_cli.py",
+    ),
+    Mutation(
+        "an older answer of an HTTP server counts as the newest",
+        r"if session is self\._session and number == self\._number:",
+        "if session is self._session:",
+        "tests/unit/transport/test_http_wire.py",
+    ),
+    Mutation(
+        "what a late client had sent before its end brings it back",
+        r"^        self\._peer_closed = True$",
+        "        pass",
+        "tests/unit/clients/test_clients_that_are_gone.py",
+        "gateway/clients/*.py",
+    ),
     # --- what one test plays where several did
     Mutation(
         "M of a NexStar program ends no goto",

@@ -78,6 +78,17 @@ async def test_who_sends_no_more_holds_no_arrow() -> None:
         assert not bridge.controller.moving
 
 
+async def test_what_was_sent_before_the_end_of_a_late_client_holds_no_arrow() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client("10.0.0.1")
+        await flood(client, b":GR#" * 10_000, 3.0)
+        client.guest.peer_closed()
+        await asyncio.sleep(3.0)
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(20.0)
+        assert not bridge.controller.moving
+
+
 # --- sockets ----------------------------------------------------------------------------------------------------------
 
 
