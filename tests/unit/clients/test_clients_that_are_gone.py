@@ -100,7 +100,8 @@ async def test_client_that_sends_no_more_is_answered_before_its_connection_close
     await gateway.open()
     try:
         assert await gateway.wait_identified(PATIENCE)
-        for said, heard in ((b":GR#", b"#"), (b":Sa+40*00#:Sz180*00#:MA#", b"110"), (b":GVP#", b"#"), (b":D#", b"#")):
+        goto = b":Sa+40*00#:Sz180*00#:MA#", (b"110", b"111")  # done or refused: on a slow computer the line is busy
+        for said, heard in ((b":GR#", b"#"), goto, (b":GVP#", b"#"), (b":D#", b"#")):
             reader, writer = await asyncio.open_connection(*split_address(gateway.ports[0].where))
             writer.write(said)
             writer.write_eof()
