@@ -501,7 +501,7 @@ MUTATIONS = [
         "a command of any length is kept",
         r"if len\(self\._frame\) > LONGEST:",
         "if False:",
-        "tests/integration/sharing/test_dropped_in_the_log.py",
+        "tests/unit/protocols/lx200/surface/test_unterminated.py",
     ),
     Mutation(
         "the second motor of a Meade turns the other way",
