@@ -20,7 +20,6 @@ import msgspec
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
-from gateway.protocols.wireformat import sexagesimal
 from gateway.protocols.wireformat.command_set import load
 
 #: The row of names that leave the model open.
@@ -255,6 +254,13 @@ def parse_site(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
+#: A latitude or longitude as on maps: degrees, perhaps minutes and seconds, and a letter for the side.
+_ON_MAPS = re.compile(
+    r"""([+-]?)(\d+(?:\.\d+)?)\s*[°d:]?\s*(?:(?<=[°d:\s])(\d+(?:\.\d+)?)\s*['′m:]?\s*)?"""
+    r"""(?:(?<=['′m:\s])(\d+(?:\.\d+)?)(?:s|\s*["″])?\s*)?([NSEW]?)"""
+)
+
+
 def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError."""
     values = [_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
@@ -267,15 +273,14 @@ def _angle(text: str, sides: str) -> float | None:
     """Return the degrees of an angle written as on maps, with one of two ``sides`` (the positive one first); None if it
     is not an angle.
     """
-    side = text[-1:] if text.endswith(("N", "S", "E", "W")) else ""
-    number = text.removesuffix(side)
-    if side and (side not in sides or number.startswith("-")):
+    match = _ON_MAPS.fullmatch(text)
+    if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None
-    try:
-        value = sexagesimal.parse_typed(number)
-    except ValueError:
+    degrees, minutes, seconds = (float(match[number] or 0.0) for number in (2, 3, 4))
+    if max(minutes, seconds) >= 60.0:
         return None
-    return -value if side == sides[1] else value
+    value = degrees + minutes / 60.0 + seconds / 3600.0
+    return -value if match[1] == "-" or match[5] == sides[1] else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:

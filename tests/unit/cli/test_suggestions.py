@@ -299,7 +299,8 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
         "95°N,11°E",
         "48°08'W,11°36'W",
         "33.5s,70.5w",
-        "33 51 31 s,11",
+        "33 51 31 s,11",  # seconds, or south?
+        "33.5s,70.5",
         "48°75'N,11°36'E",
         "-33°51'S,151°12'E",  # either of them could be meant
     ],
