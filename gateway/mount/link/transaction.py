@@ -40,7 +40,7 @@ SETTLE = 0.02
 STOP_WAITS = 0.3
 #: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
 #: it for the end of another command, or not have listened.
-STOP_AGAIN = (0.5, 3.5)
+STOP_AGAIN = (0.5, 1.5, 2.5, 3.5)
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_AFTER = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.

@@ -112,6 +112,27 @@ def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str, lost:
     run(program())
 
 
+@pytest.mark.parametrize("dead", [1.5, 2.5])
+@pytest.mark.parametrize("name", SERIAL)
+@pytest.mark.safety_line(1)
+def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dead: float) -> None:
+    """The mount hears nothing for a while from the stop on: the stop is written again while the line is checked."""
+
+    async def program() -> None:
+        async with bridge_to(name) as bridge:
+            client, loop = bridge.client(), asyncio.get_running_loop()
+            client.tell(b":RS#:Me#")
+            await poll(bridge, 3.0)
+            line, since = LossyLine(bridge, MOUNTS[name].latency), loop.time()
+            line.lose_bytes(range(100_000))
+            loop.call_later(dead, line.lose_bytes, ())
+            client.tell(b":Q#")
+            assert await seconds_to_rest(bridge, since) <= dead + 1.2 + BRAKES
+            bridge.entries.clear()  # half a command has no form in the manual
+
+    run(program())
+
+
 #: What is on the wire when the stop comes, after what.
 TRAFFIC = {
     "read": (b":RS#:Me#", b":GR#:GD#"), "second arrow": (b":RS#:Me#", b":RC#:Mn#"), "release": (b":RS#:Me#", b":Qe#"),
