@@ -32,10 +32,24 @@ SUN_IS_UP = -1.0
 OFF = 1.0
 
 
+class KnownSource(NamedTuple):
+    """A site and a time, Unix ``seconds``, by one source."""
+
+    place: op.Place
+    seconds: float
+
+    def site(self) -> op.Place:
+        return self.place
+
+    def unix(self) -> float:
+        """UTC as Unix seconds."""
+        return self.seconds
+
+
 class SiteAstrometry:
     """Astronomy at the site of this mount and by its clock. ``equinox`` is that of the mount's coordinates."""
 
-    def __init__(self, sky: Sky, site_clock: BestSources | ReadBy, equinox: str) -> None:
+    def __init__(self, sky: Sky, site_clock: BestSources | ReadBy | KnownSource, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def place(self) -> op.Place:

@@ -255,6 +255,8 @@ def attacks() -> Iterator[Attack]:
     yield Attack("arrows at the Sun", everyone, (arrows_at_the_sun,), "day", DAY)
     yield Attack("past the Sun", everyone, (past_the_sun,), "day")
     yield Attack("park and home by day", everyone, (parks,), "day", {"park": "mount"})
+    yield Attack("told clock +12 h, past the Sun", ALTAZ, (past_the_sun, past_the_sun), "day", DAY,
+                 Slip(told=12.0 * HOUR))  # fmt: skip
     yield Attack("arrows at the pier", POLAR, (arrows_at_the_pier,), limits={"hour_angle_limit": 0.5, "lowest": 5.0})
 
 

@@ -277,6 +277,10 @@ class MotionAdmission:
                 raise too_near(mount.sources, sun, way=True)
         if mount.sources.site() is None:
             return
+        for sky, sun in slew_paths.suns_by_others(mount) if suns and not status.equatorial else ():
+            place, ways = slew_paths.sun_reading(sky, sun, False), paths_of(mount, journey(None)._replace(sky=sky))
+            if not all(is_clear(*way, place, min(limit, separation(*way[0], *place) - 0.01)) for way in ways):
+                raise too_near(mount.sources, sun, way=True)
         unsynced = [journey(shift) for shift in mount.frame().shifts]
         ways = check_ways(mount, written, journey(None), unsynced)
         self._path.take(

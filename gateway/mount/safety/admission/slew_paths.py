@@ -10,6 +10,7 @@ expressed like a German mount's, so that Sun, zenith and nadir are the same for 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from math import copysign, isfinite, sqrt
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from gateway.core.errors import WayBlocked
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.admission.contradictions import contradictions
-from gateway.mount.site.astrometry import SiteAstrometry, Sun
+from gateway.mount.site.astrometry import SUN_IS_UP, KnownSource, SiteAstrometry, Sun
 
 #: Readings of both axes at the beginning, and by how much they turn.
 Path = tuple[Pair, Pair]
@@ -43,7 +44,8 @@ WITHIN = 3.0
 class Journey(NamedTuple):
     """A goto that is to be checked: from where, and in which of the two ways the axes may point there; to where.
 
-    ``axes`` are the target readings, if they are given.
+    ``axes`` are the target readings, if they are given; ``sky`` is the astronomy by which the mount turns a place into
+    readings, if that is not by its own site and clock.
     """
 
     equatorial: bool
@@ -51,6 +53,7 @@ class Journey(NamedTuple):
     others: set[bool]
     goal: op.Equatorial
     axes: Pair | None = None
+    sky: SiteAstrometry | None = None
 
 
 def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
@@ -72,9 +75,24 @@ def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
     return [sun_reading(astrometry, place, equatorial) for place in overhead]
 
 
+def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
+    """Yield the risen Suns of the sources that contradict the mount's site and clock, each with the astronomy by its
+    source: if that is right and the mount is aligned on stars, an alt-azimuth mount takes its ways round that zenith.
+    """
+    sites, times, own = mount.sources.sites(), mount.sources.times(), mount.astrometry
+    for time, site in product(times, sites):
+        if not any(contradictions([sites[0], site], [times[0], time])):
+            continue
+        sky = SiteAstrometry(own.sky, KnownSource(site.place, time.unix), own.equinox)
+        sun = Sun(*own.sky.sun(time.unix), False, time, site)
+        if sky.horizon(op.Equatorial(sun.ra, sun.dec)).alt >= SUN_IS_UP:
+            yield sky, sun
+
+
 def paths_of(mount: Context, journey: Journey) -> list[Path]:
     """Return the possible ways of a goto."""
-    astrometry, (equatorial, position, others, goal, axes) = mount.astrometry, journey
+    equatorial, position, others, goal, axes, sky = journey
+    astrometry = sky or mount.astrometry
     german = mount.driver.german is True and equatorial and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
     start, end = (sun_reading(astrometry, place, equatorial) for place in (position, goal))
