@@ -97,8 +97,8 @@ def check_sync(
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
     then = so_far.added(present, wanted, turns)
-    befores = so_far.turned, so_far.around or so_far.turned
-    if all(corrects(limit, before, after) for before, after in zip(befores, then.axes, strict=False)):
+    sums = so_far.turned, so_far.around or so_far.turned
+    if all(corrects(limit, before, after) for before, after in zip(sums, then.axes, strict=False)):
         return then
     distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
     ways_out = "Centre the object, align the mount again, or set another sync-limit."
