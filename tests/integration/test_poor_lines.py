@@ -43,16 +43,13 @@ def test_a_classic_answers_soon_after_the_start(model: str, latency: float, name
     assert run(first_answer(model, named, latency)) <= seconds
 
 
-def test_an_old_position_is_marked_in_the_log_once() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", config={"sun": 0.0}) as bridge:
-            wire = insert_poor_line(bridge, LineFaults())
-            bridge.controller.line.transaction.connection_lost("unplugged")
-            await asyncio.sleep(5.0)
-            wire._poor = LineFaults(lost=2.0)
-            polls = await poll(bridge, 8.0)
-            said = [entry.note for entry in bridge.entries if "has not replied in time" in entry.note]
-            assert ["last position, up to 10 s old" in words for words in said] == [True]
-            assert polls.answered >= 2
-
-    run(program())
+async def test_an_old_position_is_marked_in_the_log_once() -> None:
+    async with Bridge("cpc", config={"sun": 0.0}) as bridge:
+        wire = insert_poor_line(bridge, LineFaults())
+        bridge.controller.line.transaction.connection_lost("unplugged")
+        await asyncio.sleep(5.0)
+        wire._poor = LineFaults(lost=2.0)
+        polls = await poll(bridge, 8.0)
+        said = [entry.note for entry in bridge.entries if "has not replied in time" in entry.note]
+        assert ["last position, up to 10 s old" in words for words in said] == [True]
+        assert polls.answered >= 2

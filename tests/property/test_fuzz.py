@@ -74,21 +74,18 @@ def _mute(bridge: Bridge) -> None:
     bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
 
 
-def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
-    async def program() -> None:
-        bridge = Bridge()
-        _mute(bridge)
-        bridge.controller.start()
+async def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
+    bridge = Bridge()
+    _mute(bridge)
+    bridge.controller.start()
+    with pytest.raises(Fault):
+        await bridge.controller.stop()
+    bridge.controller.cache.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
+    await asyncio.sleep(20)
+    async with asyncio.timeout(60):
         with pytest.raises(Fault):
-            await bridge.controller.stop()
-        bridge.controller.cache.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
-        await asyncio.sleep(20)
-        async with asyncio.timeout(60):
-            with pytest.raises(Fault):
-                await bridge.controller.read(op.Slewing())
-        await bridge.controller.close()
-
-    run(program())
+            await bridge.controller.read(op.Slewing())
+    await bridge.controller.close()
 
 
 def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
@@ -109,81 +106,66 @@ def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
     run(program())
 
 
-def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() -> None:
-    async def program() -> None:
-        left: list[object] = []
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
-        async with Bridge() as bridge:
-            _mute(bridge)
-            waiting = asyncio.create_task(bridge.controller.stop())
-            await asyncio.sleep(1)
-            waiting.cancel()
-            await asyncio.sleep(60)
-        assert not left
-
-    run(program())
+async def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() -> None:
+    left: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
+    async with Bridge() as bridge:
+        _mute(bridge)
+        waiting = asyncio.create_task(bridge.controller.stop())
+        await asyncio.sleep(1)
+        waiting.cancel()
+        await asyncio.sleep(60)
+    assert not left
 
 
 @pytest.mark.parametrize("date", ["12/31/9999", "01/01/0001", "01/01/1950", "01/01/2051"])
-def test_a_year_that_two_digits_cannot_tell_is_refused(date: str) -> None:
-    async def program() -> None:
-        async with Bridge(aligned=False) as bridge:
-            client = bridge.client()
-            assert await client.ask(b":SG-14.0#") + await client.ask(b":SL20:00:00#") == b"11"
-            assert await client.ask(b":SC" + date.encode() + b"#") == b"0"
-            await asyncio.sleep(5)
-            assert await client.ask(b":GC#") == b"01/16/26#"
-        assert not [entry.note for entry in bridge.entries if "internal error" in entry.note]
-
-    run(program())
+async def test_a_year_that_two_digits_cannot_tell_is_refused(date: str) -> None:
+    async with Bridge(aligned=False) as bridge:
+        client = bridge.client()
+        assert await client.ask(b":SG-14.0#") + await client.ask(b":SL20:00:00#") == b"11"
+        assert await client.ask(b":SC" + date.encode() + b"#") == b"0"
+        await asyncio.sleep(5)
+        assert await client.ask(b":GC#") == b"01/16/26#"
+    assert not [entry.note for entry in bridge.entries if "internal error" in entry.note]
 
 
-def test_a_four_digit_year_is_taken() -> None:
-    async def program() -> None:
-        async with Bridge(aligned=False) as bridge:
-            client = bridge.client()
-            assert (await client.ask(b":SC12/31/2050#")).startswith(b"1")
-            await asyncio.sleep(5)
-            assert await client.ask(b":GC#") == b"12/31/50#"
-
-    run(program())
+async def test_a_four_digit_year_is_taken() -> None:
+    async with Bridge(aligned=False) as bridge:
+        client = bridge.client()
+        assert (await client.ask(b":SC12/31/2050#")).startswith(b"1")
+        await asyncio.sleep(5)
+        assert await client.ask(b":GC#") == b"12/31/50#"
 
 
 @each(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
-def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
-    async def program() -> None:
-        bridge = Bridge()
-        good = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
-        bridge.controller.line.wire.feed = lambda data: (  # type: ignore[attr-defined]
-            bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
-        )
-        async with bridge:
-            assert bridge.site_clock.mount_clock is None
-            moment = await bridge.controller.answer(op.GetClock())
-            assert moment.offset == 0.0
-
-    run(program())
+async def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
+    bridge = Bridge()
+    good = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
+    bridge.controller.line.wire.feed = lambda data: (  # type: ignore[attr-defined]
+        bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
+    )
+    async with bridge:
+        assert bridge.site_clock.mount_clock is None
+        moment = await bridge.controller.answer(op.GetClock())
+        assert moment.offset == 0.0
 
 
-def test_a_defect_in_what_is_done_later_is_told() -> None:
-    async def program() -> None:
-        left: list[object] = []
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
-        async with Bridge(aligned=False) as bridge:
+async def test_a_defect_in_what_is_done_later_is_told() -> None:
+    left: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
+    async with Bridge(aligned=False) as bridge:
 
-            def broken(*_: object) -> None:
-                raise ArithmeticError("as if")
+        def broken(*_: object) -> None:
+            raise ArithmeticError("as if")
 
-            surface = bridge.acceptor.binding.surface
-            surface.handlers = {**surface.handlers, "clock.commit_quiet": lambda *_: (broken() for _ in "x")}
-            client = bridge.client()
-            await client.ask(b":SL20:15:30#")
-            await asyncio.sleep(5)
-            assert await client.ask(b":GR#")
-        assert [entry for entry in bridge.entries if "internal error at clock.commit_quiet" in entry.note]
-        assert not left
-
-    run(program())
+        surface = bridge.acceptor.binding.surface
+        surface.handlers = {**surface.handlers, "clock.commit_quiet": lambda *_: (broken() for _ in "x")}
+        client = bridge.client()
+        await client.ask(b":SL20:15:30#")
+        await asyncio.sleep(5)
+        assert await client.ask(b":GR#")
+    assert [entry for entry in bridge.entries if "internal error at clock.commit_quiet" in entry.note]
+    assert not left
 
 
 def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
@@ -194,15 +176,12 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
     assert sim.feed(b":D#").startswith(b"\xff")
 
 
-def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
-    async def program() -> None:
-        async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
-            guard = bridge.controller.watch
-            seen = await bridge.controller.read(op.Position())
-            guard.observed = Observed(last=PositionSample(bridge.controller.now() - 1.0, seen))
-            guard._coasts_until = 0.0
-            assert bridge.controller.suns.distances(seen)
-            guard.check_position(seen)
-            assert guard.observed.farthest
-
-    run(program())
+async def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
+    async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
+        guard = bridge.controller.watch
+        seen = await bridge.controller.read(op.Position())
+        guard.observed = Observed(last=PositionSample(bridge.controller.now() - 1.0, seen))
+        guard._coasts_until = 0.0
+        assert bridge.controller.suns.distances(seen)
+        guard.check_position(seen)
+        assert guard.observed.farthest

@@ -55,58 +55,50 @@ async def rested(bridge: Bridge, random: Random) -> None:
 
 
 @pytest.mark.parametrize("kind", list(MOUNTS))
-def test_a_goto_is_told_what_was_told_in_advance(kind: str) -> None:
+async def test_a_goto_is_told_what_was_told_in_advance(kind: str) -> None:
     model, driven, config, start = MOUNTS[kind]
-
-    async def program() -> None:
-        random, answers = Random(kind), set[str]()
-        wedge = {"wedge": True} if kind == "wedge" else {}
-        async with Bridge(model, driven=driven, start=start, config=config, simulated=wedge) as bridge:
-            for number in range(GOALS):
+    random, answers = Random(kind), set[str]()
+    wedge = {"wedge": True} if kind == "wedge" else {}
+    async with Bridge(model, driven=driven, start=start, config=config, simulated=wedge) as bridge:
+        for number in range(GOALS):
+            await rested(bridge, random)
+            if number % 6 == 2:  # a sync turns the axes that tell the tilt
+                here = await bridge.controller.read_now(op.Position())
+                with contextlib.suppress(Fault):
+                    await bridge.controller.perform(op.Sync((here.ra + 3.0) % 360.0, here.dec))
                 await rested(bridge, random)
-                if number % 6 == 2:  # a sync turns the axes that tell the tilt
-                    here = await bridge.controller.read_now(op.Position())
-                    with contextlib.suppress(Fault):
-                        await bridge.controller.perform(op.Sync((here.ra + 3.0) % 360.0, here.dec))
-                    await rested(bridge, random)
-                near = config.get("lowest", 0.0) + random.uniform(-4.0, 4.0)
-                altitude = random.choice((near, random.uniform(-20.0, 90.0)))
-                goal = _above(bridge, random.uniform(0.0, 360.0), altitude)
-                foreseen, answer = await told(bridge, *goal)
-                assert foreseen == answer, (number, goal)
-                answers.add(answer)
-            assert len(answers) > 1, answers
-
-    run(program())
+            near = config.get("lowest", 0.0) + random.uniform(-4.0, 4.0)
+            altitude = random.choice((near, random.uniform(-20.0, 90.0)))
+            goal = _above(bridge, random.uniform(0.0, 360.0), altitude)
+            foreseen, answer = await told(bridge, *goal)
+            assert foreseen == answer, (number, goal)
+            answers.add(answer)
+        assert len(answers) > 1, answers
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
 @pytest.mark.parametrize("state", ["held", "not aligned", "asleep", "gone"])
-def test_a_mount_that_takes_none_is_foreseen(state: str, driven: str) -> None:
+async def test_a_mount_that_takes_none_is_foreseen(state: str, driven: str) -> None:
     model = "cpc" if driven == "nexstar" else "lx200gps"
-
-    async def program() -> None:
-        random = Random(state)
-        async with Bridge(model, driven=driven, aligned=state != "not aligned", config={"sun": 0.0}) as bridge:
-            await rested(bridge, random)
-            if state == "held":
-                bridge.controller.hold.on = True
-            elif state == "asleep":
-                with contextlib.suppress(Fault):
-                    await bridge.controller.perform(op.Hibernate())
-            elif state == "gone":
-                bridge.controller.line._down("the mount does not answer")
-            for alt in (40.0, -30.0):
-                goal = _above(bridge, random.uniform(0.0, 360.0), alt)
-                foreseen, answer = await told(bridge, *goal)
-                if (state, driven) == ("asleep", "lx200") and alt > 0.0:  # its driver has words of its own for that
-                    answer = answer.replace("Refused('The mount is asleep: wake it first.')", foreseen)
-                assert foreseen == answer
-                assert answer != "None" or (state, driven, alt > 0.0) == ("not aligned", "lx200", True)
-                with contextlib.suppress(Fault):
-                    await bridge.controller.stop()
-
-    run(program())
+    random = Random(state)
+    async with Bridge(model, driven=driven, aligned=state != "not aligned", config={"sun": 0.0}) as bridge:
+        await rested(bridge, random)
+        if state == "held":
+            bridge.controller.hold.on = True
+        elif state == "asleep":
+            with contextlib.suppress(Fault):
+                await bridge.controller.perform(op.Hibernate())
+        elif state == "gone":
+            bridge.controller.line._down("the mount does not answer")
+        for alt in (40.0, -30.0):
+            goal = _above(bridge, random.uniform(0.0, 360.0), alt)
+            foreseen, answer = await told(bridge, *goal)
+            if (state, driven) == ("asleep", "lx200") and alt > 0.0:  # its driver has words of its own for that
+                answer = answer.replace("Refused('The mount is asleep: wake it first.')", foreseen)
+            assert foreseen == answer
+            assert answer != "None" or (state, driven, alt > 0.0) == ("not aligned", "lx200", True)
+            with contextlib.suppress(Fault):
+                await bridge.controller.stop()
 
 
 @pytest.mark.parametrize("model", ["cpc", "cge"])

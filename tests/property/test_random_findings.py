@@ -36,91 +36,72 @@ def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
 
 
 @each("arrow", [b":Mn#", b":Mw#"])
-def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
-    async def program() -> None:
-        config = {"site": (45.0, 10.0), "mode": "alt-az"}
-        async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
-            bridge.client().tell(b":RS#" + arrow)
-            await asyncio.sleep(5)
-            assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
-            assert any(entry.note == "Arrow: Mount not aligned." for entry in bridge.entries)
-            assert not bridge.controller.moving
-
-    run(program())
+async def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
+    config = {"site": (45.0, 10.0), "mode": "alt-az"}
+    async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
+        bridge.client().tell(b":RS#" + arrow)
+        await asyncio.sleep(5)
+        assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
+        assert any(entry.note == "Arrow: Mount not aligned." for entry in bridge.entries)
+        assert not bridge.controller.moving
 
 
-def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
+async def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
     """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
-
-    async def program() -> None:
-        async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
-            client = bridge.client()
-            client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
-            await asyncio.sleep(2)
-            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
-            await asyncio.sleep(0.01)
-            reply = await client.ask(b"Z")
-            assert len(reply) == 10, reply
-
-    run(program())
+    async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
+        client = bridge.client()
+        client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
+        await asyncio.sleep(2)
+        client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
+        await asyncio.sleep(0.01)
+        reply = await client.ask(b"Z")
+        assert len(reply) == 10, reply
 
 
-def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
+async def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
     """The manual's own order, T 0 and then the slew: the slew is looked at all the same."""
-
-    async def program() -> None:
-        june = 1782036000.0  # 2026-06-21 10:00 UTC: the Sun at azimuth 136, altitude 63
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=june) as bridge:
-            client = bridge.client()
-            await client.ask(b"b82D80000,2CCC0000")  # azimuth 184, altitude 63: 21 degrees before it
-            for _ in range(60):
-                await asyncio.sleep(0.5)
-                await client.ask(b"e")
-            assert await client.ask(b"T\x00") == b"#"
-            assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"  # azimuth falls, 8 degrees a second
-            await asyncio.sleep(1)
-            assert b":Me#" not in bridge.sent()
-            assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
-
-    run(program())
+    june = 1782036000.0  # 2026-06-21 10:00 UTC: the Sun at azimuth 136, altitude 63
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=june) as bridge:
+        client = bridge.client()
+        await client.ask(b"b82D80000,2CCC0000")  # azimuth 184, altitude 63: 21 degrees before it
+        for _ in range(60):
+            await asyncio.sleep(0.5)
+            await client.ask(b"e")
+        assert await client.ask(b"T\x00") == b"#"
+        assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"  # azimuth falls, 8 degrees a second
+        await asyncio.sleep(1)
+        assert b":Me#" not in bridge.sent()
+        assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
-def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(driven: str, model: str) -> None:
+async def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(driven: str, model: str) -> None:
     """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
-
-    async def program() -> None:
-        limits = {"lowest": 39.6}
-        async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"r28000000,05B00000") == b"#"  # 3h45m, +8: in the west, 40 degrees high
-            for _ in range(60):
-                await asyncio.sleep(0.5)
-                await client.ask(b"e")
-            for turn in range(8):  # one of the two senses leads down
-                await client.ask(bytes((80, 2, 17, 37 - turn % 2, 9, 0, 0, 0)))
-                for _ in range(40):
-                    await asyncio.sleep(0.1)
-                    low = altitude(bridge)
-                    assert low > 39.5, (turn, low)
-
-    run(program())
+    limits = {"lowest": 39.6}
+    async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"r28000000,05B00000") == b"#"  # 3h45m, +8: in the west, 40 degrees high
+        for _ in range(60):
+            await asyncio.sleep(0.5)
+            await client.ask(b"e")
+        for turn in range(8):  # one of the two senses leads down
+            await client.ask(bytes((80, 2, 17, 37 - turn % 2, 9, 0, 0, 0)))
+            for _ in range(40):
+                await asyncio.sleep(0.1)
+                low = altitude(bridge)
+                assert low > 39.5, (turn, low)
 
 
-def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
+async def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
     """It says NAK to every question meanwhile: nobody knows where it is."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(1)
-            client.tell(b":hS#")
-            await asyncio.sleep(3)
-            assert b":Q#" in bridge.sent()
-            assert not bridge.controller.moving
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Me#")
+        await asyncio.sleep(1)
+        client.tell(b":hS#")
+        await asyncio.sleep(3)
+        assert b":Q#" in bridge.sent()
+        assert not bridge.controller.moving
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
@@ -146,101 +127,79 @@ def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> No
 
 
 @pytest.mark.parametrize("motion", [b"P\x02\x11\x24\x09\x00\x00\x00", b"r80000000,40000000"])
-def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -> None:
+async def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -> None:
     """Alt-az and equatorial are two frames: axes that were checked in one must not be sent to in the other."""
-
-    async def program() -> None:
-        async with Bridge(
-            "gt", "104.0", presented="nexstar", surface="advanced-gt", config={"lowest": -90.0}
-        ) as bridge:
-            client = bridge.client()
-            client.tell(b"T\x02")
-            await asyncio.sleep(5)
-            before = len(bridge.sent())
-            client.tell(motion)
-            await asyncio.sleep(1)
-            client.tell(b"T\x01")
-            await asyncio.sleep(1)
-            client.tell(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
-            await asyncio.sleep(10)
-            assert b"T\x01" not in bridge.sent()[before:]
-            assert await client.ask(b"t") == b"\x02#"
-            client.tell(b"T\x01")  # at rest it is told
-            await asyncio.sleep(2)
-            assert b"T\x01" in bridge.sent()[before:]
-
-    run(program())
+    async with Bridge("gt", "104.0", presented="nexstar", surface="advanced-gt", config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        client.tell(b"T\x02")
+        await asyncio.sleep(5)
+        before = len(bridge.sent())
+        client.tell(motion)
+        await asyncio.sleep(1)
+        client.tell(b"T\x01")
+        await asyncio.sleep(1)
+        client.tell(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
+        await asyncio.sleep(10)
+        assert b"T\x01" not in bridge.sent()[before:]
+        assert await client.ask(b"t") == b"\x02#"
+        client.tell(b"T\x01")  # at rest it is told
+        await asyncio.sleep(2)
+        assert b"T\x01" in bridge.sent()[before:]
 
 
 @each("aligned", [True, False])
-def test_an_aligned_hand_control_keeps_its_clock_when_the_gps_is_asked_for_it(aligned: bool) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:
-            assert await bridge.client().ask(b":gT#") == b"1"
-            await asyncio.sleep(1)
-            assert any(sent.startswith(b"H") for sent in bridge.sent()) is not aligned
-
-    run(program())
+async def test_an_aligned_hand_control_keeps_its_clock_when_the_gps_is_asked_for_it(aligned: bool) -> None:
+    async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:
+        assert await bridge.client().ask(b":gT#") == b"1"
+        await asyncio.sleep(1)
+        assert any(sent.startswith(b"H") for sent in bridge.sent()) is not aligned
 
 
-def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200") as bridge:
-            assert await bridge.client().ask(b":h?#") == b"0"
-
-    run(program())
+async def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
+    async with Bridge("lx200", driven="lx200") as bridge:
+        assert await bridge.client().ask(b":h?#") == b"0"
 
 
 @pytest.mark.parametrize(("axis", "first"), [(16, b"P\x02\x10\x24\0\0\0\0"), (17, b"P\x02\x11\x24\0\0\0\0")])
 @pytest.mark.parametrize("other", [0, 3])
-def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, first: bytes, other: int) -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            await bridge.controller.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
-            if other:
-                await bridge.controller.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
-            before = len(bridge.sent())
-            await bridge.controller.perform(op.AbortMotion())
-            stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
-            assert stops[0] == first
-            assert len(stops) == 2
-
-    run(program())
+async def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, first: bytes, other: int) -> None:
+    async with Bridge() as bridge:
+        await bridge.controller.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
+        if other:
+            await bridge.controller.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
+        before = len(bridge.sent())
+        await bridge.controller.perform(op.AbortMotion())
+        stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
+        assert stops[0] == first
+        assert len(stops) == 2
 
 
 @pytest.mark.parametrize(("driven", "model", "aligns"), [("lx200", "autostar", True), ("nexstar", "6-8se", False)])
-def test_where_the_first_sync_aligns_a_mount_the_second_is_held_to_the_limit(
+async def test_where_the_first_sync_aligns_a_mount_the_second_is_held_to_the_limit(
     driven: str, model: str, aligns: bool
 ) -> None:
-    async def program() -> None:
-        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"SFC12,2163") == b"#"
-            syncs = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
-            await client.ask(b"S3A6F,1B8D", 2.0)
-            again = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
-            assert bridge.sim.aligned is aligns
-            if aligns:
-                assert again == syncs
-                assert any("Sync refused" in entry.note for entry in bridge.entries)
-
-    run(program())
+    async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"SFC12,2163") == b"#"
+        syncs = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+        await client.ask(b"S3A6F,1B8D", 2.0)
+        again = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+        assert bridge.sim.aligned is aligns
+        if aligns:
+            assert again == syncs
+            assert any("Sync refused" in entry.note for entry in bridge.entries)
 
 
-def test_where_the_axes_are_is_told_though_a_goto_begins_while_it_is_asked() -> None:
+async def test_where_the_axes_are_is_told_though_a_goto_begins_while_it_is_asked() -> None:
     """A Meade tells azimuth and altitude in halves, which never agree on the way: the position says the same."""
-
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="lcm", latency=0.2) as bridge:
-            first, second = bridge.client(), bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await asyncio.sleep(5.0)
-            goal = f"r{int(((sidereal + 100.0) % 360.0) / 360.0 * 2**32):08X},{int(70.0 / 360.0 * 2**32):08X}"
-            first.tell(goal.encode())
-            await asyncio.sleep(0.3)
-            assert await second.ask(b"z", 3.0)
-            while not bridge.controller.slewing:
-                await asyncio.sleep(0.1)
-            assert await second.ask(b"z", 3.0)
-
-    run(program())
+    async with Bridge("lx200", driven="lx200", presented="nexstar", surface="lcm", latency=0.2) as bridge:
+        first, second = bridge.client(), bridge.client()
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        await asyncio.sleep(5.0)
+        goal = f"r{int(((sidereal + 100.0) % 360.0) / 360.0 * 2**32):08X},{int(70.0 / 360.0 * 2**32):08X}"
+        first.tell(goal.encode())
+        await asyncio.sleep(0.3)
+        assert await second.ask(b"z", 3.0)
+        while not bridge.controller.slewing:
+            await asyncio.sleep(0.1)
+        assert await second.ask(b"z", 3.0)

@@ -14,7 +14,6 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.session import Shared
 from gateway.transport.handler import Connected
@@ -30,50 +29,44 @@ def chain(driven: str, model: str) -> TwoGateways:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "6-8se"), ("lx200", "lx200gps")])
-def test_park_unpark_and_tracking(driven: str, model: str) -> None:
-    async def program() -> None:
-        whole = chain(driven, model)
-        sim = whole.inner.sim
-        async with whole:
-            ask = whole.controller.perform
-            await ask(op.Park())
-            for _ in range(60):
-                await asyncio.sleep(2.0)
-                if (await ask(op.GetActivity())).parked:
-                    break
-            assert not sim.tracking and not sim.slewing
-            with pytest.raises(Fault, match=r"parked: unpark it first.*says"):
-                await ask(op.Goto(*sim.truth()))
-            await ask(op.Unpark())
-            assert sim.tracking and not (await ask(op.GetActivity())).parked
-            await ask(op.SetTracking(on=False, heard=True))
-            assert not sim.tracking
-            await ask(op.SetTracking(on=True, heard=True))
-            assert sim.tracking
-            if model == "6-8se":
-                with pytest.raises(Unsupported, match="no home position"):
-                    await ask(op.Home())
-
-    run(program())
+async def test_park_unpark_and_tracking(driven: str, model: str) -> None:
+    whole = chain(driven, model)
+    sim = whole.inner.sim
+    async with whole:
+        ask = whole.controller.perform
+        await ask(op.Park())
+        for _ in range(60):
+            await asyncio.sleep(2.0)
+            if (await ask(op.GetActivity())).parked:
+                break
+        assert not sim.tracking and not sim.slewing
+        with pytest.raises(Fault, match=r"parked: unpark it first.*says"):
+            await ask(op.Goto(*sim.truth()))
+        await ask(op.Unpark())
+        assert sim.tracking and not (await ask(op.GetActivity())).parked
+        await ask(op.SetTracking(on=False, heard=True))
+        assert not sim.tracking
+        await ask(op.SetTracking(on=True, heard=True))
+        assert sim.tracking
+        if model == "6-8se":
+            with pytest.raises(Unsupported, match="no home position"):
+                await ask(op.Home())
 
 
-def test_an_alpaca_program_at_an_alpaca_mount_gets_reads_of_the_server_and_no_order_that_is_not_checked() -> None:
-    async def program() -> None:
-        inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
-        inner.sim.lacks -= {"sideofpier_put"}
-        async with inner:
-            face = inner.face.surface
-            made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
-            made.surface.verbatim = True
-            assert face is not made.surface
-            client = ConnectionAcceptor(inner.controller, made, Shared(), inner.clock)
-            heard: list[bytes] = []
-            one = client.accept(Connected("x", "x", lambda data: heard.append(bytes(data))))
-            for line in (b"put connected Connected=true", b"get doesrefraction", b"put sideofpier SideOfPier=1"):
-                one.feed(line + b"\n")
-                await asyncio.sleep(2.0)
-            assert heard[:2] == [b"null\n", b"false\n"] and b"Not available" in heard[2]
-            assert not any(b"put sideofpier" in line for line in inner.sent())
-            one.close()
-
-    run(program())
+async def test_an_alpaca_program_at_an_alpaca_mount_gets_reads_of_the_server_and_no_order_that_is_not_checked() -> None:
+    inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
+    inner.sim.lacks -= {"sideofpier_put"}
+    async with inner:
+        face = inner.face.surface
+        made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
+        made.surface.verbatim = True
+        assert face is not made.surface
+        client = ConnectionAcceptor(inner.controller, made, Shared(), inner.clock)
+        heard: list[bytes] = []
+        one = client.accept(Connected("x", "x", lambda data: heard.append(bytes(data))))
+        for line in (b"put connected Connected=true", b"get doesrefraction", b"put sideofpier SideOfPier=1"):
+            one.feed(line + b"\n")
+            await asyncio.sleep(2.0)
+        assert heard[:2] == [b"null\n", b"false\n"] and b"Not available" in heard[2]
+        assert not any(b"put sideofpier" in line for line in inner.sent())
+        one.close()

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.alpaca.simulator.telescope import AlpacaError
 from tests.integration.alpaca.test_servers import arrive, goal, server
 from tests.support.in_process_gateway import Bridge
@@ -45,115 +44,93 @@ def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1,
 
 @pytest.mark.parametrize("number", [ANYTHING, INVALID, UNSPECIFIED])
 @pytest.mark.parametrize("when", ["at the start", "later"])
-def test_tracking_is_read_again(number: int, when: str) -> None:
-    async def program() -> None:
-        one = server(platform=6)
-        if when == "at the start":
+async def test_tracking_is_read_again(number: int, when: str) -> None:
+    one = server(platform=6)
+    if when == "at the start":
+        fails(one, "tracking", number)
+    async with one:
+        await asyncio.sleep(10.0)
+        if when == "later":
             fails(one, "tracking", number)
-        async with one:
-            await asyncio.sleep(10.0)
-            if when == "later":
-                fails(one, "tracking", number)
-            one.sim.track(False)
-            await asyncio.sleep(20.0)
-            assert (await one.controller.answer(op.GetStatus())).tracking is op.Tracking.OFF
-
-    run(program())
+        one.sim.track(False)
+        await asyncio.sleep(20.0)
+        assert (await one.controller.answer(op.GetStatus())).tracking is op.Tracking.OFF
 
 
 @pytest.mark.parametrize("when", ["at the start", "later"])
-def test_the_list_of_the_state_is_asked_for_again(when: str) -> None:
-    async def program() -> None:
-        one = server()
-        if when == "at the start":
+async def test_the_list_of_the_state_is_asked_for_again(when: str) -> None:
+    one = server()
+    if when == "at the start":
+        fails(one, "devicestate")
+    async with one:
+        await asyncio.sleep(5.0)
+        if when == "later":
             fails(one, "devicestate")
-        async with one:
-            await asyncio.sleep(5.0)
-            if when == "later":
-                fails(one, "devicestate")
-            await asyncio.sleep(10.0)
-            before = len(one.sent())
-            await asyncio.sleep(10.0)
-            assert b"get devicestate\n" in one.sent()[before:]
-            assert b"get rightascension\n" not in one.sent()[before:]
-
-    run(program())
+        await asyncio.sleep(10.0)
+        before = len(one.sent())
+        await asyncio.sleep(10.0)
+        assert b"get devicestate\n" in one.sent()[before:]
+        assert b"get rightascension\n" not in one.sent()[before:]
 
 
-def test_a_park_by_another_program_is_noticed() -> None:
-    async def program() -> None:
-        async with server(platform=6) as one:
-            fails(one, "atpark")
-            await asyncio.sleep(20.0)
-            one.sim.park()
-            await asyncio.sleep(60.0)
-            assert one.sim.at == "park"
-            assert (await one.controller.answer(op.GetActivity())).parked
-
-    run(program())
+async def test_a_park_by_another_program_is_noticed() -> None:
+    async with server(platform=6) as one:
+        fails(one, "atpark")
+        await asyncio.sleep(20.0)
+        one.sim.park()
+        await asyncio.sleep(60.0)
+        assert one.sim.at == "park"
+        assert (await one.controller.answer(op.GetActivity())).parked
 
 
 @pytest.mark.parametrize("when", ["at the start", "later"])
-def test_arrows_of_a_german_mount_keep_their_sense(when: str) -> None:
-    async def program() -> None:
-        one = server()
-        if when == "at the start":
+async def test_arrows_of_a_german_mount_keep_their_sense(when: str) -> None:
+    one = server()
+    if when == "at the start":
+        fails(one, "sideofpier")
+    async with one:
+        assert not one.driver.side_untold
+        await one.controller.perform(goal(one, 30.0))
+        await arrive(one)
+        if when == "later":
             fails(one, "sideofpier")
-        async with one:
-            assert not one.driver.side_untold
-            await one.controller.perform(goal(one, 30.0))
-            await arrive(one)
-            if when == "later":
-                fails(one, "sideofpier")
-            for _ in range(2):
-                before = one.sim.truth()[1]
-                await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
-                await asyncio.sleep(1.0)
-                await one.controller.perform(op.StopAxis(2))
-                await asyncio.sleep(2.0)
-                assert one.sim.truth()[1] > before + 0.2
-
-    run(program())
+        for _ in range(2):
+            before = one.sim.truth()[1]
+            await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
+            await asyncio.sleep(1.0)
+            await one.controller.perform(op.StopAxis(2))
+            await asyncio.sleep(2.0)
+            assert one.sim.truth()[1] > before + 0.2
 
 
 @pytest.mark.parametrize(("member", "operation"), ABILITIES)
 @pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED])
-def test_an_ability_is_asked_for_again(member: str, operation: op.Operation[Any], number: int) -> None:
-    async def program() -> None:
-        one = server(config={"lowest": -90.0})
-        fails(one, member, number)
-        async with one:
-            await one.controller.perform(operation)
-            assert not any(b"slewtocoordinates " in line for line in one.sent())
-
-    run(program())
+async def test_an_ability_is_asked_for_again(member: str, operation: op.Operation[Any], number: int) -> None:
+    one = server(config={"lowest": -90.0})
+    fails(one, member, number)
+    async with one:
+        await one.controller.perform(operation)
+        assert not any(b"slewtocoordinates " in line for line in one.sent())
 
 
 @pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED, 0x400])
-def test_a_stop_includes_an_axis_of_which_nothing_is_known(number: int) -> None:
+async def test_a_stop_includes_an_axis_of_which_nothing_is_known(number: int) -> None:
     """Another program, or the hand control, may move it, and no AbortSlew ends that there."""
-
-    async def program() -> None:
-        one = server(config={"lowest": -90.0}, lacks=frozenset({"abortslew"}))
-        fails(one, "canmoveaxis", number, inf, Axis="1")
-        async with one:
-            one.sim.move_axis(2, 0.5)
-            await asyncio.sleep(1.0)
-            assert moving(one.sim)
-            await one.controller.stop()
-            await asyncio.sleep(1.0)
-            assert not moving(one.sim)
-
-    run(program())
+    one = server(config={"lowest": -90.0}, lacks=frozenset({"abortslew"}))
+    fails(one, "canmoveaxis", number, inf, Axis="1")
+    async with one:
+        one.sim.move_axis(2, 0.5)
+        await asyncio.sleep(1.0)
+        assert moving(one.sim)
+        await one.controller.stop()
+        await asyncio.sleep(1.0)
+        assert not moving(one.sim)
 
 
-def test_an_axis_that_the_mount_does_not_have_is_left_out_of_a_stop() -> None:
-    async def program() -> None:
-        async with server(lacks=frozenset({"moveaxis"})) as one:
-            await one.controller.perform(goal(one))
-            await asyncio.sleep(1.0)
-            await one.controller.stop()
-            await asyncio.sleep(1.0)
-            assert not moving(one.sim) and not any(line.startswith(b"put moveaxis") for line in one.sent())
-
-    run(program())
+async def test_an_axis_that_the_mount_does_not_have_is_left_out_of_a_stop() -> None:
+    async with server(lacks=frozenset({"moveaxis"})) as one:
+        await one.controller.perform(goal(one))
+        await asyncio.sleep(1.0)
+        await one.controller.stop()
+        await asyncio.sleep(1.0)
+        assert not moving(one.sim) and not any(line.startswith(b"put moveaxis") for line in one.sent())

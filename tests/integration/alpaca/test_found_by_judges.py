@@ -16,74 +16,63 @@ from tests.support.typed_programs import Refusal, face
 @pytest.mark.parametrize("lacks", [frozenset(), frozenset({"tracking_put"})], ids=["all", "without SetTracking"])
 @pytest.mark.parametrize("order", ["goto", "arrow"])
 @pytest.mark.sampled(2)
-def test_waking_unparks_also_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
-    async def program() -> None:
-        made: dict[str, Any] = {"parked": True, "lacks": lacks}
-        async with Bridge("german", driven="alpaca", surface="lx200gps", simulated=made) as bridge:
-            one = face("lx200", bridge)
-            if order == "goto":
-                with pytest.raises(Refusal, match="parked"):
-                    await one.leave(60.0, 40.0)
-            else:
-                await one.arrow("n", 0.5)
-            await asyncio.sleep(2.0)
-            assert bridge.sim.at == "park"
-            bridge.client().tell(b":hW#")
-            await asyncio.sleep(3.0)
-            assert bridge.sim.at == "" and bridge.sim.tracking is not bool(lacks)
-
-    run(program())
+async def test_waking_unparks_also_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
+    made: dict[str, Any] = {"parked": True, "lacks": lacks}
+    async with Bridge("german", driven="alpaca", surface="lx200gps", simulated=made) as bridge:
+        one = face("lx200", bridge)
+        if order == "goto":
+            with pytest.raises(Refusal, match="parked"):
+                await one.leave(60.0, 40.0)
+        else:
+            await one.arrow("n", 0.5)
+        await asyncio.sleep(2.0)
+        assert bridge.sim.at == "park"
+        bridge.client().tell(b":hW#")
+        await asyncio.sleep(3.0)
+        assert bridge.sim.at == "" and bridge.sim.tracking is not bool(lacks)
 
 
-def test_a_stop_ends_a_long_pulse() -> None:
+async def test_a_stop_ends_a_long_pulse() -> None:
     """AbortSlew ends no pulse, so a long one is sent in pieces; without a stop it is as long as it should be."""
-
-    async def program() -> None:
-        async with Bridge("german", driven="alpaca", surface="lx200gps", config={"lowest": -90.0}) as bridge:
-            one, ends = face("lx200", bridge), []
-            for stop in (True, False):
-                before = bridge.sim.truth()[1]
-                await one.pulse("n", 3000)
-                await asyncio.sleep(0.5)
-                if stop:
-                    bridge.client().tell(b":Q#")
-                    await asyncio.sleep(0.7)
-                    assert not moving(bridge.sim)
-                await asyncio.sleep(6.0)
-                ends.append(abs(bridge.sim.truth()[1] - before) * 3600.0)
-            assert ends[0] < 10.0 and ends[1] == pytest.approx(3.0 * 7.52, rel=0.02)
-
-    run(program())
+    async with Bridge("german", driven="alpaca", surface="lx200gps", config={"lowest": -90.0}) as bridge:
+        one, ends = face("lx200", bridge), []
+        for stop in (True, False):
+            before = bridge.sim.truth()[1]
+            await one.pulse("n", 3000)
+            await asyncio.sleep(0.5)
+            if stop:
+                bridge.client().tell(b":Q#")
+                await asyncio.sleep(0.7)
+                assert not moving(bridge.sim)
+            await asyncio.sleep(6.0)
+            ends.append(abs(bridge.sim.truth()[1] - before) * 3600.0)
+        assert ends[0] < 10.0 and ends[1] == pytest.approx(3.0 * 7.52, rel=0.02)
 
 
 @pytest.mark.parametrize("reversed_too", [False, True])
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
-def test_arrows_of_a_german_mount_that_does_not_tell_its_side(reversed_too: bool, south: bool) -> None:
+async def test_arrows_of_a_german_mount_that_does_not_tell_its_side(reversed_too: bool, south: bool) -> None:
     """The side follows from the hour angle of the last goto; a reversed motor shows with the first arrow, once."""
-
-    async def program() -> None:
-        made: dict[str, Any] = {"lacks": frozenset({"sideofpier", "destinationsideofpier"})}
-        made["senses"] = (1, -1) if reversed_too else (1, 1)
-        site = (-45.0, 10.0) if south else (45.0, 10.0)
-        config = {"lowest": 0.0, "sun": 0.0}
-        async with Bridge(
-            "german", driven="alpaca", surface="lx200gps", config=config, simulated=made, site=site
-        ) as bridge:
-            one = face("lx200", bridge)
-            for number, east in enumerate((25.0, -25.0, 25.0)):
-                await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, -30.0 if south else 30.0)
+    made: dict[str, Any] = {"lacks": frozenset({"sideofpier", "destinationsideofpier"})}
+    made["senses"] = (1, -1) if reversed_too else (1, 1)
+    site = (-45.0, 10.0) if south else (45.0, 10.0)
+    config = {"lowest": 0.0, "sun": 0.0}
+    async with Bridge(
+        "german", driven="alpaca", surface="lx200gps", config=config, simulated=made, site=site
+    ) as bridge:
+        one = face("lx200", bridge)
+        for number, east in enumerate((25.0, -25.0, 25.0)):
+            await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, -30.0 if south else 30.0)
+            await asyncio.sleep(3.0)
+            went = []
+            for _ in range(3):
+                before = bridge.sim.truth()[1]
+                await one.arrow("n", 1.0)
                 await asyncio.sleep(3.0)
-                went = []
-                for _ in range(3):
-                    before = bridge.sim.truth()[1]
-                    await one.arrow("n", 1.0)
-                    await asyncio.sleep(3.0)
-                    went.append(bridge.sim.truth()[1] > before)
-                assert went == [bool(number) or not reversed_too, True, True]
-            turned = any("moved the tube to the south" in entry.note for entry in bridge.entries)
-            assert turned is reversed_too
-
-    run(program())
+                went.append(bridge.sim.truth()[1] > before)
+            assert went == [bool(number) or not reversed_too, True, True]
+        turned = any("moved the tube to the south" in entry.note for entry in bridge.entries)
+        assert turned is reversed_too
 
 
 def test_one_programs_site_and_clock_are_not_everybodys() -> None:

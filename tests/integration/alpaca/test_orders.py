@@ -47,39 +47,36 @@ HORIZON = op.GotoHorizontal(120.0, 50.0)
 
 @pytest.mark.parametrize("tracks", [True, False])
 @pytest.mark.parametrize("end", ["arrival", "refusal", "stop", "abort", "newer goto"])
-def test_tracking_is_as_before_after_a_goto_over_the_horizon(tracks: bool, end: str) -> None:
-    async def program() -> None:
-        async with server("altaz", config={"lowest": -90.0}) as one:
-            ask = one.controller.perform
-            await ask(op.SetTracking(tracks))
-            if end == "refusal":
-                refuses(one, "slewtoaltazasync")
-                with pytest.raises(Fault, match=r"refused this.*Not in this season"):
-                    await ask(HORIZON)
-            else:
+async def test_tracking_is_as_before_after_a_goto_over_the_horizon(tracks: bool, end: str) -> None:
+    async with server("altaz", config={"lowest": -90.0}) as one:
+        ask = one.controller.perform
+        await ask(op.SetTracking(tracks))
+        if end == "refusal":
+            refuses(one, "slewtoaltazasync")
+            with pytest.raises(Fault, match=r"refused this.*Not in this season"):
                 await ask(HORIZON)
-                assert one.sim.slewing and not one.sim.tracks
-                await asyncio.sleep(4.0)
-                if end == "stop":
-                    await one.controller.stop()
-                elif end == "abort":
-                    await ask(op.AbortSlew())
-                elif end == "newer goto":
-                    await ask(goal(one))
-                    tracks_then = one.sim.tracks
-                    await arrive(one)
-                    assert tracks_then
-                else:
-                    assert ((await ask(op.GetStatus())).tracking is op.Tracking.ALTAZ) is tracks, "it will be on again"
-                    await arrive(one)
-                    assert separation(*one.sim.horizon(), HORIZON.az, HORIZON.alt) < 0.02
-            await asyncio.sleep(2.0 if end != "refusal" else 0.0)
-            assert one.sim.tracks is (tracks or end == "newer goto")
-            await asyncio.sleep(10.0)
-            status = await ask(op.GetStatus())
-            assert (status.tracking is op.Tracking.ALTAZ) is one.sim.tracks is (tracks or end == "newer goto")
-
-    run(program())
+        else:
+            await ask(HORIZON)
+            assert one.sim.slewing and not one.sim.tracks
+            await asyncio.sleep(4.0)
+            if end == "stop":
+                await one.controller.stop()
+            elif end == "abort":
+                await ask(op.AbortSlew())
+            elif end == "newer goto":
+                await ask(goal(one))
+                tracks_then = one.sim.tracks
+                await arrive(one)
+                assert tracks_then
+            else:
+                assert ((await ask(op.GetStatus())).tracking is op.Tracking.ALTAZ) is tracks, "it will be on again"
+                await arrive(one)
+                assert separation(*one.sim.horizon(), HORIZON.az, HORIZON.alt) < 0.02
+        await asyncio.sleep(2.0 if end != "refusal" else 0.0)
+        assert one.sim.tracks is (tracks or end == "newer goto")
+        await asyncio.sleep(10.0)
+        status = await ask(op.GetStatus())
+        assert (status.tracking is op.Tracking.ALTAZ) is one.sim.tracks is (tracks or end == "newer goto")
 
 
 @pytest.mark.parametrize("stop", [op.AbortMotion(), op.AbortSlew()])
@@ -184,17 +181,14 @@ def test_a_stop_that_comes_while_a_goto_waits_cancels_it() -> None:
         ("slewtocoordinatesasync", True, True, op.Goto(0.0, 60.0), "parked: unpark it first"),
     ],
 )  # fmt: skip
-def test_a_refusal_has_a_reason_that_fits_the_order(
+async def test_a_refusal_has_a_reason_that_fits_the_order(
     member: str, parked: bool, tracks: bool, order: op.Operation[Any], words: str
 ) -> None:
-    async def program() -> None:
-        async with server("altaz", config={"lowest": -90.0}, parked=parked) as one:
-            one.sim.track(tracks)
-            await asyncio.sleep(10.0)
-            refuses(one, member)
-            here = await one.controller.answer(op.Position())
-            given = op.Sync(here.ra, here.dec) if isinstance(order, op.Sync) else order
-            with pytest.raises(Fault, match=rf"{words}.*says: .Not in this season"):
-                await one.controller.perform(given)
-
-    run(program())
+    async with server("altaz", config={"lowest": -90.0}, parked=parked) as one:
+        one.sim.track(tracks)
+        await asyncio.sleep(10.0)
+        refuses(one, member)
+        here = await one.controller.answer(op.Position())
+        given = op.Sync(here.ra, here.dec) if isinstance(order, op.Sync) else order
+        with pytest.raises(Fault, match=rf"{words}.*says: .Not in this season"):
+            await one.controller.perform(given)

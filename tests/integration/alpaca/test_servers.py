@@ -73,27 +73,24 @@ def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operat
     run(program())
 
 
-def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
-    async def program() -> None:
-        async with server(parked=True) as one:
-            with pytest.raises(Parked, match=r"unpark it first.*slewtocoordinatesasync"):
-                await one.controller.perform(goal(one))
-            await one.controller.perform(op.Unpark())
-            one.sim.lowest = 50.0
-            with pytest.raises(Refused, match="target is below the limit of 50"):
-                await one.controller.perform(goal(one, 60.0, 0.0))
-            one.sim.track(False)
-            with pytest.raises(Refused, match=r"does not track.*SlewToCoordinates"):
-                await one.controller.perform(op.Goto(goal(one).ra, 40.0, track=False))
-        async with server(lowest=5.0, config={"lowest": -20.0}) as one:
-            with pytest.raises(BelowHorizon, match=r"below the horizon.*target is below"):
-                await one.controller.perform(goal(one, 100.0, 0.0))
-
-    run(program())
+async def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
+    async with server(parked=True) as one:
+        with pytest.raises(Parked, match=r"unpark it first.*slewtocoordinatesasync"):
+            await one.controller.perform(goal(one))
+        await one.controller.perform(op.Unpark())
+        one.sim.lowest = 50.0
+        with pytest.raises(Refused, match="target is below the limit of 50"):
+            await one.controller.perform(goal(one, 60.0, 0.0))
+        one.sim.track(False)
+        with pytest.raises(Refused, match=r"does not track.*SlewToCoordinates"):
+            await one.controller.perform(op.Goto(goal(one).ra, 40.0, track=False))
+    async with server(lowest=5.0, config={"lowest": -20.0}) as one:
+        with pytest.raises(BelowHorizon, match=r"below the horizon.*target is below"):
+            await one.controller.perform(goal(one, 100.0, 0.0))
 
 
 @pytest.mark.parametrize("model", ["german", "altaz"])
-def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
+async def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
     async def north(one: Bridge) -> float:
         before, height = one.sim.truth()[1], one.sim.horizon()[1]
         await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
@@ -102,19 +99,16 @@ def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
         await asyncio.sleep(2.0)
         return one.sim.truth()[1] - before if model == "german" else one.sim.horizon()[1] - height
 
-    async def program() -> None:
-        async with server(model, senses=(-1, -1)) as one:
-            await one.controller.perform(goal(one))
-            await arrive(one)
-            assert await north(one) < -0.5
-            assert "has moved the tube to the south" in notes(one)
-            assert await north(one) > 0.5
-        async with server(model, {"reversed_axes": "second"}, senses=(-1, -1)) as one:
-            await one.controller.perform(goal(one))
-            await arrive(one)
-            assert await north(one) > 0.5 and "MoveAxis counts" not in notes(one)
-
-    run(program())
+    async with server(model, senses=(-1, -1)) as one:
+        await one.controller.perform(goal(one))
+        await arrive(one)
+        assert await north(one) < -0.5
+        assert "has moved the tube to the south" in notes(one)
+        assert await north(one) > 0.5
+    async with server(model, {"reversed_axes": "second"}, senses=(-1, -1)) as one:
+        await one.controller.perform(goal(one))
+        await arrive(one)
+        assert await north(one) > 0.5 and "MoveAxis counts" not in notes(one)
 
 
 @pytest.mark.parametrize(
@@ -129,135 +123,109 @@ def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
         ("jnow", 3, None, "an equinox that the gateway does not know: jnow"),
     ],
 )
-def test_the_equinox_is_compared_with_what_the_server_shows(
+async def test_the_equinox_is_compared_with_what_the_server_shows(
     sends: str, declares: int, key: str | None, told: str
 ) -> None:
-    async def program() -> None:
-        config = {} if key is None else {"equinox": key}
-        made = server("altaz", config, sends_j2000=sends == "j2000", tells={"equatorialsystem": declares})
-        async with made as one:
+    config = {} if key is None else {"equinox": key}
+    made = server("altaz", config, sends_j2000=sends == "j2000", tells={"equatorialsystem": declares})
+    async with made as one:
+        await one.controller.perform(goal(one))
+        await arrive(one)
+        await asyncio.sleep(5.0)
+        there = goal(one, 20.0, 30.0)
+        await one.controller.perform(there)
+        await arrive(one)
+        missed = separation(*one.sim.truth(), there.ra, there.dec) / ARCMINUTE
+        contradicted = bool(told) and key is None and declares in (1, 2)
+        assert (missed > 10.0) if contradicted else (missed < 0.5)
+        assert told in notes(one) if told else "equinox" not in notes(one)
+
+
+async def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -> None:
+    async with server(blocks=True) as one:
+        await one.controller.perform(goal(one, 80.0, 20.0))
+        assert one.sim.slewing and await one.controller.answer(op.Slewing())
+        await one.controller.stop()
+        await asyncio.sleep(1.0)
+        assert not one.sim.slewing and one.sim.tracking
+
+
+async def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_does_not_slew() -> None:
+    async with server(quiet_axes=True) as one:
+        await one.controller.perform(goal(one))
+        await arrive(one)
+        await one.controller.perform(op.Move(op.Direction.WEST, op.Rate(degrees=1.0)))
+        await asyncio.sleep(1.0)
+        assert (await one.controller.answer(op.GetActivity())).by_hand and not one.sim.moves
+        await one.controller.stop()
+        await asyncio.sleep(1.5)
+        stood = one.sim.truth()
+        await asyncio.sleep(3.0)
+        assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+
+
+async def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
+    async with server(config={"site_time": "always"}, keeps_clock=True) as one:
+        with pytest.raises(Refused, match="reports another one"):
+            await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
+
+
+async def test_a_mount_that_its_server_has_lost_is_a_lost_mount_and_is_connected_again() -> None:
+    async with server() as one:
+        one.sim.connected_since = math.inf
+        await asyncio.sleep(10.0)
+        assert one.sim.connected and "the mount does not answer" not in notes(one)
+        await one.controller.perform(goal(one))
+        assert one.sim.slewing
+        one.sim.connected_since = math.inf
+        one.sim.lacks |= {"connected_put"}
+        await asyncio.sleep(10.0)
+        assert one.controller.line.state == "down"
+        with pytest.raises(NoAnswer):
             await one.controller.perform(goal(one))
-            await arrive(one)
-            await asyncio.sleep(5.0)
-            there = goal(one, 20.0, 30.0)
-            await one.controller.perform(there)
-            await arrive(one)
-            missed = separation(*one.sim.truth(), there.ra, there.dec) / ARCMINUTE
-            contradicted = bool(told) and key is None and declares in (1, 2)
-            assert (missed > 10.0) if contradicted else (missed < 0.5)
-            assert told in notes(one) if told else "equinox" not in notes(one)
-
-    run(program())
+        one.sim.lacks -= {"connected_put"}
+        await asyncio.sleep(10.0)
+        assert one.controller.line.state == "up" and not one.sim.slewing
+        assert not any(line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent())
 
 
-def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -> None:
-    async def program() -> None:
-        async with server(blocks=True) as one:
-            await one.controller.perform(goal(one, 80.0, 20.0))
-            assert one.sim.slewing and await one.controller.answer(op.Slewing())
-            await one.controller.stop()
-            await asyncio.sleep(1.0)
-            assert not one.sim.slewing and one.sim.tracking
-
-    run(program())
+async def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
+    async with server(lacks=frozenset({"moveaxis"})) as one:
+        with pytest.raises(Unsupported):
+            await one.controller.perform(op.MoveAxis(1, 1, op.Rate(degrees=0.5)))
+        assert "MoveAxis" not in (await one.controller.answer(op.GetAbilities())).can
 
 
-def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_does_not_slew() -> None:
-    async def program() -> None:
-        async with server(quiet_axes=True) as one:
-            await one.controller.perform(goal(one))
-            await arrive(one)
-            await one.controller.perform(op.Move(op.Direction.WEST, op.Rate(degrees=1.0)))
-            await asyncio.sleep(1.0)
-            assert (await one.controller.answer(op.GetActivity())).by_hand and not one.sim.moves
-            await one.controller.stop()
-            await asyncio.sleep(1.5)
-            stood = one.sim.truth()
-            await asyncio.sleep(3.0)
-            assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
-
-    run(program())
-
-
-def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
-    async def program() -> None:
-        async with server(config={"site_time": "always"}, keeps_clock=True) as one:
-            with pytest.raises(Refused, match="reports another one"):
-                await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
-
-    run(program())
-
-
-def test_a_mount_that_its_server_has_lost_is_a_lost_mount_and_is_connected_again() -> None:
-    async def program() -> None:
-        async with server() as one:
-            one.sim.connected_since = math.inf
-            await asyncio.sleep(10.0)
-            assert one.sim.connected and "the mount does not answer" not in notes(one)
-            await one.controller.perform(goal(one))
-            assert one.sim.slewing
-            one.sim.connected_since = math.inf
-            one.sim.lacks |= {"connected_put"}
-            await asyncio.sleep(10.0)
-            assert one.controller.line.state == "down"
-            with pytest.raises(NoAnswer):
-                await one.controller.perform(goal(one))
-            one.sim.lacks -= {"connected_put"}
-            await asyncio.sleep(10.0)
-            assert one.controller.line.state == "up" and not one.sim.slewing
-            assert not any(
-                line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent()
-            )
-
-    run(program())
-
-
-def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
-    async def program() -> None:
-        async with server(lacks=frozenset({"moveaxis"})) as one:
-            with pytest.raises(Unsupported):
-                await one.controller.perform(op.MoveAxis(1, 1, op.Rate(degrees=0.5)))
-            assert "MoveAxis" not in (await one.controller.answer(op.GetAbilities())).can
-
-    run(program())
-
-
-def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
-    async def program() -> None:
-        async with server(lacks=frozenset({"abortslew"})) as one:
-            await one.controller.perform(op.Move(op.Direction.SOUTH, op.Rate(degrees=1.0)))
-            await asyncio.sleep(1.0)
-            await one.controller.stop()
-            await asyncio.sleep(1.0)
-            stood = one.sim.truth()
-            await asyncio.sleep(2.0)
-            assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
-
-    run(program())
+async def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
+    async with server(lacks=frozenset({"abortslew"})) as one:
+        await one.controller.perform(op.Move(op.Direction.SOUTH, op.Rate(degrees=1.0)))
+        await asyncio.sleep(1.0)
+        await one.controller.stop()
+        await asyncio.sleep(1.0)
+        stood = one.sim.truth()
+        await asyncio.sleep(2.0)
+        assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
 
 
 @pytest.mark.parametrize("since", [0.3, 1.7, 4.0])
-def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> None:
-    async def program() -> None:
-        async with server(config={"lowest": -90.0}) as one:
-            await one.controller.perform(op.Move(op.Direction.EAST, op.Rate(degrees=2.0)))
-            await asyncio.sleep(1.0)
-            wire = one.controller.line.wire
-            wire.newest_only = True  # type: ignore[attr-defined]
-            answered = wire.write
-            wire.write = lambda data: None if data.startswith(b"get") else answered(data)  # type: ignore[method-assign]
-            await asyncio.sleep(since)
-            assert moving(one.sim)
-            with contextlib.suppress(NoAnswer):
-                async with asyncio.timeout(0.6):
-                    await one.controller.perform(op.AbortMotion())
-            assert not moving(one.sim)
-
-    run(program())
+async def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> None:
+    async with server(config={"lowest": -90.0}) as one:
+        await one.controller.perform(op.Move(op.Direction.EAST, op.Rate(degrees=2.0)))
+        await asyncio.sleep(1.0)
+        wire = one.controller.line.wire
+        wire.newest_only = True  # type: ignore[attr-defined]
+        answered = wire.write
+        wire.write = lambda data: None if data.startswith(b"get") else answered(data)  # type: ignore[method-assign]
+        await asyncio.sleep(since)
+        assert moving(one.sim)
+        with contextlib.suppress(NoAnswer):
+            async with asyncio.timeout(0.6):
+                await one.controller.perform(op.AbortMotion())
+        assert not moving(one.sim)
 
 
 @pytest.mark.parametrize("first", [True, False], ids=["reversed first", "reversed later"])
-def test_another_server_at_the_same_address_is_looked_at_anew(first: bool) -> None:
+async def test_another_server_at_the_same_address_is_looked_at_anew(first: bool) -> None:
     """The sense of its arrows and its equinox are its own."""
 
     async def north(one: Bridge) -> float:
@@ -268,18 +236,15 @@ def test_another_server_at_the_same_address_is_looked_at_anew(first: bool) -> No
         await asyncio.sleep(2.0)
         return one.sim.truth()[1] - before
 
-    async def program() -> None:
-        async with server("polar", senses=(-1, -1) if first else (1, 1), tells={"equatorialsystem": 1}) as one:
-            await one.controller.perform(goal(one))
-            await arrive(one)
-            await asyncio.sleep(5.0)
-            await north(one)
-            assert await north(one) > 0.5
-            one.sim.senses, one.sim.tells["equatorialsystem"] = (1, 1) if first else (-1, -1), 2
-            one.controller.line.transaction.connection_lost("another server")
-            await asyncio.sleep(10.0)
-            assert (await north(one) > 0.5) is first
-            assert await north(one) > 0.5
-            assert "declares j2000 coordinates, but" in notes(one)
-
-    run(program())
+    async with server("polar", senses=(-1, -1) if first else (1, 1), tells={"equatorialsystem": 1}) as one:
+        await one.controller.perform(goal(one))
+        await arrive(one)
+        await asyncio.sleep(5.0)
+        await north(one)
+        assert await north(one) > 0.5
+        one.sim.senses, one.sim.tells["equatorialsystem"] = (1, 1) if first else (-1, -1), 2
+        one.controller.line.transaction.connection_lost("another server")
+        await asyncio.sleep(10.0)
+        assert (await north(one) > 0.5) is first
+        assert await north(one) > 0.5
+        assert "declares j2000 coordinates, but" in notes(one)

@@ -10,7 +10,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 NO = b"\0#"
@@ -21,27 +20,24 @@ SET_TIME = b"H\x15\x1e\x28\x03\x0e\x1b\x0a\x00"
 @pytest.mark.parametrize(
     "motion", [b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x26\x64\x64\0\0", b"P\x03\x10\x06\x02\x58\0\0"]
 )
-def test_what_is_not_begun_gets_the_form_for_no_and_stops_their_yes(after: float, motion: bytes) -> None:
-    async def program() -> None:
-        async with Bridge(
-            "lx200",
-            driven="lx200",
-            presented="nexstar",
-            surface="cpc",
-            aligned=True,
-            config={"lowest": -90.0, "sun": 0.0, "site_time": "always"},
-        ) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"e", 5.0)
-            assert await client.ask(SET_TIME) == b"#"
-            await asyncio.sleep(after)
-            before = len(bridge.sent())
-            answer = await client.ask(motion, 4.0)
-            stop = await client.ask(bytes((80, 2, 0x21 - motion[2], 0x24, 0, 0, 0, 0)), 1.0)
-            assert stop == b"#"
-            await asyncio.sleep(20.0)
-            begun = [sent for sent in bridge.sent()[before:] if sent[:2] == b":M"]
-            assert any(sent.startswith(b":SC") for sent in bridge.sent())
-            assert answer == (b"#" if begun else NO)
-
-    run(program())
+async def test_what_is_not_begun_gets_the_form_for_no_and_stops_their_yes(after: float, motion: bytes) -> None:
+    async with Bridge(
+        "lx200",
+        driven="lx200",
+        presented="nexstar",
+        surface="cpc",
+        aligned=True,
+        config={"lowest": -90.0, "sun": 0.0, "site_time": "always"},
+    ) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"e", 5.0)
+        assert await client.ask(SET_TIME) == b"#"
+        await asyncio.sleep(after)
+        before = len(bridge.sent())
+        answer = await client.ask(motion, 4.0)
+        stop = await client.ask(bytes((80, 2, 0x21 - motion[2], 0x24, 0, 0, 0, 0)), 1.0)
+        assert stop == b"#"
+        await asyncio.sleep(20.0)
+        begun = [sent for sent in bridge.sent()[before:] if sent[:2] == b":M"]
+        assert any(sent.startswith(b":SC") for sent in bridge.sent())
+        assert answer == (b"#" if begun else NO)

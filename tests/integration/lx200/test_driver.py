@@ -10,7 +10,6 @@ from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import wrap360
 from gateway.core.errors import Busy
 from gateway.core.operations import Position
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
@@ -21,17 +20,14 @@ def meade(model: str, **settings: object) -> Bridge:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            assert bridge.driver.model == model
-            assert bridge.sent()[0] == b"\x06"  # ACK before anything that begins with a colon
-            assert bridge.sent().count(b":U#") == (0 if model == "lx200gps" else 1)
-            assert bridge.sim.high
-            assert len(bridge.sim.feed(b":GR#")) == 9
-            assert bridge.driver.tells_status == (model in ("autostar", "lx200gps"))
-
-    run(program())
+async def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str) -> None:
+    async with meade(model) as bridge:
+        assert bridge.driver.model == model
+        assert bridge.sent()[0] == b"\x06"  # ACK before anything that begins with a colon
+        assert bridge.sent().count(b":U#") == (0 if model == "lx200gps" else 1)
+        assert bridge.sim.high
+        assert len(bridge.sim.feed(b":GR#")) == 9
+        assert bridge.driver.tells_status == (model in ("autostar", "lx200gps"))
 
 
 @pytest.mark.parametrize(
@@ -51,104 +47,84 @@ def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str
         (b"M", [b":Q#"]),  # no goto is known, and no arrow: one may have been begun at its keypad
     ],
 )
-def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:
-    async def program() -> None:
-        async with meade("lx200gps") as bridge:
-            before = len(bridge.sent())
-            assert await bridge.client().ask(said) == b"#"
-            await asyncio.sleep(0.8)
-            moved = [sent for sent in bridge.sent()[before:] if sent[1:2] in b"RMTQ"]
-            assert moved == heard
-
-    run(program())
+async def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:
+    async with meade("lx200gps") as bridge:
+        before = len(bridge.sent())
+        assert await bridge.client().ask(said) == b"#"
+        await asyncio.sleep(0.8)
+        moved = [sent for sent in bridge.sent()[before:] if sent[1:2] in b"RMTQ"]
+        assert moved == heard
 
 
-def test_the_arrow_that_was_pressed_is_let_go() -> None:
-    async def program() -> None:
-        async with meade("autostar") as bridge:
-            client = bridge.client()
-            await client.ask(b"P\x02\x11\x25\x07\0\0\0")
-            await asyncio.sleep(0.5)
-            await client.ask(b"P\x02\x11\x24\x00\0\0\0")
-            await asyncio.sleep(0.5)
-            assert bridge.sent().count(b":Qs#") == 2  # it acknowledges nothing
-            assert b":Qn#" not in bridge.sent()
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_the_arrow_that_was_pressed_is_let_go() -> None:
+    async with meade("autostar") as bridge:
+        client = bridge.client()
+        await client.ask(b"P\x02\x11\x25\x07\0\0\0")
+        await asyncio.sleep(0.5)
+        await client.ask(b"P\x02\x11\x24\x00\0\0\0")
+        await asyncio.sleep(0.5)
+        assert bridge.sent().count(b":Qs#") == 2  # it acknowledges nothing
+        assert b":Qn#" not in bridge.sent()
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\x00") == b"#"
+async def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str) -> None:
+    async with meade(model) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\x00") == b"#"
+        await asyncio.sleep(0.5)
+        if model in ("autostar", "lx200gps"):
+            assert bridge.sent().count(b":AL#") == 1
+            assert await client.ask(b"t") == b"\x00#"
+            assert await client.ask(b"T\x01") == b"#"
             await asyncio.sleep(0.5)
-            if model in ("autostar", "lx200gps"):
-                assert bridge.sent().count(b":AL#") == 1
-                assert await client.ask(b"t") == b"\x00#"
-                assert await client.ask(b"T\x01") == b"#"
-                await asyncio.sleep(0.5)
-                assert bridge.sent().count(b":AA#") == 1
-                assert await client.ask(b"t") == b"\x01#"
-            else:
-                assert not [sent for sent in bridge.sent() if sent[:2] == b":A"]
-                assert any("keeps tracking" in entry.note for entry in bridge.entries)
-            assert bridge.sim.tracking
-            assert bridge.sim.aligned
-
-    run(program())
+            assert bridge.sent().count(b":AA#") == 1
+            assert await client.ask(b"t") == b"\x01#"
+        else:
+            assert not [sent for sent in bridge.sent() if sent[:2] == b":A"]
+            assert any("keeps tracking" in entry.note for entry in bridge.entries)
+        assert bridge.sim.tracking
+        assert bridge.sim.aligned
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> None:
-    async def program() -> None:
-        async with meade(model, config={"lowest": -90.0}) as bridge:
-            client = bridge.client()
-            ra = wrap360(sidereal_time(bridge.clock(), 10.0) + 180.0)
-            request = b"r%06X00,%06X00" % (round(ra / 360 * 2**24), round(-40 / 360 * 2**24) % 2**24)
-            assert await client.ask(request) == b"#"
-            await asyncio.sleep(1)
-            assert await client.ask(b"L") == b"0#"
-            assert any("elow" in entry.note for entry in bridge.entries)
-
-    run(program())
+async def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> None:
+    async with meade(model, config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        ra = wrap360(sidereal_time(bridge.clock(), 10.0) + 180.0)
+        request = b"r%06X00,%06X00" % (round(ra / 360 * 2**24), round(-40 / 360 * 2**24) % 2**24)
+        assert await client.ask(request) == b"#"
+        await asyncio.sleep(1)
+        assert await client.ask(b"L") == b"0#"
+        assert any("elow" in entry.note for entry in bridge.entries)
 
 
-def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
-    async def program() -> None:
-        async with meade("lx200gps") as bridge:
-            await asyncio.sleep(6)
-            bridge.sim.busy_until = bridge.clock() + 1.0
-            assert (await bridge.controller.answer(Position())).dec == pytest.approx(0.0, abs=0.1)
-            await asyncio.sleep(6)
-            bridge.sim.busy_until = bridge.clock() + 60.0
-            assert (await bridge.controller.answer(Position())).dec == pytest.approx(
-                0.0, abs=0.1
-            )  # as it was told last
-            await asyncio.sleep(6)
-            with pytest.raises(Busy):
-                await bridge.controller.answer(Position())
-
-    run(program())
+async def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
+    async with meade("lx200gps") as bridge:
+        await asyncio.sleep(6)
+        bridge.sim.busy_until = bridge.clock() + 1.0
+        assert (await bridge.controller.answer(Position())).dec == pytest.approx(0.0, abs=0.1)
+        await asyncio.sleep(6)
+        bridge.sim.busy_until = bridge.clock() + 60.0
+        assert (await bridge.controller.answer(Position())).dec == pytest.approx(0.0, abs=0.1)  # as it was told last
+        await asyncio.sleep(6)
+        with pytest.raises(Busy):
+            await bridge.controller.answer(Position())
 
 
-def test_a_position_costs_one_pair_however_many_ask() -> None:
-    async def program() -> None:
-        async with meade("lx200gps") as bridge:
-            counts = []
-            for clients in (1, 20):
-                visitors = [bridge.client(f"10.0.0.{n}") for n in range(clients)]
-                await asyncio.sleep(5)
-                before = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
-                for _ in range(120):
-                    for visitor in visitors:
-                        visitor.tell(b"e")
-                    await asyncio.sleep(0.25)
-                after = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
-                counts.append((after[0] - before[0], after[1] - before[1]))
-            assert counts[0][0] == pytest.approx(counts[0][1], abs=1)
-            assert counts[0][0] == pytest.approx(counts[1][0], rel=0.1)
-
-    run(program())
+async def test_a_position_costs_one_pair_however_many_ask() -> None:
+    async with meade("lx200gps") as bridge:
+        counts = []
+        for clients in (1, 20):
+            visitors = [bridge.client(f"10.0.0.{n}") for n in range(clients)]
+            await asyncio.sleep(5)
+            before = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+            for _ in range(120):
+                for visitor in visitors:
+                    visitor.tell(b"e")
+                await asyncio.sleep(0.25)
+            after = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+            counts.append((after[0] - before[0], after[1] - before[1]))
+        assert counts[0][0] == pytest.approx(counts[0][1], abs=1)
+        assert counts[0][0] == pytest.approx(counts[1][0], rel=0.1)

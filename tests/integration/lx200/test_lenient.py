@@ -47,28 +47,25 @@ def padded(bridge: Bridge, around: tuple[bytes, bytes], apart: bool) -> None:
 @pytest.mark.parametrize("model", DEVICES)
 @pytest.mark.parametrize("around", AROUND)
 @pytest.mark.parametrize("apart", [False, True])
-def test_line_ends_and_blanks_around_replies_are_no_part_of_them(
+async def test_line_ends_and_blanks_around_replies_are_no_part_of_them(
     model: str, around: tuple[bytes, bytes], apart: bool
 ) -> None:
-    async def night() -> None:
-        bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0, "lowest": -90.0}, speed=10.0)
-        padded(bridge, around, apart)
-        await found(bridge)
-        assert bridge.driver.model == model
-        client = bridge.client()
-        assert 15.0 * hours(await client.ask(b":GR#", 3.5)) == pytest.approx(bridge.sim.position()[0], abs=0.01)
-        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
-        await asyncio.sleep(30.0)
-        assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
-        assert b"#" in await client.ask(b":CM#", 4.0)
-        assert not [entry for entry in bridge.entries if "garbled" in entry.note or "does not answer" in entry.note]
-        await bridge.controller.close()
-
-    run(night())
+    bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0, "lowest": -90.0}, speed=10.0)
+    padded(bridge, around, apart)
+    await found(bridge)
+    assert bridge.driver.model == model
+    client = bridge.client()
+    assert 15.0 * hours(await client.ask(b":GR#", 3.5)) == pytest.approx(bridge.sim.position()[0], abs=0.01)
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    await asyncio.sleep(30.0)
+    assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
+    assert b"#" in await client.ask(b":CM#", 4.0)
+    assert not [entry for entry in bridge.entries if "garbled" in entry.note or "does not answer" in entry.note]
+    await bridge.controller.close()
 
 
 @each("url", ["-", "lx200@/dev/ttyUSB0", "lx200:other@/dev/ttyUSB0", "lx200:autostar@/dev/ttyUSB0"])
-def test_a_home_made_telescope_is_found(url: str) -> None:
+async def test_a_home_made_telescope_is_found(url: str) -> None:
     """It knows the position alone, and ends each line."""
 
     def device(data: bytes) -> bytes:
@@ -77,13 +74,10 @@ def test_a_home_made_telescope_is_found(url: str) -> None:
             lines[part] + b"#\r\n" if part != b"\x06" else b"P\r\n" for part in data.split(b"#") if part in lines
         )
 
-    async def night() -> None:
-        place = SerialPortInfo("-", "-") if url == "-" else parse_port(url)
-        finding = await look(place, UartWire(device))
-        assert finding.state == "lx200", finding
-        assert finding.mount is not None, finding
-
-    run(night())
+    place = SerialPortInfo("-", "-") if url == "-" else parse_port(url)
+    finding = await look(place, UartWire(device))
+    assert finding.state == "lx200", finding
+    assert finding.mount is not None, finding
 
 
 @each(("command", "reply", "says"), [
@@ -137,16 +131,13 @@ def test_no_other_bytes_become_a_reply(command: str, reply: bytes) -> None:
     assert taken is None or isinstance(taken[0], Garbled) or taken[1] < len(reply)
 
 
-def test_a_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
-    async def night() -> None:
-        bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
-        oddly(bridge, b":MS#", b"4Object above limit.#")
-        async with bridge:
-            told = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b".#")
-            assert b"Object above limit." in told
-            assert bridge.controller.line.state == "up"
-
-    run(night())
+async def test_a_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
+    bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
+    oddly(bridge, b":MS#", b"4Object above limit.#")
+    async with bridge:
+        told = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b".#")
+        assert b"Object above limit." in told
+        assert bridge.controller.line.state == "up"
 
 
 @pytest.mark.parametrize("answer", [b"", b"1", b"0#"])

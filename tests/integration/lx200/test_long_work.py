@@ -17,219 +17,177 @@ def meade(model: str = "lx200gps", **settings: Any) -> Bridge:
     return Bridge(model, driven="lx200", surface=settings.pop("surface", model), **settings)
 
 
-def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            asking, other = bridge.client(), bridge.client("10.0.0.2")
-            await other.ask(b":GR#")
-            asking.tell(b":gT#")
-            await asyncio.sleep(2.0)
-            assert bridge.controller.line.state == "busy"
-            before = len(bridge.sent())
-            assert await other.ask(b":GR#", 0.2) != b""  # the last position, for a while
-            other.tell(b":Q#")
-            await asyncio.sleep(0.001)
-            assert bridge.sent()[before:] == [b":Q#"]
-            assert not bridge.controller.wanted.owed
-            other.tell(b":Mn#")
-            await asyncio.sleep(10.0)
-            assert await other.ask(b":GR#", 5.0) == b""
-            assert bridge.sent()[before:] == [b":Q#"]
-            await asyncio.sleep(60.0)
-            assert asking.heard == b"1"
-            assert bridge.controller.line.state == "up"
-            assert (await other.ask(b":GR#")).endswith(b"#")
-            assert bridge.sim.mechanics.axes(bridge.sim.now)[1] == pytest.approx(45.0, abs=1.0)  # :Mn never came
-
-    run(program())
+async def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() -> None:
+    async with meade() as bridge:
+        asking, other = bridge.client(), bridge.client("10.0.0.2")
+        await other.ask(b":GR#")
+        asking.tell(b":gT#")
+        await asyncio.sleep(2.0)
+        assert bridge.controller.line.state == "busy"
+        before = len(bridge.sent())
+        assert await other.ask(b":GR#", 0.2) != b""  # the last position, for a while
+        other.tell(b":Q#")
+        await asyncio.sleep(0.001)
+        assert bridge.sent()[before:] == [b":Q#"]
+        assert not bridge.controller.wanted.owed
+        other.tell(b":Mn#")
+        await asyncio.sleep(10.0)
+        assert await other.ask(b":GR#", 5.0) == b""
+        assert bridge.sent()[before:] == [b":Q#"]
+        await asyncio.sleep(60.0)
+        assert asking.heard == b"1"
+        assert bridge.controller.line.state == "up"
+        assert (await other.ask(b":GR#")).endswith(b"#")
+        assert bridge.sim.mechanics.axes(bridge.sim.now)[1] == pytest.approx(45.0, abs=1.0)  # :Mn never came
 
 
-def test_the_gps_is_not_asked_while_anything_moves() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            client.tell(b":RG#:Mn#")
-            await asyncio.sleep(1.0)
-            assert await client.ask(b":gT#") == b"0"
-            assert b":gT#" not in bridge.sent()
-
-    run(program())
+async def test_the_gps_is_not_asked_while_anything_moves() -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        client.tell(b":RG#:Mn#")
+        await asyncio.sleep(1.0)
+        assert await client.ask(b":gT#") == b"0"
+        assert b":gT#" not in bridge.sent()
 
 
 @pytest.mark.parametrize(("model", "gps", "set_"), [("cge", {}, False), ("cpc", {"gps_linked": True}, True)])
-def test_a_clock_that_no_gps_has_set_is_not_said_to_be_kept(model: str, gps: dict[str, Any], set_: bool) -> None:
-    async def program() -> None:
-        async with Bridge(model, surface="lx200gps") as bridge:
-            assert await bridge.client().ask(b":gT#", 5.0) == (b"1" if set_ else b"0")
-            said = any("set by the GPS" in entry.note for entry in bridge.entries)
-            assert said is set_
-
-    run(program())
+async def test_a_clock_that_no_gps_has_set_is_not_said_to_be_kept(model: str, gps: dict[str, Any], set_: bool) -> None:
+    async with Bridge(model, surface="lx200gps") as bridge:
+        assert await bridge.client().ask(b":gT#", 5.0) == (b"1" if set_ else b"0")
+        said = any("set by the GPS" in entry.note for entry in bridge.entries)
+        assert said is set_
 
 
-def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
-            await asyncio.sleep(1.0)
-            goal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0
-            bridge.sim.mechanics.goto_sky(bridge.sim.now, goal, 20.0)  # by its own keys
-            assert bridge.sim.slewing and bridge.sent()[-1].startswith(b":SC")
-            client.tell(b":Q#")
-            await asyncio.sleep(0.01)
-            assert bridge.sent()[-1] == b":Q#"
+async def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
+    async with meade("lx200") as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
+        await asyncio.sleep(1.0)
+        goal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0
+        bridge.sim.mechanics.goto_sky(bridge.sim.now, goal, 20.0)  # by its own keys
+        assert bridge.sim.slewing and bridge.sent()[-1].startswith(b":SC")
+        client.tell(b":Q#")
+        await asyncio.sleep(0.01)
+        assert bridge.sent()[-1] == b":Q#"
+        await asyncio.sleep(0.5)
+        assert not bridge.sim.slewing
+
+
+async def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
+    async with meade("lx200-16") as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
+        await asyncio.sleep(60.0)
+        client.tell(b":hF#")
+        for _ in range(10):
+            await client.ask(b":GR#", 0.5)
             await asyncio.sleep(0.5)
-            assert not bridge.sim.slewing
-
-    run(program())
-
-
-def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
-    async def program() -> None:
-        async with meade("lx200-16") as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
-            await asyncio.sleep(60.0)
-            client.tell(b":hF#")
-            for _ in range(10):
-                await client.ask(b":GR#", 0.5)
-                await asyncio.sleep(0.5)
-            assert set(bridge.sent()[bridge.sent().index(b":hF#") :]) <= {b":Q#", b":hF#", b":h?#"}
-            assert await client.ask(b":h?#") == b"2"
-            assert bridge.controller.line.state == "up"
-            with pytest.raises(Busy):
-                await bridge.controller.perform(op.TrackRate(name="lunar"))
-            client.tell(b":Q#")
-            await asyncio.sleep(0.3)
-            assert await client.ask(b":h?#") == b"0"
-            client.tell(b":hF#")
-            await asyncio.sleep(60.0)
-            assert await client.ask(b":h?#") == b"1"
-            assert (await client.ask(b":GR#")).endswith(b"#")
-
-    run(program())
+        assert set(bridge.sent()[bridge.sent().index(b":hF#") :]) <= {b":Q#", b":hF#", b":h?#"}
+        assert await client.ask(b":h?#") == b"2"
+        assert bridge.controller.line.state == "up"
+        with pytest.raises(Busy):
+            await bridge.controller.perform(op.TrackRate(name="lunar"))
+        client.tell(b":Q#")
+        await asyncio.sleep(0.3)
+        assert await client.ask(b":h?#") == b"0"
+        client.tell(b":hF#")
+        await asyncio.sleep(60.0)
+        assert await client.ask(b":h?#") == b"1"
+        assert (await client.ask(b":GR#")).endswith(b"#")
 
 
-def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
+async def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
     """An LX200GPS says NAK to an arrow while it is busy; the arrow is refused, neither believed nor begun later."""
-
-    async def program() -> None:
-        async with meade(latency=0.01) as bridge:
-            bridge.sim.busy_until = bridge.clock() + 1.0
-            with pytest.raises(Busy):
-                await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
-            await asyncio.sleep(3.0)
-            assert bridge.sim.arrows == {}
+    async with meade(latency=0.01) as bridge:
+        bridge.sim.busy_until = bridge.clock() + 1.0
+        with pytest.raises(Busy):
             await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
-            assert bridge.sim.arrows == {2: False}
-
-    run(program())
-
-
-def test_one_sentence_of_the_gps_serves_every_question_for_five_minutes() -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01") == b"\x01#"
-            latitude = await client.ask(b"P\x01\xb0\x01\0\0\0\x03")
-            assert int.from_bytes(latitude[:3]) * 360 / 2**24 == pytest.approx(45.0, abs=0.001)
-            first = await client.ask(b"P\x01\xb0\x33\0\0\0\x03")
-            await asyncio.sleep(240.0)
-            later = await client.ask(b"P\x01\xb0\x33\0\0\0\x03")
-            assert later[0] * 60 + later[1] == first[0] * 60 + first[1] + 4
-            assert bridge.sent().count(b":gps#") == 1
-            await asyncio.sleep(70.0)
-            await client.ask(b"P\x01\xb0\x37\0\0\0\x01")
-            assert bridge.sent().count(b":gps#") == 2
-            assert b":gT#" not in bridge.sent()
-
-    run(program())
+        await asyncio.sleep(3.0)
+        assert bridge.sim.arrows == {}
+        await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+        assert bridge.sim.arrows == {2: False}
 
 
-def test_the_fastest_rate_is_the_one_that_was_asked_for() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            await client.ask(b":Sw3#")
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(0.5)
-            assert bridge.sim.mechanics.fastest == 3.0
-            client.tell(b":Qw#")
-            other = bridge.client("10.0.0.2")
-            other.tell(b":RS#:Mn#")
-            await asyncio.sleep(0.5)
-            assert bridge.sim.mechanics.fastest == 8.0
+async def test_one_sentence_of_the_gps_serves_every_question_for_five_minutes() -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01") == b"\x01#"
+        latitude = await client.ask(b"P\x01\xb0\x01\0\0\0\x03")
+        assert int.from_bytes(latitude[:3]) * 360 / 2**24 == pytest.approx(45.0, abs=0.001)
+        first = await client.ask(b"P\x01\xb0\x33\0\0\0\x03")
+        await asyncio.sleep(240.0)
+        later = await client.ask(b"P\x01\xb0\x33\0\0\0\x03")
+        assert later[0] * 60 + later[1] == first[0] * 60 + first[1] + 4
+        assert bridge.sent().count(b":gps#") == 1
+        await asyncio.sleep(70.0)
+        await client.ask(b"P\x01\xb0\x37\0\0\0\x01")
+        assert bridge.sent().count(b":gps#") == 2
+        assert b":gT#" not in bridge.sent()
 
-    run(program())
+
+async def test_the_fastest_rate_is_the_one_that_was_asked_for() -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        await client.ask(b":Sw3#")
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(0.5)
+        assert bridge.sim.mechanics.fastest == 3.0
+        client.tell(b":Qw#")
+        other = bridge.client("10.0.0.2")
+        other.tell(b":RS#:Mn#")
+        await asyncio.sleep(0.5)
+        assert bridge.sim.mechanics.fastest == 8.0
 
 
-def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_else() -> None:
-    async def program() -> None:
-        async with meade("lx200-16") as bridge:
-            bridge.client().tell(b":f+#:r+#:B+#")
-            await asyncio.sleep(1.0)
-            assert bridge.sim.parts == {"fan": True, "derotator": True, "reticle": 1}
-        async with meade("autostar", surface="lx200gps") as bridge:
-            before = len(bridge.sent())
-            assert await bridge.client().ask(b":f+#:fT#:Gc#") == b"24#"
-            assert b":f+#" not in bridge.sent()[before:]
-
-    run(program())
+async def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_else() -> None:
+    async with meade("lx200-16") as bridge:
+        bridge.client().tell(b":f+#:r+#:B+#")
+        await asyncio.sleep(1.0)
+        assert bridge.sim.parts == {"fan": True, "derotator": True, "reticle": 1}
+    async with meade("autostar", surface="lx200gps") as bridge:
+        before = len(bridge.sent())
+        assert await bridge.client().ask(b":f+#:fT#:Gc#") == b"24#"
+        assert b":f+#" not in bridge.sent()[before:]
 
 
 @pytest.mark.parametrize(("factor", "sent"), [(1.0, b":TQ#"), (0.99996, b":TQ#"), (0.94, b":ST056.6#")])
-def test_a_classic_tracks_at_the_rate_asked_for(factor: float, sent: bytes) -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            await bridge.controller.perform(op.TrackRate(factor=factor))
-            assert sent in bridge.sent()
-
-    run(program())
+async def test_a_classic_tracks_at_the_rate_asked_for(factor: float, sent: bytes) -> None:
+    async with meade("lx200") as bridge:
+        await bridge.controller.perform(op.TrackRate(factor=factor))
+        assert sent in bridge.sent()
 
 
-def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
+async def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
     """56.4 to 60.1 hertz: half the sidereal rate is 30.1."""
-
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
-                await bridge.controller.perform(op.TrackRate(factor=0.5))
-            assert b":TM#" not in bridge.sent()
-
-    run(program())
+    async with meade("lx200") as bridge:
+        with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
+            await bridge.controller.perform(op.TrackRate(factor=0.5))
+        assert b":TM#" not in bridge.sent()
 
 
-def test_a_toggle_that_is_told_the_same_twice_is_pressed_once() -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            for on in (True, True, False, False):
-                await bridge.controller.perform(op.PeriodicError(1, on))
-            assert sum(b"$Q" in request for request in bridge.sent()) == 2
-            with pytest.raises(Unsupported):
-                await bridge.controller.perform(op.Park())
-
-    run(program())
+async def test_a_toggle_that_is_told_the_same_twice_is_pressed_once() -> None:
+    async with meade("lx200") as bridge:
+        for on in (True, True, False, False):
+            await bridge.controller.perform(op.PeriodicError(1, on))
+        assert sum(b"$Q" in request for request in bridge.sent()) == 2
+        with pytest.raises(Unsupported):
+            await bridge.controller.perform(op.Park())
 
 
-def test_a_halt_overtakes_what_its_own_client_waits_for() -> None:
+async def test_a_halt_overtakes_what_its_own_client_waits_for() -> None:
     """The client's position is still on its way when it lets go of the arrow; an arrow behind it is not begun."""
-
-    async def program() -> None:
-        async with meade("autostar", latency=0.4) as bridge:
-            client = bridge.client()
-            client.tell(b":Mn#")
-            await asyncio.sleep(1.5)
-            client.tell(b":GR#")
-            client.tell(b":Me#:Mn#:Qn#")
-            await asyncio.sleep(6.0)
-            sent = bridge.sent()
-            assert b":Qn#" in sent
-            assert sent.count(b":Mn#") == 1
-            assert b":Me#" in sent
-            assert bridge.sim.arrows.keys() == {1}
-
-    run(program())
+    async with meade("autostar", latency=0.4) as bridge:
+        client = bridge.client()
+        client.tell(b":Mn#")
+        await asyncio.sleep(1.5)
+        client.tell(b":GR#")
+        client.tell(b":Me#:Mn#:Qn#")
+        await asyncio.sleep(6.0)
+        sent = bridge.sent()
+        assert b":Qn#" in sent
+        assert sent.count(b":Mn#") == 1
+        assert b":Me#" in sent
+        assert bridge.sim.arrows.keys() == {1}
 
 
 @pytest.mark.parametrize("driven", ["lx200", "nexstar"])

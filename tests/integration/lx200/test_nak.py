@@ -29,36 +29,30 @@ def gps(presented: str) -> Bridge:
         ("nexstar", b"r55555500,15555500", b"#"),
     ],
 )
-def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard: bytes) -> None:
-    async def program() -> None:
-        async with gps(presented) as bridge:
-            client = bridge.client()
-            bridge.sim.busy_until = bridge.clock() + 1.5
-            assert await client.ask(said, 3.5, until=heard[-1:]) == heard
-            await asyncio.sleep(4.0)
-            if said[-3:-1] == b"MS" or said[:1] == b"r":
-                assert bridge.sim.slewing
-
-    run(program())
+async def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard: bytes) -> None:
+    async with gps(presented) as bridge:
+        client = bridge.client()
+        bridge.sim.busy_until = bridge.clock() + 1.5
+        assert await client.ask(said, 3.5, until=heard[-1:]) == heard
+        await asyncio.sleep(4.0)
+        if said[-3:-1] == b"MS" or said[:1] == b"r":
+            assert bridge.sim.slewing
 
 
 @pytest.mark.parametrize(
     ("presented", "said"),
     [("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#:GR#:GD#:GZ#"), ("nexstar", b"eztr55555500,15555500")],
 )
-def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: bytes) -> None:
-    async def program() -> None:
-        async with gps(presented) as bridge:
-            client = bridge.client()
-            bridge.sim.busy_until = bridge.clock() + 30.0
-            client.tell(said)
-            await asyncio.sleep(20.0)
-            assert NAK not in client.heard
-            assert len([one for one in bridge.sent() if one[:3] in (b":MS", b":Sr")]) < 10
-            await asyncio.sleep(20.0)
-            assert not bridge.sim.slewing
-
-    run(program())
+async def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: bytes) -> None:
+    async with gps(presented) as bridge:
+        client = bridge.client()
+        bridge.sim.busy_until = bridge.clock() + 30.0
+        client.tell(said)
+        await asyncio.sleep(20.0)
+        assert NAK not in client.heard
+        assert len([one for one in bridge.sent() if one[:3] in (b":MS", b":Sr")]) < 10
+        await asyncio.sleep(20.0)
+        assert not bridge.sim.slewing
 
 
 @pytest.mark.parametrize("times", [1, 3, 5])

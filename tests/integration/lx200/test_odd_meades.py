@@ -62,26 +62,23 @@ async def found(bridge: Bridge, seconds: float = 20.0) -> None:
 @pytest.mark.sampled(1, every=3)
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize(("model", "name", "question", "answer"), VARIANTS)
-def test_a_mount_that_tells_where_it_points_is_a_mount(
+async def test_a_mount_that_tells_where_it_points_is_a_mount(
     model: str, name: str, question: bytes, answer: bytes, named: bool
 ) -> None:
-    async def program() -> None:
-        bridge = Bridge(model, driven="lx200", surface="autostar", named=named, config={"sun": 0.0}, speed=10.0)
-        oddly(bridge, question, answer)
-        await found(bridge)
-        client = bridge.client()
-        told = await client.ask(b":GR#", 3.5)
-        assert 15.0 * hours(told) == pytest.approx(bridge.sim.position()[0], abs=0.01)
-        assert len(await client.ask(b":GW#", 3.5)) == 3
-        await asyncio.sleep(6.0)  # what was answered oddly may still be answered
-        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
-        await asyncio.sleep(6.0)
-        assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
-        assert bridge.sim.position()[1] == pytest.approx(30.0, abs=0.01)
-        assert bridge.controller.line.state == "up"
-        await bridge.controller.close()
-
-    run(program())
+    bridge = Bridge(model, driven="lx200", surface="autostar", named=named, config={"sun": 0.0}, speed=10.0)
+    oddly(bridge, question, answer)
+    await found(bridge)
+    client = bridge.client()
+    told = await client.ask(b":GR#", 3.5)
+    assert 15.0 * hours(told) == pytest.approx(bridge.sim.position()[0], abs=0.01)
+    assert len(await client.ask(b":GW#", 3.5)) == 3
+    await asyncio.sleep(6.0)  # what was answered oddly may still be answered
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    await asyncio.sleep(6.0)
+    assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
+    assert bridge.sim.position()[1] == pytest.approx(30.0, abs=0.01)
+    assert bridge.controller.line.state == "up"
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize(
@@ -99,46 +96,39 @@ def test_a_mount_that_tells_where_it_points_is_a_mount(
         ("lx200", b"\x06", b"D", (op.Tracking.ALTAZ, True, False)),
     ],
 )
-def test_it_has_the_abilities_that_its_answers_show(
+async def test_it_has_the_abilities_that_its_answers_show(
     model: str, question: bytes, answer: bytes, expected: tuple[op.Tracking, bool, bool]
 ) -> None:
-    async def program() -> None:
-        bridge = Bridge(model, driven="lx200", surface="autostar")
-        oddly(bridge, question, answer)
-        await found(bridge)
-        status = await bridge.controller.read(op.GetStatus())
-        assert (status.tracking, status.aligned, status.equatorial) == expected
-        assert bridge.driver.model == model
-        await bridge.controller.close()
-
-    run(program())
+    bridge = Bridge(model, driven="lx200", surface="autostar")
+    oddly(bridge, question, answer)
+    await found(bridge)
+    status = await bridge.controller.read(op.GetStatus())
+    assert (status.tracking, status.aligned, status.equatorial) == expected
+    assert bridge.driver.model == model
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize("pushed", [True, False])
 @pytest.mark.parametrize("model", ["autostar", "lx200"])
-def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: str, pushed: bool) -> None:
+async def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: str, pushed: bool) -> None:
     """A device on a telescope that is pushed by hand answers so; its position shows that it stands."""
-
-    async def program() -> None:
-        bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0}, speed=1.0 if pushed else 0.2)
-        oddly(bridge, b":D#", b"\x7f#")
-        if pushed:
-            oddly(bridge, b":MS#", b"0")
-        await found(bridge)
-        client = bridge.client()
-        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
-        for _ in range(6):
-            await asyncio.sleep(2.0)
-            assert len(await client.ask(b":D#")) > 1, "a goto may take its time to begin"
-        while not pushed and bridge.sim.mechanics.slewing(bridge.sim.now):
-            assert len(await client.ask(b":D#")) > 1 and bridge.driver.goto is not None
-            await asyncio.sleep(1.0)
-        await asyncio.sleep(2.0 * STANDS)
-        assert await client.ask(b":D#") == b"#"
-        assert not bridge.controller.moving
-        await bridge.controller.close()
-
-    run(program())
+    bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0}, speed=1.0 if pushed else 0.2)
+    oddly(bridge, b":D#", b"\x7f#")
+    if pushed:
+        oddly(bridge, b":MS#", b"0")
+    await found(bridge)
+    client = bridge.client()
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    for _ in range(6):
+        await asyncio.sleep(2.0)
+        assert len(await client.ask(b":D#")) > 1, "a goto may take its time to begin"
+    while not pushed and bridge.sim.mechanics.slewing(bridge.sim.now):
+        assert len(await client.ask(b":D#")) > 1 and bridge.driver.goto is not None
+        await asyncio.sleep(1.0)
+    await asyncio.sleep(2.0 * STANDS)
+    assert await client.ask(b":D#") == b"#"
+    assert not bridge.controller.moving
+    await bridge.controller.close()
 
 
 @pytest.mark.parametrize(
@@ -153,15 +143,12 @@ def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: str, pus
         (b"Autostar#", "autostar"),
     ],
 )
-def test_the_model_follows_from_the_name(answer: bytes, model: str) -> None:
-    async def program() -> None:
-        bridge = Bridge("lx200", driven="lx200", surface="autostar")
-        oddly(bridge, b":GVP#", answer)
-        await found(bridge)
-        assert bridge.driver.model == model
-        await bridge.controller.close()
-
-    run(program())
+async def test_the_model_follows_from_the_name(answer: bytes, model: str) -> None:
+    bridge = Bridge("lx200", driven="lx200", surface="autostar")
+    oddly(bridge, b":GVP#", answer)
+    await found(bridge)
+    assert bridge.driver.model == model
+    await bridge.controller.close()
 
 
 def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:

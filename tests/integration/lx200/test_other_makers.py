@@ -89,41 +89,34 @@ def test_how_it_is_written(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
-    async def program() -> None:
-        async with bridge(model) as own:
-            await own.controller.answer(op.GetIdentity())
-            await asyncio.sleep(1.0)
-            client = own.client()
-            assert await client.ask(b":GVP#") == b"Autostar#"
-            for said in (b":hS#", b":U#", b":GU#", b":Td#", b":F+#", b":B+#", b":$BA10#"):
-                client.tell(said)
-            await asyncio.sleep(5.0)
-            assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent())
-
-    run(program())
+async def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
+    async with bridge(model) as own:
+        await own.controller.answer(op.GetIdentity())
+        await asyncio.sleep(1.0)
+        client = own.client()
+        assert await client.ask(b":GVP#") == b"Autostar#"
+        for said in (b":hS#", b":U#", b":GU#", b":Td#", b":F+#", b":B+#", b":$BA10#"):
+            client.tell(said)
+        await asyncio.sleep(5.0)
+        assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent())
 
 
 @pytest.mark.parametrize(("model", "firmware"), [("onstep", "4.24s"), ("onstep", "3.16o"), ("teenastro", "1.6.2")])
-def test_one_that_was_left_in_low_precision_is_read_in_high_and_not_switched(model: str, firmware: str) -> None:
+async def test_one_that_was_left_in_low_precision_is_read_in_high_and_not_switched(model: str, firmware: str) -> None:
     """Another program of the evening has sent ``:U#``, before the gateway came and while it is there."""
-
-    async def program() -> None:
-        own = bridge(model)
-        own.sim.row = {**own.sim.row, "firmware": firmware}
-        assert own.sim.feed(b":U#") == b"" and len(own.sim.feed(b":GR#")) == len("12:34.5#")
-        async with own:
-            assert (await own.controller.answer(op.GetIdentity())).model == model
-            for goal in (40.0, 60.0, 50.0):
-                ra = round((own.sim.mechanics.sky.sidereal(own.clock()) + goal) * 240.0) / 240.0 % 360.0
-                await own.controller.perform(op.Goto(ra, 20.5025))
-                await asyncio.sleep(60.0)
-                seen = await own.controller.read_now(op.Position())
-                assert off(own.sim.truth(), (ra, 20.5025)) < 5.0 and off((seen.ra, seen.dec), own.sim.truth()) < 16.0
-                own.sim.feed(b":U#")
-            assert b":U#" not in own.sent()
-
-    run(program())
+    own = bridge(model)
+    own.sim.row = {**own.sim.row, "firmware": firmware}
+    assert own.sim.feed(b":U#") == b"" and len(own.sim.feed(b":GR#")) == len("12:34.5#")
+    async with own:
+        assert (await own.controller.answer(op.GetIdentity())).model == model
+        for goal in (40.0, 60.0, 50.0):
+            ra = round((own.sim.mechanics.sky.sidereal(own.clock()) + goal) * 240.0) / 240.0 % 360.0
+            await own.controller.perform(op.Goto(ra, 20.5025))
+            await asyncio.sleep(60.0)
+            seen = await own.controller.read_now(op.Position())
+            assert off(own.sim.truth(), (ra, 20.5025)) < 5.0 and off((seen.ra, seen.dec), own.sim.truth()) < 16.0
+            own.sim.feed(b":U#")
+        assert b":U#" not in own.sent()
 
 
 REASONS: dict[str, dict[bytes, type[Fault]]] = {
@@ -149,38 +142,31 @@ def test_every_refusal_of_a_goto_has_words(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
-    async def program() -> None:
-        async with bridge(model) as own:
-            await own.controller.perform(op.SetTracking(on=False, heard=True))
-            answering(own, {b":Te#": b"1"})
-            with pytest.raises(Refused, match="did not turn tracking on"):
-                await own.controller.perform(op.SetTracking(on=True, heard=True))
-            answering(own, {b":Te#": b"0"})
-            with pytest.raises(Refused, match="does not track: it is parked"):
-                await own.controller.perform(op.SetTracking(on=True, heard=True))
-
-    run(program())
+async def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
+    async with bridge(model) as own:
+        await own.controller.perform(op.SetTracking(on=False, heard=True))
+        answering(own, {b":Te#": b"1"})
+        with pytest.raises(Refused, match="did not turn tracking on"):
+            await own.controller.perform(op.SetTracking(on=True, heard=True))
+        answering(own, {b":Te#": b"0"})
+        with pytest.raises(Refused, match="does not track: it is parked"):
+            await own.controller.perform(op.SetTracking(on=True, heard=True))
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_what_a_person_did_at_the_keypad_a_moment_ago_is_seen_before_an_order(model: str) -> None:
+async def test_what_a_person_did_at_the_keypad_a_moment_ago_is_seen_before_an_order(model: str) -> None:
     """Within the time for which a reply about its state serves other questions."""
-
-    async def program() -> None:
-        async with bridge(model) as own:
-            await own.controller.read_now(op.GetStatus())
-            own.sim.feed(b":Td#")
-            await asyncio.sleep(1.0)
-            await own.controller.perform(op.SetTracking(on=True, heard=True))
-            assert own.sim.tracking
-            await own.controller.read_now(op.GetStatus())
-            own.sim.feed(b":Td#")
-            own.sim.parked = True
-            await own.controller.perform(op.Unpark())
-            assert own.sim.tracking
-
-    run(program())
+    async with bridge(model) as own:
+        await own.controller.read_now(op.GetStatus())
+        own.sim.feed(b":Td#")
+        await asyncio.sleep(1.0)
+        await own.controller.perform(op.SetTracking(on=True, heard=True))
+        assert own.sim.tracking
+        await own.controller.read_now(op.GetStatus())
+        own.sim.feed(b":Td#")
+        own.sim.parked = True
+        await own.controller.perform(op.Unpark())
+        assert own.sim.tracking
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -204,490 +190,397 @@ def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(model: str) -> None:
+async def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(model: str) -> None:
     """A TeenAstro's own is +13.5, which it refuses."""
-
-    async def program() -> None:
-        async with bridge(model, site=(-36.8, 174.8)) as own:
-            await own.controller.perform(op.SetClock(own.clock() + 90.0, 13.5))
-            await asyncio.sleep(10.0)
-            assert abs(own.sim.utc() - own.sim.now - 90.0) < 3.0
-            assert not [entry.note for entry in own.entries if "not in force" in (entry.note or "")]
-
-    run(program())
+    async with bridge(model, site=(-36.8, 174.8)) as own:
+        await own.controller.perform(op.SetClock(own.clock() + 90.0, 13.5))
+        await asyncio.sleep(10.0)
+        assert abs(own.sim.utc() - own.sim.now - 90.0) < 3.0
+        assert not [entry.note for entry in own.entries if "not in force" in (entry.note or "")]
 
 
-def test_a_clock_that_is_not_taken_is_told() -> None:
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            await own.controller.answer(op.GetClock())
-            answering(own, {b":SC01/25/26#": b"1"})
-            await own.controller.perform(op.SetClock(own.clock() + 10 * 86400.0, 0.0))
-            await asyncio.sleep(10.0)
-            assert any("did not take the time" in (one.note or "") for one in own.entries)
-
-    run(program())
+async def test_a_clock_that_is_not_taken_is_told() -> None:
+    async with bridge("onstep") as own:
+        await own.controller.answer(op.GetClock())
+        answering(own, {b":SC01/25/26#": b"1"})
+        await own.controller.perform(op.SetClock(own.clock() + 10 * 86400.0, 0.0))
+        await asyncio.sleep(10.0)
+        assert any("did not take the time" in (one.note or "") for one in own.entries)
 
 
 @pytest.mark.parametrize("south", [False, True])
 @pytest.mark.parametrize("model", MODELS)
-def test_the_side_of_the_pier_is_what_it_tells(model: str, south: bool) -> None:
+async def test_the_side_of_the_pier_is_what_it_tells(model: str, south: bool) -> None:
     """In German hand controls' letters: W if the second axis reads beyond the pole."""
-
-    async def program() -> None:
-        async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
-            for east in (-40.0, 40.0):
-                ra = (own.sim.mechanics.sky.sidereal(own.clock()) + east) % 360.0
-                await own.controller.perform(op.Goto(ra, 0.0))
-                await asyncio.sleep(90.0)
-                beyond = own.sim.mechanics.axes(own.sim.now)[1] % 360.0 > 90.0
-                flipped = own.sim.mechanics.flipped
-                assert await own.controller.read_now(op.PierSide()) == ("W" if flipped else "E"), (east, beyond)
-
-    run(program())
-
-
-def test_a_pulse_is_sent_at_a_guide_rate() -> None:
-    """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            own.sim.separate_pulses = False
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 20.0))
+    async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
+        for east in (-40.0, 40.0):
+            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + east) % 360.0
+            await own.controller.perform(op.Goto(ra, 0.0))
             await asyncio.sleep(90.0)
-            own.sim.feed(b":R9#")  # at its own keypad
-            await own.controller.read_now(op.GetStatus())
-            for _ in range(2):
-                before = own.sim.truth()[1]
-                await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
-                await asyncio.sleep(5.0)
-                assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
-                own.sim.feed(b":R9#")  # nobody asks for its state between two pulses
-            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
-            with pytest.raises(Refused, match="guide pulse is dropped"):
-                await own.controller.perform(op.Pulse(op.Direction.WEST, 1000))
+            beyond = own.sim.mechanics.axes(own.sim.now)[1] % 360.0 > 90.0
+            flipped = own.sim.mechanics.flipped
+            assert await own.controller.read_now(op.PierSide()) == ("W" if flipped else "E"), (east, beyond)
 
-    run(program())
+
+async def test_a_pulse_is_sent_at_a_guide_rate() -> None:
+    """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
+    async with bridge("onstep") as own:
+        own.sim.separate_pulses = False
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 20.0))
+        await asyncio.sleep(90.0)
+        own.sim.feed(b":R9#")  # at its own keypad
+        await own.controller.read_now(op.GetStatus())
+        for _ in range(2):
+            before = own.sim.truth()[1]
+            await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+            await asyncio.sleep(5.0)
+            assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
+            own.sim.feed(b":R9#")  # nobody asks for its state between two pulses
+        await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+        with pytest.raises(Refused, match="guide pulse is dropped"):
+            await own.controller.perform(op.Pulse(op.Direction.WEST, 1000))
 
 
 @pytest.mark.parametrize("keys", [6, 1, 9])
 @pytest.mark.parametrize("separate", [True, False])
-def test_its_keypad_has_its_own_speed_again_after_the_pulses(keys: int, separate: bool) -> None:
+async def test_its_keypad_has_its_own_speed_again_after_the_pulses(keys: int, separate: bool) -> None:
     """The one that it told before the first pulse, or that somebody has chosen at the keypad meanwhile."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            own.sim.separate_pulses = separate
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 20.0))
-            await asyncio.sleep(60.0)
-            for chosen in (keys, 7):
-                own.sim.feed(b":R%d#" % chosen)
-                await own.controller.read_now(op.GetStatus())
-                for direction in (op.Direction.NORTH, op.Direction.WEST, op.Direction.NORTH):
-                    await own.controller.perform(op.Pulse(direction, 1500))
-                    await asyncio.sleep(0.7)
-                    assert own.sim.rate == 2
-                await asyncio.sleep(5.0)
-                assert own.sim.rate == chosen
-            await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
-            own.sim.feed(b":R5#")
+    async with bridge("onstep") as own:
+        own.sim.separate_pulses = separate
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 20.0))
+        await asyncio.sleep(60.0)
+        for chosen in (keys, 7):
+            own.sim.feed(b":R%d#" % chosen)
             await own.controller.read_now(op.GetStatus())
+            for direction in (op.Direction.NORTH, op.Direction.WEST, op.Direction.NORTH):
+                await own.controller.perform(op.Pulse(direction, 1500))
+                await asyncio.sleep(0.7)
+                assert own.sim.rate == 2
             await asyncio.sleep(5.0)
-            assert own.sim.rate == 5
+            assert own.sim.rate == chosen
+        await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
+        own.sim.feed(b":R5#")
+        await own.controller.read_now(op.GetStatus())
+        await asyncio.sleep(5.0)
+        assert own.sim.rate == 5
 
-    run(program())
 
-
-def test_a_stop_does_not_wait_for_the_speed_of_the_keypad() -> None:
+async def test_a_stop_does_not_wait_for_the_speed_of_the_keypad() -> None:
     """The speed is put back when all stands still, and not during an arrow that follows the pulse."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 20.0))
-            await asyncio.sleep(60.0)
-            await own.controller.perform(op.Pulse(op.Direction.NORTH, 500))
-            await asyncio.sleep(0.8)
-            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=7)))
-            await asyncio.sleep(5.0)
-            assert own.sim.rate == 7 and own.driver.moving
-            began = own.clock()
-            await own.controller.perform(op.StopAxis(2))
-            assert own.clock() - began < 0.2 and b":R6#" not in own.sent()
-            await asyncio.sleep(3.0)
-            assert own.sim.rate == 6
-
-    run(program())
+    async with bridge("onstep") as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 20.0))
+        await asyncio.sleep(60.0)
+        await own.controller.perform(op.Pulse(op.Direction.NORTH, 500))
+        await asyncio.sleep(0.8)
+        await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=7)))
+        await asyncio.sleep(5.0)
+        assert own.sim.rate == 7 and own.driver.moving
+        began = own.clock()
+        await own.controller.perform(op.StopAxis(2))
+        assert own.clock() - began < 0.2 and b":R6#" not in own.sent()
+        await asyncio.sleep(3.0)
+        assert own.sim.rate == 6
 
 
 @each("firmware", ["10.28g", "4.24s", "3.16o", "2.22b"])
-def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
+async def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
     """Every version tells that speed, 4 degrees a second here; the second fastest is half of it."""
-
-    async def program() -> None:
-        own = bridge("onstep")
-        own.sim.row = {**own.sim.row, "firmware": firmware}
-        async with own:
-            await own.controller.answer(op.GetIdentity())
-            assert own.driver.speed(op.Rate(name="max")) == pytest.approx(4.0, rel=0.01)
-            assert own.driver.speed(op.Rate(key=8)) == pytest.approx(2.0, rel=0.01)
-
-    run(program())
+    own = bridge("onstep")
+    own.sim.row = {**own.sim.row, "firmware": firmware}
+    async with own:
+        await own.controller.answer(op.GetIdentity())
+        assert own.driver.speed(op.Rate(name="max")) == pytest.approx(4.0, rel=0.01)
+        assert own.driver.speed(op.Rate(key=8)) == pytest.approx(2.0, rel=0.01)
 
 
-def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
-    async def program() -> None:
-        async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            with pytest.raises(Refused, match="standby: it waits for its date and time"):
-                await own.controller.perform(op.Goto(ra, 20.0))
-            own.sim.feed(b":SL22:00:00#:SC01/15/26#")
+async def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
+    async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        with pytest.raises(Refused, match="standby: it waits for its date and time"):
             await own.controller.perform(op.Goto(ra, 20.0))
+        own.sim.feed(b":SL22:00:00#:SC01/15/26#")
+        await own.controller.perform(op.Goto(ra, 20.0))
 
-    run(program())
 
-
-def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None:
+async def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None:
     """OnStep ends it after 10 s; the gateway looks at 9.5 and 11.5 s: the release falls before, between and after."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            for late in (9.4, 9.52, 9.54, 10.5, 11.48, 11.5, 11.52, 11.56, 11.6):
-                await own.controller.perform(op.Goto(ra, 0.0))
-                await asyncio.sleep(60.0)
-                await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
-                await asyncio.sleep(late)
-                await own.controller.perform(op.StopAxis(2) if late < 11.0 else op.AbortMotion())
-                await asyncio.sleep(3.0)
-                stood = own.sim.truth()[1]
-                await asyncio.sleep(4.0)
-                assert abs(own.sim.truth()[1] - stood) < 0.01, late
-
-    run(program())
+    async with bridge("onstep") as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        for late in (9.4, 9.52, 9.54, 10.5, 11.48, 11.5, 11.52, 11.56, 11.6):
+            await own.controller.perform(op.Goto(ra, 0.0))
+            await asyncio.sleep(60.0)
+            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+            await asyncio.sleep(late)
+            await own.controller.perform(op.StopAxis(2) if late < 11.0 else op.AbortMotion())
+            await asyncio.sleep(3.0)
+            stood = own.sim.truth()[1]
+            await asyncio.sleep(4.0)
+            assert abs(own.sim.truth()[1] - stood) < 0.01, late
 
 
 @pytest.mark.parametrize("after", [3.0, 8.0, 10.0])
 @pytest.mark.parametrize("error", [b"0", b"1"])
-def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after: float, error: bytes) -> None:
+async def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after: float, error: bytes) -> None:
     """Its keypad, or a limit of its own, which ends a motion once and tells its number: only its clock is overruled."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 0.0))
-            await asyncio.sleep(60.0)
-            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
-            await asyncio.sleep(after)
-            own.sim.error = int(error)
-            own.sim.feed(b":Q#")
-            await asyncio.sleep(10.0)
-            pressed = own.sent().count(b":Mn#") == 2
-            assert pressed is (after == 10.0 and error == b"0")  # that is what its own clock looks like
-            assert any("ended the arrow" in (one.note or "") for one in own.entries) is not pressed
-            assert pressed or not own.driver.moving
-
-    run(program())
+    async with bridge("onstep") as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 0.0))
+        await asyncio.sleep(60.0)
+        await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
+        await asyncio.sleep(after)
+        own.sim.error = int(error)
+        own.sim.feed(b":Q#")
+        await asyncio.sleep(10.0)
+        pressed = own.sent().count(b":Mn#") == 2
+        assert pressed is (after == 10.0 and error == b"0")  # that is what its own clock looks like
+        assert any("ended the arrow" in (one.note or "") for one in own.entries) is not pressed
+        assert pressed or not own.driver.moving
 
 
 @pytest.mark.parametrize("released", [True, False])
-def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(released: bool) -> None:
+async def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(released: bool) -> None:
     """And if nobody has released it, it is looked at again: it goes on beyond the 10 s of OnStep's clock."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, -20.0))
-            await asyncio.sleep(60.0)
-            usual, lost = own.sim.answer, list[float]()
-            own.sim.answer = lambda frame, later: (
-                lost.append(own.clock()) or b"" if frame == b":GU#" and not lost else usual(frame, later)
-            )
-            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
-            while not lost:
-                await asyncio.sleep(0.01)
-            if released:
-                await asyncio.sleep(0.1)
-                await own.controller.perform(op.StopAxis(2))
-                assert b":Qn#" in own.sent() and own.clock() - lost[0] < 1.0
-            else:
-                await asyncio.sleep(15.0)
-                assert own.sent().count(b":Mn#") == 2 and own.driver.moving
-
-    run(program())
+    async with bridge("onstep") as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, -20.0))
+        await asyncio.sleep(60.0)
+        usual, lost = own.sim.answer, list[float]()
+        own.sim.answer = lambda frame, later: (
+            lost.append(own.clock()) or b"" if frame == b":GU#" and not lost else usual(frame, later)
+        )
+        await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
+        while not lost:
+            await asyncio.sleep(0.01)
+        if released:
+            await asyncio.sleep(0.1)
+            await own.controller.perform(op.StopAxis(2))
+            assert b":Qn#" in own.sent() and own.clock() - lost[0] < 1.0
+        else:
+            await asyncio.sleep(15.0)
+            assert own.sent().count(b":Mn#") == 2 and own.driver.moving
 
 
 @pytest.mark.parametrize("arrives", [True, False])
-def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrives: bool) -> None:
+async def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrives: bool) -> None:
     """It is a motion by hand to OnStep: no bars, no goto. An order that it ignores is not told as done."""
-
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            usual = own.sim.letters
-            own.sim.letters = lambda: usual().replace(b"p", b"Np").replace(b"NN", b"N")
-            answering(own, {b":D#": b"#"} if arrives else {b":hC#": b"", b":D#": b"#"})
-            await own.controller.perform(op.Goto((own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0, 0.0))
-            await asyncio.sleep(60.0)
-            await own.controller.perform(op.Home())
-            await asyncio.sleep(5.0)
-            assert (await own.controller.read_now(op.HomeState()) == 2) is arrives
-            assert bool(await own.controller.read_now(op.Slewing())) is arrives is own.sim.homing
-            await asyncio.sleep(90.0)
-            assert await own.controller.read_now(op.HomeState()) == int(arrives)
-            assert any("is not at its home" in (one.note or "") for one in own.entries) is not arrives
-
-    run(program())
+    async with bridge("onstep") as own:
+        usual = own.sim.letters
+        own.sim.letters = lambda: usual().replace(b"p", b"Np").replace(b"NN", b"N")
+        answering(own, {b":D#": b"#"} if arrives else {b":hC#": b"", b":D#": b"#"})
+        await own.controller.perform(op.Goto((own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0, 0.0))
+        await asyncio.sleep(60.0)
+        await own.controller.perform(op.Home())
+        await asyncio.sleep(5.0)
+        assert (await own.controller.read_now(op.HomeState()) == 2) is arrives
+        assert bool(await own.controller.read_now(op.Slewing())) is arrives is own.sim.homing
+        await asyncio.sleep(90.0)
+        assert await own.controller.read_now(op.HomeState()) == int(arrives)
+        assert any("is not at its home" in (one.note or "") for one in own.entries) is not arrives
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str) -> None:
-    async def program() -> None:
-        own = bridge(model)
-        own.sim.feed(b":Td#")
-        usual, lost = own.sim.answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
-        own.sim.answer = lambda frame, later: (
-            b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
-        )
-        async with own:
-            await own.controller.answer(op.GetIdentity())
-            status = await own.controller.read_now(op.GetStatus())
-            assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
-
-    run(program())
+async def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str) -> None:
+    own = bridge(model)
+    own.sim.feed(b":Td#")
+    usual, lost = own.sim.answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
+    own.sim.answer = lambda frame, later: (
+        b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
+    )
+    async with own:
+        await own.controller.answer(op.GetIdentity())
+        status = await own.controller.read_now(op.GetStatus())
+        assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
 
-def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
+async def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
     """It answers ``:h?#`` with a bare 0 and is taken for a 16 inch, whose search for home is ``:hF#``."""
-
-    async def program() -> None:
-        own = bridge("onstep")
-        own._hands_on = True  # :h?# is no form of an OnStep's
-        usual, lost = own.sim.answer, [b":GVP#"] * 2
-        own.sim.answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
-        async with own:
-            assert (await own.controller.answer(op.GetIdentity())).model == "lx200-16"
-            with pytest.raises(Refused, match="reported its name only now"):
-                await own.controller.perform(op.Home())
-            assert b":hF#" not in own.sent()
-
-    run(program())
+    own = bridge("onstep")
+    own._hands_on = True  # :h?# is no form of an OnStep's
+    usual, lost = own.sim.answer, [b":GVP#"] * 2
+    own.sim.answer = lambda frame, later: b"" if lost and frame == lost[0] and lost.pop() else usual(frame, later)
+    async with own:
+        assert (await own.controller.answer(op.GetIdentity())).model == "lx200-16"
+        with pytest.raises(Refused, match="reported its name only now"):
+            await own.controller.perform(op.Home())
+        assert b":hF#" not in own.sent()
 
 
 @each("said", [b"0#", b"#", b"nNp#"])
-def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
-    async def program() -> None:
-        async with bridge("onstep") as own:
-            answering(own, {b":GU#": said})
-            with pytest.raises(Fault):
-                await own.controller.read_now(op.GetStatus())
-
-    run(program())
+async def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
+    async with bridge("onstep") as own:
+        answering(own, {b":GU#": said})
+        with pytest.raises(Fault):
+            await own.controller.read_now(op.GetStatus())
 
 
 @pytest.mark.parametrize("model", [*MODELS, "autostar"])
-def test_the_end_of_a_goto_ends_one_that_was_begun_elsewhere_and_no_arrow(model: str) -> None:
+async def test_the_end_of_a_goto_ends_one_that_was_begun_elsewhere_and_no_arrow(model: str) -> None:
     """At its own keys or page. Of a goto that the gateway knows it is the same, as near the pole as it may be."""
-
-    async def program() -> None:
-        async with bridge(model) as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 20.0))
-            await asyncio.sleep(90.0)
-            own.sim.feed(b":Sd-10*00:00#:MS#")
-            assert own.sim.slewing
-            await own.controller.perform(op.AbortSlew())
-            assert not own.sim.slewing and own.sent().count(b":Q#") == 1
-            await asyncio.sleep(5.0)
-            await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="center")))
-            await own.controller.perform(op.AbortSlew())
-            assert own.sent().count(b":Q#") == 1 and own.driver.moving
-
-    run(program())
+    async with bridge(model) as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 20.0))
+        await asyncio.sleep(90.0)
+        own.sim.feed(b":Sd-10*00:00#:MS#")
+        assert own.sim.slewing
+        await own.controller.perform(op.AbortSlew())
+        assert not own.sim.slewing and own.sent().count(b":Q#") == 1
+        await asyncio.sleep(5.0)
+        await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="center")))
+        await own.controller.perform(op.AbortSlew())
+        assert own.sent().count(b":Q#") == 1 and own.driver.moving
 
 
 @each("model", MODELS)
-def test_a_goto_beside_the_pole_is_under_way_while_an_axis_turns(model: str) -> None:
-    async def program() -> None:
-        async with bridge(model) as own:
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 89.96))
-            await asyncio.sleep(90.0)
-            own.sim.mechanics.fastest = 1.5
-            await own.controller.perform(op.Goto((ra - 80.0) % 360.0, 89.96))
-            await asyncio.sleep(40.0)
-            assert own.sim.slewing and await own.controller.read_now(op.Slewing())
-
-    run(program())
+async def test_a_goto_beside_the_pole_is_under_way_while_an_axis_turns(model: str) -> None:
+    async with bridge(model) as own:
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 89.96))
+        await asyncio.sleep(90.0)
+        own.sim.mechanics.fastest = 1.5
+        await own.controller.perform(op.Goto((ra - 80.0) % 360.0, 89.96))
+        await asyncio.sleep(40.0)
+        assert own.sim.slewing and await own.controller.read_now(op.Slewing())
 
 
 # --- unknown ones, and those that are pushed --------------------------------------------------------------------------
 
 
-def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell() -> None:
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
-        answering(own, {b":GW#": b""})
-        async with own:
-            identity = await own.controller.answer(op.GetIdentity())
-            assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
-            [said] = [one.note for one in own.entries if "the gateway does not know" in (one.note or "")]
-            assert "'OpenAstroTracker'" in said and "it did not report whether it tracks" in said
-            ra, dec = own.sim.truth()
-            await own.controller.perform(op.Goto(ra, dec - 20.0))
-            await asyncio.sleep(60.0)
-            assert abs(own.sim.truth()[1] - dec + 20.0) < 0.1
-            for order in (op.SetTracking(on=False), op.SetTracking(on=True), op.Park(), op.Home()):
-                with pytest.raises(Fault):
-                    await own.controller.perform(order)
-            assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent())
-
-    run(program())
+async def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell() -> None:
+    own = bridge("autostar")
+    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    answering(own, {b":GW#": b""})
+    async with own:
+        identity = await own.controller.answer(op.GetIdentity())
+        assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
+        [said] = [one.note for one in own.entries if "the gateway does not know" in (one.note or "")]
+        assert "'OpenAstroTracker'" in said and "it did not report whether it tracks" in said
+        ra, dec = own.sim.truth()
+        await own.controller.perform(op.Goto(ra, dec - 20.0))
+        await asyncio.sleep(60.0)
+        assert abs(own.sim.truth()[1] - dec + 20.0) < 0.1
+        for order in (op.SetTracking(on=False), op.SetTracking(on=True), op.Park(), op.Home()):
+            with pytest.raises(Fault):
+                await own.controller.perform(order)
+        assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent())
 
 
-def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
+async def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
     """Those of a goto by their forms, that of a sync by the position: each maker has words of its own for it."""
-
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
-        replies: dict[bytes, bytes] = {}
-        answering(own, replies)
-        async with own:
-            ra, dec = own.sim.truth()
-            for said in (b"5", b"e5#", b"1Below.#", b"1", b"2"):
-                replies[b":MS#"], began = said, own.clock()
-                with pytest.raises((Refused, BelowHorizon, TooHigh)):
-                    await own.controller.perform(op.Goto(ra, dec - 20.0))
-                assert own.clock() - began < 2.0, said
-            for said in (b"No object!#", b"e9#", b"Match fail: dist. too large#", b"E6#"):
-                replies[b":CM#"] = said
-                with pytest.raises(Refused, match="did not take the sync"):
-                    await own.controller.perform(op.Sync(ra, dec - 2.0))
-            del replies[b":CM#"]
-            await own.controller.perform(op.Sync(ra, dec - 2.0))
-            replies |= {b":MS#": b"1", b":D#": b"|#"}  # on a few a 1 is a yes: it slews
-            await own.controller.perform(op.Goto(ra, dec - 2.0))
-            assert own.driver.goto is not None
-
-    run(program())
+    own = bridge("autostar")
+    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    replies: dict[bytes, bytes] = {}
+    answering(own, replies)
+    async with own:
+        ra, dec = own.sim.truth()
+        for said in (b"5", b"e5#", b"1Below.#", b"1", b"2"):
+            replies[b":MS#"], began = said, own.clock()
+            with pytest.raises((Refused, BelowHorizon, TooHigh)):
+                await own.controller.perform(op.Goto(ra, dec - 20.0))
+            assert own.clock() - began < 2.0, said
+        for said in (b"No object!#", b"e9#", b"Match fail: dist. too large#", b"E6#"):
+            replies[b":CM#"] = said
+            with pytest.raises(Refused, match="did not take the sync"):
+                await own.controller.perform(op.Sync(ra, dec - 2.0))
+        del replies[b":CM#"]
+        await own.controller.perform(op.Sync(ra, dec - 2.0))
+        replies |= {b":MS#": b"1", b":D#": b"|#"}  # on a few a 1 is a yes: it slews
+        await own.controller.perform(op.Goto(ra, dec - 2.0))
+        assert own.driver.goto is not None
 
 
 @each("told", [b"1", b"1Updating        Planetary Data#                                #"])
-def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
+async def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
     """A longitude without a sign is another one to some, and many have no text after the 1 for a date."""
-
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
-        own._hands_on = True  # a sign is no form of a Meade's
-        answering(own, {b":Sg-010*30#": b"1", b":Gg#": b"-010*30#", b":SC02/14/26#": told, b":GC#": b"02/14/26#"})
-        async with own:
-            await own.controller.answer(op.GetIdentity())
-            await own.controller.perform(op.SetSite(45.0, 10.5))
-            await own.controller.perform(op.SetClock(own.clock() + 30 * 86400.0, 0.0))
-            while not any(frame.startswith(b":SC") for frame in own.sent()):
-                await asyncio.sleep(0.1)
-            await asyncio.sleep(1.0)
-            began = own.clock()
-            await own.controller.read_now(op.Position())
-            assert own.clock() - began < 1.0 and b":Sg-010*30#" in own.sent() and b":SC02/14/26#" in own.sent()
-
-    run(program())
+    own = bridge("autostar")
+    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    own._hands_on = True  # a sign is no form of a Meade's
+    answering(own, {b":Sg-010*30#": b"1", b":Gg#": b"-010*30#", b":SC02/14/26#": told, b":GC#": b"02/14/26#"})
+    async with own:
+        await own.controller.answer(op.GetIdentity())
+        await own.controller.perform(op.SetSite(45.0, 10.5))
+        await own.controller.perform(op.SetClock(own.clock() + 30 * 86400.0, 0.0))
+        while not any(frame.startswith(b":SC") for frame in own.sent()):
+            await asyncio.sleep(0.1)
+        await asyncio.sleep(1.0)
+        began = own.clock()
+        await own.controller.read_now(op.Position())
+        assert own.clock() - began < 1.0 and b":Sg-010*30#" in own.sent() and b":SC02/14/26#" in own.sent()
 
 
-def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
+async def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
     """Before 1.5.1 it answers neither ACK nor ``:GW#``, and ``:Gm#`` with one hash."""
-
-    async def program() -> None:
-        own = bridge("teenastro")
-        own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
-        answering(own, {b"\x06": b"", b":GW#": b"0", b":Gm#": b"E#"})
-        async with own:
-            identity = await own.controller.answer(op.GetIdentity())
-            assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
-            assert any("does not report its state" in (one.note or "") for one in own.entries)
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
-            await own.controller.perform(op.Goto(ra, 20.0))
-            await asyncio.sleep(60.0)
-            assert off(own.sim.truth(), (ra, 20.0)) < 16.0
-            assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent())
-
-    run(program())
+    own = bridge("teenastro")
+    own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
+    answering(own, {b"\x06": b"", b":GW#": b"0", b":Gm#": b"E#"})
+    async with own:
+        identity = await own.controller.answer(op.GetIdentity())
+        assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
+        assert any("does not report its state" in (one.note or "") for one in own.entries)
+        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        await own.controller.perform(op.Goto(ra, 20.0))
+        await asyncio.sleep(60.0)
+        assert off(own.sim.truth(), (ra, 20.0)) < 16.0
+        assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent())
 
 
-def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> None:
+async def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> None:
     """It has no question that is answered in high precision at all times: as one that is not known, it is switched."""
-
-    async def program() -> None:
-        own = bridge("teenastro")
-        own._hands_on = True  # :U# is no form of a TeenAstro's
-        own.sim.feed(b":U#")
-        answering(own, {b"\x06": b"", b":GW#": b"0", b":GRL#": b"#", b":GDL#": b"#"})
-        async with own:
-            assert (await own.controller.answer(op.GetIdentity())).model == "other"
-            seen = await own.controller.read_now(op.Position())
-            assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
-
-    run(program())
+    own = bridge("teenastro")
+    own._hands_on = True  # :U# is no form of a TeenAstro's
+    own.sim.feed(b":U#")
+    answering(own, {b"\x06": b"", b":GW#": b"0", b":GRL#": b"#", b":GDL#": b"#"})
+    async with own:
+        assert (await own.controller.answer(op.GetIdentity())).model == "other"
+        seen = await own.controller.read_now(op.Position())
+        assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
 
 
-def test_a_meade_of_any_name_stays_a_meade() -> None:
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
-        async with own:
-            assert (await own.controller.answer(op.GetIdentity())).model == "autostar"
-
-    run(program())
+async def test_a_meade_of_any_name_stays_a_meade() -> None:
+    own = bridge("autostar")
+    own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
+    async with own:
+        assert (await own.controller.answer(op.GetIdentity())).model == "autostar"
 
 
 @each("slews", [True, False])
-def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_pushed(slews: bool) -> None:
+async def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_pushed(slews: bool) -> None:
     """In declination only; in the last seconds of a goto neither coordinate changes, and empty bars tell it later."""
-
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
-        replies = {b":D#": b"|#"} | ({b":GR#": b"06:00:00#"} if slews else {})
-        answering(own, replies)
-        usual = own.sim.answer
-        own.sim.answer = lambda frame, later: (
-            f"+10*{int(10 * (own.clock() - began)) // 60:02}:{int(10 * (own.clock() - began)) % 60:02}#".encode()
-            if slews and frame == b":GD#"
-            else usual(frame, later)
-        )
-        async with own:
-            await own.controller.answer(op.GetIdentity())
-            assert own.driver.pushed is not slews
-            replies.clear()
-            await asyncio.sleep(60.0)
-            assert not own.driver.pushed
-            ra, dec = own.sim.truth()
-            await own.controller.perform(op.Goto(ra, dec - 5.0))
-
-    run(program())
+    own = bridge("autostar")
+    own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
+    replies = {b":D#": b"|#"} | ({b":GR#": b"06:00:00#"} if slews else {})
+    answering(own, replies)
+    usual = own.sim.answer
+    own.sim.answer = lambda frame, later: (
+        f"+10*{int(10 * (own.clock() - began)) // 60:02}:{int(10 * (own.clock() - began)) % 60:02}#".encode()
+        if slews and frame == b":GD#"
+        else usual(frame, later)
+    )
+    async with own:
+        await own.controller.answer(op.GetIdentity())
+        assert own.driver.pushed is not slews
+        replies.clear()
+        await asyncio.sleep(60.0)
+        assert not own.driver.pushed
+        ra, dec = own.sim.truth()
+        await own.controller.perform(op.Goto(ra, dec - 5.0))
 
 
 @pytest.mark.parametrize("product", ["PiFinder", "MyPushTo"])
-def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
+async def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
     """Its bars are always there, and its position is that of the hand: never slewing for ever."""
-
-    async def program() -> None:
-        own = bridge("autostar")
-        own.sim.row = {**own.sim.row, "product": product}
-        answering(own, {b":D#": b"|#", b":MS#": b"0", b":GW#": b"AT1", b":Q#": b""})
-        async with own:
-            await own.controller.answer(op.GetIdentity())
-            target = overhead(own.sim)
-            client = own.client()
-            assert any("push it by hand" in (one.note or "") for one in own.entries)
-            assert not await own.controller.answer(op.Slewing())
-            assert b"push it by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
-            assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
-            able = (await own.controller.answer(op.GetAbilities())).can
-            assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able
-
-    run(program())
+    own = bridge("autostar")
+    own.sim.row = {**own.sim.row, "product": product}
+    answering(own, {b":D#": b"|#", b":MS#": b"0", b":GW#": b"AT1", b":Q#": b""})
+    async with own:
+        await own.controller.answer(op.GetIdentity())
+        target = overhead(own.sim)
+        client = own.client()
+        assert any("push it by hand" in (one.note or "") for one in own.entries)
+        assert not await own.controller.answer(op.Slewing())
+        assert b"push it by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
+        assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
+        able = (await own.controller.answer(op.GetAbilities())).can
+        assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able

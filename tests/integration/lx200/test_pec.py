@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
@@ -15,64 +14,48 @@ def _said(bridge: Bridge, *letters: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-def test_a_classic_is_told_with_a_colon(model: str) -> None:
-    async def play() -> None:
-        async with Bridge(model, driven="lx200", surface=model) as bridge:
-            bridge.client().tell(b"$Q#")
-            await asyncio.sleep(1.0)
-            assert _said(bridge, b"$Q") == [b":$Q#"]
-            assert bridge.sim.parts["pec 1"] is True
-
-    run(play())
+async def test_a_classic_is_told_with_a_colon(model: str) -> None:
+    async with Bridge(model, driven="lx200", surface=model) as bridge:
+        bridge.client().tell(b"$Q#")
+        await asyncio.sleep(1.0)
+        assert _said(bridge, b"$Q") == [b":$Q#"]
+        assert bridge.sim.parts["pec 1"] is True
 
 
-def test_the_toggle_after_a_switch_is_the_other_way() -> None:
+async def test_the_toggle_after_a_switch_is_the_other_way() -> None:
     """``P 2 16 13 on``, as the motors of a CGE have it."""
-
-    async def play() -> None:
-        async with Bridge("cge", surface="lx200gps") as bridge:
-            client = bridge.client()
-            for command in (b":$QZ+#", b"$Q#", b"$Q#", b":$QZ-#", b":$Q#"):
-                client.tell(command)
-                await asyncio.sleep(1.0)
-            switched = [data[4] for data in bridge.sent() if data[:4] == b"P\x02\x10\x0d"]
-            assert switched == [1, 0, 1, 0, 1]
-
-    run(play())
+    async with Bridge("cge", surface="lx200gps") as bridge:
+        client = bridge.client()
+        for command in (b":$QZ+#", b"$Q#", b"$Q#", b":$QZ-#", b":$Q#"):
+            client.tell(command)
+            await asyncio.sleep(1.0)
+        switched = [data[4] for data in bridge.sent() if data[:4] == b"P\x02\x10\x0d"]
+        assert switched == [1, 0, 1, 0, 1]
 
 
 @pytest.mark.parametrize("command", [b":$QA+#", b":$QA-#"])
-def test_the_declination_motor_of_a_nexstar_has_none_and_the_log_says_so(command: bytes) -> None:
-    async def play() -> None:
-        async with Bridge("cge", surface="lx200gps") as bridge:
-            client = bridge.client()
-            client.tell(command)
-            await asyncio.sleep(1.0)
-            assert not [data for data in bridge.sent() if data[3:4] == b"\x0d"]
-            assert any("right-ascension" in entry.note for entry in bridge.entries)
-            client.tell(b"$Q#")
-            await asyncio.sleep(1.0)
-            assert bridge.sent()[-1][:5] == b"P\x02\x10\x0d\x01", "and the toggle does not count it"
-
-    run(play())
+async def test_the_declination_motor_of_a_nexstar_has_none_and_the_log_says_so(command: bytes) -> None:
+    async with Bridge("cge", surface="lx200gps") as bridge:
+        client = bridge.client()
+        client.tell(command)
+        await asyncio.sleep(1.0)
+        assert not [data for data in bridge.sent() if data[3:4] == b"\x0d"]
+        assert any("right-ascension" in entry.note for entry in bridge.entries)
+        client.tell(b"$Q#")
+        await asyncio.sleep(1.0)
+        assert bridge.sent()[-1][:5] == b"P\x02\x10\x0d\x01", "and the toggle does not count it"
 
 
 @pytest.mark.parametrize("command", [b":$QA+#", b":$QA-#", b":$QZ+#", b":$QZ-#"])
-def test_an_lx200gps_is_told_as_it_was_said(command: bytes) -> None:
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
-            bridge.client().tell(command)
-            await asyncio.sleep(1.0)
-            assert _said(bridge, b"$Q") == [command]
-
-    run(play())
+async def test_an_lx200gps_is_told_as_it_was_said(command: bytes) -> None:
+    async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
+        bridge.client().tell(command)
+        await asyncio.sleep(1.0)
+        assert _said(bridge, b"$Q") == [command]
 
 
-def test_one_axis_of_a_classic_is_not_switched_by_the_toggle_of_both() -> None:
-    async def play() -> None:
-        async with Bridge("lx200", driven="lx200", surface="lx200gps") as bridge:
-            bridge.client().tell(b":$QA+#")
-            await asyncio.sleep(1.0)
-            assert _said(bridge, b"$Q") == []
-
-    run(play())
+async def test_one_axis_of_a_classic_is_not_switched_by_the_toggle_of_both() -> None:
+    async with Bridge("lx200", driven="lx200", surface="lx200gps") as bridge:
+        bridge.client().tell(b":$QA+#")
+        await asyncio.sleep(1.0)
+        assert _said(bridge, b"$Q") == []

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Mount, Talk
 from tests.support.in_process_gateway import Bridge
 from tests.support.simulated_meade import MODELS, meade, overhead
@@ -54,95 +53,78 @@ def test_an_object_without_its_end_leaves_none(lost: bytes) -> None:
 # --- through a whole gateway --------------------------------------------------------------------------------------
 
 
-def test_the_log_says_what_came_and_why_it_is_refused() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
+async def test_the_log_says_what_came_and_why_it_is_refused() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        assert await client.ask(b":Sr07:00:00:MS#:Mn#") == b"0"
+        notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
+        (told,) = [note for note in notes if ":Sr07:00:00:MS#" in note]
+        assert "refused" in told and "#" in told and "stop" in told
+        assert any("move north" in note and "not done" in note for note in notes)
+
+
+async def test_a_stop_inside_ends_a_motion_at_once() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        await client.ask(b":RM#:Me#")
+        await asyncio.sleep(2)
+        assert bridge.controller.wanted.axes
+        stops = bridge.controller.stops
+        client.tell(b":Sr07:00:00:Q#")
+        assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
+        await asyncio.sleep(1)
+        assert not bridge.controller.wanted.axes
+        await client.ask(b":RM#:Me#")
+        await asyncio.sleep(2)
+        client.tell(b":SMfoo:Qe#")
+        await asyncio.sleep(1)
+        assert not bridge.controller.wanted.axes
+
+
+async def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
+    for presented, question, half, reply in (("lx200", b":GR#", b":Sr07:0", b"0"), ("nexstar", b"e", b"K", b"e#")):
+        async with Bridge(presented=presented, surface=None) as bridge:
             client = bridge.client()
-            assert await client.ask(b":Sr07:00:00:MS#:Mn#") == b"0"
-            notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
-            (told,) = [note for note in notes if ":Sr07:00:00:MS#" in note]
-            assert "refused" in told and "#" in told and "stop" in told
-            assert any("move north" in note and "not done" in note for note in notes)
-
-    run(program())
+            for _ in range(3):
+                assert len(await client.ask(question)) > 8
+            client.tell(half)
+            assert await client.ask(question) == reply
 
 
-def test_a_stop_inside_ends_a_motion_at_once() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            await client.ask(b":RM#:Me#")
-            await asyncio.sleep(2)
-            assert bridge.controller.wanted.axes
-            stops = bridge.controller.stops
-            client.tell(b":Sr07:00:00:Q#")
-            assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
-            await asyncio.sleep(1)
-            assert not bridge.controller.wanted.axes
-            await client.ask(b":RM#:Me#")
-            await asyncio.sleep(2)
-            client.tell(b":SMfoo:Qe#")
-            await asyncio.sleep(1)
-            assert not bridge.controller.wanted.axes
-
-    run(program())
-
-
-def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
-    async def program() -> None:
-        for presented, question, half, reply in (("lx200", b":GR#", b":Sr07:0", b"0"), ("nexstar", b"e", b"K", b"e#")):
-            async with Bridge(presented=presented, surface=None) as bridge:
-                client = bridge.client()
-                for _ in range(3):
-                    assert len(await client.ask(question)) > 8
-                client.tell(half)
-                assert await client.ask(question) == reply
-
-    run(program())
-
-
-def test_answers_from_memory_keep_the_run_going() -> None:
+async def test_answers_from_memory_keep_the_run_going() -> None:
     """A question that is answered again without being cut out belongs to the run of bytes all the same."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            await client.ask(b":GR#")
-            await client.ask(b":GR#")
-            await asyncio.sleep(1)
-            client.tell(b":SMfoo:GR#")
-            for _ in range(6):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.05)
-            client.tell(b":Mn#")
-            await asyncio.sleep(1)
-            assert not bridge.controller.wanted.axes
-            client.tell(b":Mn#")
-            await asyncio.sleep(1)
-            assert bridge.controller.wanted.axes == {2}
-
-    run(program())
+    async with Bridge() as bridge:
+        client = bridge.client()
+        await client.ask(b":GR#")
+        await client.ask(b":GR#")
+        await asyncio.sleep(1)
+        client.tell(b":SMfoo:GR#")
+        for _ in range(6):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.05)
+        client.tell(b":Mn#")
+        await asyncio.sleep(1)
+        assert not bridge.controller.wanted.axes
+        client.tell(b":Mn#")
+        await asyncio.sleep(1)
+        assert bridge.controller.wanted.axes == {2}
 
 
 @pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#", b":SMfoo:Sr07:00"])
-def test_the_next_connection_does_not_build_on_half_a_command(half: bytes) -> None:
+async def test_the_next_connection_does_not_build_on_half_a_command(half: bytes) -> None:
     """What a connection has kept is handed on to the next one from its host: not a target of which half was lost."""
-
-    async def program() -> None:
-        async with Bridge() as bridge:
-            for sent, reply in ((b"", b"0"), (half, b"1No target set.#")):
-                client = bridge.client("10.0.0.7")
-                await client.ask(overhead(bridge.sim))
-                await asyncio.sleep(1)
-                await client.ask(sent)
-                client.close()
-                client = bridge.client("10.0.0.7")
-                assert await client.ask(b":MS#") == reply
-                await client.ask(b":Q#")
-                await asyncio.sleep(1)
-                client.close()
-
-    run(program())
+    async with Bridge() as bridge:
+        for sent, reply in ((b"", b"0"), (half, b"1No target set.#")):
+            client = bridge.client("10.0.0.7")
+            await client.ask(overhead(bridge.sim))
+            await asyncio.sleep(1)
+            await client.ask(sent)
+            client.close()
+            client = bridge.client("10.0.0.7")
+            assert await client.ask(b":MS#") == reply
+            await client.ask(b":Q#")
+            await asyncio.sleep(1)
+            client.close()
 
 
 # --- the simulated telescopes -------------------------------------------------------------------------------------

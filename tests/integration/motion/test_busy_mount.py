@@ -10,7 +10,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 
@@ -30,20 +29,17 @@ async def calculating(bridge: Bridge) -> None:
 
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
 @pytest.mark.parametrize("by_hand", [b":Mn#", b":RS#:Me#", b":Mgn1000#"])
-def test_order_by_hand_to_a_busy_mount_is_not_begun_later(model: str, by_hand: bytes) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            client = bridge.client()
-            await calculating(bridge)
-            client.tell(by_hand)
-            for _ in range(300):
-                await asyncio.sleep(0.25)
-                assert not truth_of(bridge.sim).moving
-            client.tell(by_hand)
-            await asyncio.sleep(0.5)
-            assert truth_of(bridge.sim).moving
-
-    run(program())
+async def test_order_by_hand_to_a_busy_mount_is_not_begun_later(model: str, by_hand: bytes) -> None:
+    async with meade(model) as bridge:
+        client = bridge.client()
+        await calculating(bridge)
+        client.tell(by_hand)
+        for _ in range(300):
+            await asyncio.sleep(0.25)
+            assert not truth_of(bridge.sim).moving
+        client.tell(by_hand)
+        await asyncio.sleep(0.5)
+        assert truth_of(bridge.sim).moving
 
 
 def silence(bridge: Any, seconds: float) -> None:
@@ -67,23 +63,21 @@ async def look(bridge: Bridge) -> None:
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])
 @pytest.mark.parametrize("by_hand", [b":RS#:Me#", b":Mgw3000#"])
 @pytest.mark.parametrize("asks", [True, False])
-def test_order_by_hand_on_a_silent_line_is_not_begun_later(mount: str, driven: str, by_hand: bytes, asks: bool) -> None:
+async def test_order_by_hand_on_a_silent_line_is_not_begun_later(
+    mount: str, driven: str, by_hand: bytes, asks: bool
+) -> None:
     """``asks``: it waits behind a question of its own program."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client: Visitor = bridge.client()
-            silence(bridge, 2.0)
-            bridge.controller.spawn(look(bridge))
-            (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")
-            await asyncio.sleep(0.1)
-            client.tell(by_hand)
-            for _ in range(60):
-                await asyncio.sleep(0.25)
-                assert not truth_of(bridge.sim).moving
-            assert bridge.sim.tracking
-            client.tell(by_hand)
-            await asyncio.sleep(0.5)
-            assert truth_of(bridge.sim).moving
-
-    run(program())
+    async with Bridge(mount, driven=driven) as bridge:
+        client: Visitor = bridge.client()
+        silence(bridge, 2.0)
+        bridge.controller.spawn(look(bridge))
+        (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")
+        await asyncio.sleep(0.1)
+        client.tell(by_hand)
+        for _ in range(60):
+            await asyncio.sleep(0.25)
+            assert not truth_of(bridge.sim).moving
+        assert bridge.sim.tracking
+        client.tell(by_hand)
+        await asyncio.sleep(0.5)
+        assert truth_of(bridge.sim).moving

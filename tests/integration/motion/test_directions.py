@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
 from tests.support import sampling
@@ -61,79 +60,67 @@ def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float
         (b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
     ],
 )
-def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client, before = bridge.client(), len(bridge.sent())
-            client.tell(b":RG#:M%s#" % arrow)
-            await asyncio.sleep(2.0)
-            assert motions(bridge, before) == [b"T\0", first, second]
-            client.tell(b":Q%s#" % arrow)
-            await asyncio.sleep(0.1)
-            axes = (b"\x10", b"\x11") if arrow in b"ew" else (b"\x11", b"\x10")
-            assert motions(bridge, before)[3:] == [*(b"P\x02%s\x24\0\0\0\0" % axis for axis in axes), b"T\x01"]
-            await asyncio.sleep(1.0)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
+    async with fork() as bridge:
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":RG#:M%s#" % arrow)
+        await asyncio.sleep(2.0)
+        assert motions(bridge, before) == [b"T\0", first, second]
+        client.tell(b":Q%s#" % arrow)
+        await asyncio.sleep(0.1)
+        axes = (b"\x10", b"\x11") if arrow in b"ew" else (b"\x11", b"\x10")
+        assert motions(bridge, before)[3:] == [*(b"P\x02%s\x24\0\0\0\0" % axis for axis in axes), b"T\x01"]
+        await asyncio.sleep(1.0)
+        assert bridge.sim.tracking
 
 
-def test_two_slow_arrows_at_once_and_one_let_go() -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client, before = bridge.client(), len(bridge.sent())
-            client.tell(b":RG#:Mw#")
-            await asyncio.sleep(1.0)
-            client.tell(b":Mn#")
-            await asyncio.sleep(1.0)
-            west, north = b"P\x03\x10\x06\x00\x73\0\0", b"P\x03\x11\x06\x00\x1e\0\0"
-            assert motions(bridge, before) == [b"T\0", west, STANDS, north, west]
-            client.tell(b":Qw#")
-            await asyncio.sleep(1.0)
-            assert motions(bridge, before)[5:] == [FOLLOWS, north], "the other one goes on, on top of tracking"
-            client.tell(b":Qn#")
-            await asyncio.sleep(1.0)
-            assert motions(bridge, before)[-1] == b"T\x01"
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_two_slow_arrows_at_once_and_one_let_go() -> None:
+    async with fork() as bridge:
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":RG#:Mw#")
+        await asyncio.sleep(1.0)
+        client.tell(b":Mn#")
+        await asyncio.sleep(1.0)
+        west, north = b"P\x03\x10\x06\x00\x73\0\0", b"P\x03\x11\x06\x00\x1e\0\0"
+        assert motions(bridge, before) == [b"T\0", west, STANDS, north, west]
+        client.tell(b":Qw#")
+        await asyncio.sleep(1.0)
+        assert motions(bridge, before)[5:] == [FOLLOWS, north], "the other one goes on, on top of tracking"
+        client.tell(b":Qn#")
+        await asyncio.sleep(1.0)
+        assert motions(bridge, before)[-1] == b"T\x01"
+        assert bridge.sim.tracking
 
 
-def test_a_fast_arrow_beside_a_slow_one_leaves_it_and_its_axis_follows_again_afterwards() -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client = bridge.client()
-            client.tell(b":RG#:Mn#")
-            await asyncio.sleep(1.0)
-            client.tell(b":RM#:Mw#")
-            await asyncio.sleep(1.0)
-            assert truth_of(bridge.sim).rate1 == pytest.approx(1.0, rel=0.01)
-            assert truth_of(bridge.sim).rate2 == pytest.approx(7.5205 / 3600, rel=0.02)
-            client.tell(b":Qw#")
-            await asyncio.sleep(2.0)
-            assert truth_of(bridge.sim).rate1 == pytest.approx(21.3 / 3600, rel=0.03)
-            client.tell(b":Q#")
-            await asyncio.sleep(2.0)
-            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
-
-    run(program())
+async def test_a_fast_arrow_beside_a_slow_one_leaves_it_and_its_axis_follows_again_afterwards() -> None:
+    async with fork() as bridge:
+        client = bridge.client()
+        client.tell(b":RG#:Mn#")
+        await asyncio.sleep(1.0)
+        client.tell(b":RM#:Mw#")
+        await asyncio.sleep(1.0)
+        assert truth_of(bridge.sim).rate1 == pytest.approx(1.0, rel=0.01)
+        assert truth_of(bridge.sim).rate2 == pytest.approx(7.5205 / 3600, rel=0.02)
+        client.tell(b":Qw#")
+        await asyncio.sleep(2.0)
+        assert truth_of(bridge.sim).rate1 == pytest.approx(21.3 / 3600, rel=0.03)
+        client.tell(b":Q#")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
 
-def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client = bridge.client()
-            client.tell(b":AL#")
-            await asyncio.sleep(2.0)
-            before = len(bridge.sent())
-            client.tell(b":RG#:Mw#")
-            await asyncio.sleep(1.0)
-            client.tell(b":Qw#")
-            await asyncio.sleep(1.0)
-            assert motions(bridge, before) == [b"P\x02\x10\x24\x01\0\0\0", b"P\x02\x10\x24\0\0\0\0"]
-            assert not bridge.sim.tracking
-
-    run(program())
+async def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
+    async with fork() as bridge:
+        client = bridge.client()
+        client.tell(b":AL#")
+        await asyncio.sleep(2.0)
+        before = len(bridge.sent())
+        client.tell(b":RG#:Mw#")
+        await asyncio.sleep(1.0)
+        client.tell(b":Qw#")
+        await asyncio.sleep(1.0)
+        assert motions(bridge, before) == [b"P\x02\x10\x24\x01\0\0\0", b"P\x02\x10\x24\0\0\0\0"]
+        assert not bridge.sim.tracking
 
 
 @pytest.mark.parametrize(
@@ -146,101 +133,85 @@ def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
         ({"guide_directions": "sky"}, b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
     ],
 )
-def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
+async def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
     config: dict[str, Any], pulse: bytes, first: bytes, second: bytes
 ) -> None:
-    async def program() -> None:
-        async with fork(**config) as bridge:
-            bridge.driver.motor_delay = 0.0  # nothing stands still while this line tells both motors
-            client, before = bridge.client(), len(bridge.sent())
-            client.tell(b":Mg%s1000#" % pulse)
-            await asyncio.sleep(0.9)
-            assert motions(bridge, before) == [b"T\0", first, second]
-            await asyncio.sleep(0.3)
-            back = [FOLLOWS, STANDS] if pulse in b"ew" else [STANDS, FOLLOWS]
-            assert motions(bridge, before)[3:] == [*back, b"T\x01"]
-            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
-
-    run(program())
+    async with fork(**config) as bridge:
+        bridge.driver.motor_delay = 0.0  # nothing stands still while this line tells both motors
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":Mg%s1000#" % pulse)
+        await asyncio.sleep(0.9)
+        assert motions(bridge, before) == [b"T\0", first, second]
+        await asyncio.sleep(0.3)
+        back = [FOLLOWS, STANDS] if pulse in b"ew" else [STANDS, FOLLOWS]
+        assert motions(bridge, before)[3:] == [*back, b"T\x01"]
+        assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
 
-def test_two_pulses_at_once_add_up_on_both_axes() -> None:
+async def test_two_pulses_at_once_add_up_on_both_axes() -> None:
     """PHD2 may send both; to the south-east both of them turn both axes."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0, "guide_directions": "sky"}) as bridge:
-            client = bridge.client()
-            await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
-            await asyncio.sleep(60.0)
-            before = truth_of(bridge.sim)
-            began = bridge.sim.truth()
-            client.tell(b":Mgw2000#:Mgn2000#")
-            await asyncio.sleep(6.0)
-            ended = bridge.sim.truth()
-            assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
-            assert wrap180(began[0] - ended[0]) * 3600 == pytest.approx(15.04, rel=0.15)
-            assert (ended[1] - began[1]) * 3600 == pytest.approx(15.04, rel=0.15)
-
-    run(program())
+    async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0, "guide_directions": "sky"}) as bridge:
+        client = bridge.client()
+        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await asyncio.sleep(60.0)
+        before = truth_of(bridge.sim)
+        began = bridge.sim.truth()
+        client.tell(b":Mgw2000#:Mgn2000#")
+        await asyncio.sleep(6.0)
+        ended = bridge.sim.truth()
+        assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
+        assert wrap180(began[0] - ended[0]) * 3600 == pytest.approx(15.04, rel=0.15)
+        assert (ended[1] - began[1]) * 3600 == pytest.approx(15.04, rel=0.15)
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.05])
 @pytest.mark.parametrize("pulse", [b"n", b"e"])
 @pytest.mark.parametrize("ms", [100, 300])
-def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(latency: float, pulse: bytes, ms: int) -> None:
+async def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(
+    latency: float, pulse: bytes, ms: int
+) -> None:
     """To tell two motors takes longer, and tracking stands still meanwhile: both are made up for."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
-            client = bridge.client()
-            await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
-            await asyncio.sleep(60.0)
-            for learning in (True, False):
-                before = truth_of(bridge.sim)
-                for _ in range(1 if learning else 5):
-                    client.tell(b":Mg%s%04d#" % (pulse, ms))
-                    await asyncio.sleep(3.0)
-            first, second = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
-            asked = 5 * ms / 1000.0 * 7.5205 * (1 if pulse == b"n" else -1)
-            along, across = (second, first) if pulse == b"n" else (first, second)
-            assert along * 3600 == pytest.approx(asked, abs=0.15 * abs(asked) + 1.0)
-            assert abs(across) * 3600 < 5 * 0.7
-
-    run(program())
+    async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+        client = bridge.client()
+        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await asyncio.sleep(60.0)
+        for learning in (True, False):
+            before = truth_of(bridge.sim)
+            for _ in range(1 if learning else 5):
+                client.tell(b":Mg%s%04d#" % (pulse, ms))
+                await asyncio.sleep(3.0)
+        first, second = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+        asked = 5 * ms / 1000.0 * 7.5205 * (1 if pulse == b"n" else -1)
+        along, across = (second, first) if pulse == b"n" else (first, second)
+        assert along * 3600 == pytest.approx(asked, abs=0.15 * abs(asked) + 1.0)
+        assert abs(across) * 3600 < 5 * 0.7
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05, 0.15])
-def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every_other(latency: float) -> None:
+async def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every_other(latency: float) -> None:
     """How long the line takes was guessed for it: over a fast line the azimuth ran 2" ahead of the stars."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
-            before = truth_of(bridge.sim)
-            bridge.client().tell(b":Mgn2000#")
-            await asyncio.sleep(6.0)
-            across, along = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
-            assert along * 3600 == pytest.approx(15.04, abs=0.5)
-            assert abs(across) * 3600 < 0.7
-
-    run(program())
+    async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+        before = truth_of(bridge.sim)
+        bridge.client().tell(b":Mgn2000#")
+        await asyncio.sleep(6.0)
+        across, along = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+        assert along * 3600 == pytest.approx(15.04, abs=0.5)
+        assert abs(across) * 3600 < 0.7
 
 
 @pytest.mark.parametrize("end", [b":Q#", b":Qw#", b":Sr05:00:00#:Sd+20*00:00#:MS#"])
 @pytest.mark.parametrize("motion", [b":RG#:Mw#", b":Mgw3000#"])
-def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: bytes) -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            await asyncio.sleep(1.0)
-            client.tell(end)
-            await asyncio.sleep(90.0)
-            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
-            since = len(bridge.sent())
-            await asyncio.sleep(5.0)
-            assert not motions(bridge, since), "nothing of it is left"
-
-    run(program())
+async def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: bytes) -> None:
+    async with fork() as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        await asyncio.sleep(1.0)
+        client.tell(end)
+        await asyncio.sleep(90.0)
+        assert bridge.sim.tracking and not truth_of(bridge.sim).moving
+        since = len(bridge.sent())
+        await asyncio.sleep(5.0)
+        assert not motions(bridge, since), "nothing of it is left"
 
 
 @pytest.mark.parametrize(
@@ -252,54 +223,44 @@ def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: by
         ("nexstar-gps", "1.6", {"mode": "alt-az"}, "give it with --site"),
     ],
 )
-def test_what_cannot_be_guided_is_refused_with_words(
+async def test_what_cannot_be_guided_is_refused_with_words(
     mount: str, version: str, config: dict[str, Any], words: str
 ) -> None:
     """An SLT tells its site itself; a NexStar GPS its GPS unit's, while it has a fix."""
-
-    async def program() -> None:
-        async with Bridge(mount, version, config={"sun": 0.0, **config}) as bridge:
-            if mount == "nexstar-gps" and words.endswith("--site"):
-                bridge.driver.site = None
-            since = len(bridge.sent())
-            bridge.client().tell(b":Mgw1000#")
-            await asyncio.sleep(2.0)
-            sent = motions(bridge, since)
-            told = [entry.note for entry in bridge.entries if "guid" in entry.note.lower() or "latitude" in entry.note]
-            assert bool(sent) is (mount == "slt")
-            assert bool(told) is (mount != "slt")
-            assert all(words in note for note in told)
-
-    run(program())
+    async with Bridge(mount, version, config={"sun": 0.0, **config}) as bridge:
+        if mount == "nexstar-gps" and words.endswith("--site"):
+            bridge.driver.site = None
+        since = len(bridge.sent())
+        bridge.client().tell(b":Mgw1000#")
+        await asyncio.sleep(2.0)
+        sent = motions(bridge, since)
+        told = [entry.note for entry in bridge.entries if "guid" in entry.note.lower() or "latitude" in entry.note]
+        assert bool(sent) is (mount == "slt")
+        assert bool(told) is (mount != "slt")
+        assert all(words in note for note in told)
 
 
 @pytest.mark.parametrize(("aligned", "words"), [(False, "is not aligned"), (True, "does not track")])
-def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_one(aligned: bool, words: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
-            client = bridge.client()
-            client.tell(b":AL#")
-            await asyncio.sleep(2.0)
-            since = len(bridge.sent())
-            client.tell(b":Mgn0500#")
-            await asyncio.sleep(2.0)
-            assert not motions(bridge, since)
-            (told,) = [entry.note for entry in bridge.entries if "guide" in entry.note]
-            assert words in told and "alt-az" not in told
-
-    run(program())
+async def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_one(aligned: bool, words: str) -> None:
+    async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
+        client = bridge.client()
+        client.tell(b":AL#")
+        await asyncio.sleep(2.0)
+        since = len(bridge.sent())
+        client.tell(b":Mgn0500#")
+        await asyncio.sleep(2.0)
+        assert not motions(bridge, since)
+        (told,) = [entry.note for entry in bridge.entries if "guide" in entry.note]
+        assert words in told and "alt-az" not in told
 
 
-def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
-    async def program() -> None:
-        async with fork() as bridge:
-            client, before = bridge.client(), len(bridge.sent())
-            client.tell(b":RM#:Mw#")
-            await asyncio.sleep(1.0)
-            assert motions(bridge, before) == [b"T\0", b"P\x02\x10\x24\x07\0\0\0"]
-            assert SLOW < 1.0
-
-    run(program())
+async def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
+    async with fork() as bridge:
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":RM#:Mw#")
+        await asyncio.sleep(1.0)
+        assert motions(bridge, before) == [b"T\0", b"P\x02\x10\x24\x07\0\0\0"]
+        assert SLOW < 1.0
 
 
 # --- a German mount: the motor or the sky -------------------------------------------------------------------------
@@ -309,38 +270,34 @@ def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
     ("guide", "side", "command"),
     [("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)],
 )
-def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, command: int) -> None:
-    async def program() -> None:
-        async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
-            client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0
-            hours = (sidereal + (-2.0 if side == "east" else 2.0)) % 24.0
-            target = b":Sr%02d:%02d:00#:Sd+30*00:00#:MS#" % (int(hours), int(hours % 1 * 60))
-            await client.ask(target, until=b"0")
-            await asyncio.sleep(90.0)
-            since = len(bridge.sent())
-            client.tell(b":Mgn1000#")
-            await asyncio.sleep(2.0)
-            assert bytes((80, 2, 17, command, 1, 0, 0, 0)) in motions(bridge, since)
-
-    run(program())
+async def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, command: int) -> None:
+    async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
+        client = bridge.client()
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0
+        hours = (sidereal + (-2.0 if side == "east" else 2.0)) % 24.0
+        target = b":Sr%02d:%02d:00#:Sd+30*00:00#:MS#" % (int(hours), int(hours % 1 * 60))
+        await client.ask(target, until=b"0")
+        await asyncio.sleep(90.0)
+        since = len(bridge.sent())
+        client.tell(b":Mgn1000#")
+        await asyncio.sleep(2.0)
+        assert bytes((80, 2, 17, command, 1, 0, 0, 0)) in motions(bridge, since)
 
 
 # --- a Meade: motor sense -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("site", "up"), [(NORTH, b":Mn#"), (SOUTH, b":Ms#")])
-def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(site: tuple[float, float], up: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
-            client, since = bridge.client(), len(bridge.sent())
-            await client.ask(b"P\x02\x11\x24\x04\0\0\0")
-            await asyncio.sleep(1.0)
-            assert up in bridge.sent()[since:]
-            await client.ask(b"P\x02\x11\x24\0\0\0\0")
-            await asyncio.sleep(1.0)
-
-    run(program())
+async def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(
+    site: tuple[float, float], up: bytes
+) -> None:
+    async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
+        client, since = bridge.client(), len(bridge.sent())
+        await client.ask(b"P\x02\x11\x24\x04\0\0\0")
+        await asyncio.sleep(1.0)
+        assert up in bridge.sent()[since:]
+        await client.ask(b"P\x02\x11\x24\0\0\0\0")
+        await asyncio.sleep(1.0)
 
 
 # --- all of it, in short ------------------------------------------------------------------------------------------

@@ -72,19 +72,16 @@ def test_rate_of_an_lx200_program_is_that_of_the_key_of_a_cge(rate: bytes, degre
     ],
     ids=ascii,
 )
-def test_a_rate_that_it_has_not_is_told_once(mount: tuple[str, str, float], commands: bytes, words: str) -> None:
-    async def program() -> None:
-        async with Bridge(*mount[:2], surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            for _ in range(2):
-                client = bridge.client()
-                client.tell(commands)
-                await asyncio.sleep(2)
-                client.tell(b":Q#")
-                await asyncio.sleep(2)
-            told = [one.text for one in bridge.wire_log.recent if "a motion at" in one.text]
-            assert [text[: len(words)] for text in told] == ([words] if words else [])
-
-    run(program())
+async def test_a_rate_that_it_has_not_is_told_once(mount: tuple[str, str, float], commands: bytes, words: str) -> None:
+    async with Bridge(*mount[:2], surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        for _ in range(2):
+            client = bridge.client()
+            client.tell(commands)
+            await asyncio.sleep(2)
+            client.tell(b":Q#")
+            await asyncio.sleep(2)
+        told = [one.text for one in bridge.wire_log.recent if "a motion at" in one.text]
+        assert [text[: len(words)] for text in told] == ([words] if words else [])
 
 
 def test_it_goes_out_as_a_variable_rate_and_the_motors_most_as_their_own_key() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from gateway.astro.axes import Observer
 from gateway.astro.spherical import horizon_to_hour_angle, wrap360
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -25,19 +24,15 @@ def eight_digits(degrees: float) -> bytes:
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("latency", [0.0, 0.03, 0.1])
 @pytest.mark.parametrize("moment", [0.0, 4.0, 8.0])
-def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latency: float, moment: float) -> None:
+async def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latency: float, moment: float) -> None:
     """``moment``: round trips since the port was opened."""
-
-    async def program() -> None:
-        bridge: Any = Bridge(mount, presented="nexstar", surface="cge", config={"lowest": 10.0}, latency=latency)
-        bridge.controller.start()
-        await asyncio.sleep(moment * latency)
-        hour_angle, dec = horizon_to_hour_angle(*LOW, 45.0)
-        ra = wrap360(Observer(45.0, 10.0).sidereal(bridge.clock()) - hour_angle)
-        bridge.client().tell(THREE_HOURS_SLOW + b"r" + eight_digits(ra) + b"," + eight_digits(dec))
-        for _ in range(200):
-            await asyncio.sleep(0.1)
-            assert truth_of(bridge.sim).altitude > 9.7
-        await bridge.controller.close()
-
-    run(program())
+    bridge: Any = Bridge(mount, presented="nexstar", surface="cge", config={"lowest": 10.0}, latency=latency)
+    bridge.controller.start()
+    await asyncio.sleep(moment * latency)
+    hour_angle, dec = horizon_to_hour_angle(*LOW, 45.0)
+    ra = wrap360(Observer(45.0, 10.0).sidereal(bridge.clock()) - hour_angle)
+    bridge.client().tell(THREE_HOURS_SLOW + b"r" + eight_digits(ra) + b"," + eight_digits(dec))
+    for _ in range(200):
+        await asyncio.sleep(0.1)
+        assert truth_of(bridge.sim).altitude > 9.7
+    await bridge.controller.close()

@@ -26,23 +26,20 @@ GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("cancelled", [True, False])
-def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: str, cancelled: bool) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            owner, client = Owner(bridge, driven), bridge.client()
-            await client.ask(b":GR#")
-            client.tell(GOTO)
-            await asyncio.sleep(3.0)
-            if cancelled:
-                owner.keys("cancel")
-            for _ in range(60):
-                await client.ask(b":D#")
-                await asyncio.sleep(1.0)
-            told = [entry.note for entry in bridge.entries if "from its goal" in entry.note]
-            assert len(told) == cancelled
-            assert not bridge.controller.moving
-
-    run(program())
+async def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: str, cancelled: bool) -> None:
+    async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        owner, client = Owner(bridge, driven), bridge.client()
+        await client.ask(b":GR#")
+        client.tell(GOTO)
+        await asyncio.sleep(3.0)
+        if cancelled:
+            owner.keys("cancel")
+        for _ in range(60):
+            await client.ask(b":D#")
+            await asyncio.sleep(1.0)
+        told = [entry.note for entry in bridge.entries if "from its goal" in entry.note]
+        assert len(told) == cancelled
+        assert not bridge.controller.moving
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("lx200gps", "lx200")])
@@ -108,40 +105,34 @@ async def ended(bridge: Any, driven: str, how: str) -> None:
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("how", ENDS)
-def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
-            controller = bridge.controller
-            telescope = inside(bridge.gateway)
-            await ended(bridge, driven, how)
-            words = (await telescope.perform(op.GetActivity())).short
-            assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
-            assert (words in mount_state(controller).drawn().wanted) is bool(words)
-            assert state(bridge.gateway)["goto_ended_short"] == (words or None)
-            if words:
-                with pytest.raises(Stopped, match="the goto ended"):
-                    await telescope.arrived()
-            else:
+async def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
+        controller = bridge.controller
+        telescope = inside(bridge.gateway)
+        await ended(bridge, driven, how)
+        words = (await telescope.perform(op.GetActivity())).short
+        assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
+        assert (words in mount_state(controller).drawn().wanted) is bool(words)
+        assert state(bridge.gateway)["goto_ended_short"] == (words or None)
+        if words:
+            with pytest.raises(Stopped, match="the goto ended"):
                 await telescope.arrived()
-            await telescope.perform(op.StopAxis(1))
-            assert (await telescope.perform(op.GetActivity())).short == ""
-
-    run(program())
+        else:
+            await telescope.arrived()
+        await telescope.perform(op.StopAxis(1))
+        assert (await telescope.perform(op.GetActivity())).short == ""
 
 
 @pytest.mark.parametrize("how", ENDS)
-def test_stellarium_reads_it_in_the_status(how: str) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", presented="stellarium", surface=None, config={"sun": 0.0}) as bridge:
-            client = bridge.client()
-            await ended(bridge, "nexstar", how)
-            [status] = struct.unpack("<i", client.heard[-4:])
-            assert status == (-2 if ENDS[how] else 0)
-            await inside(bridge.gateway).goto(121.0, 30.0)
-            await asyncio.sleep(2.0)
-            assert client.heard[-4:] == b"\0\0\0\0"
-
-    run(program())
+async def test_stellarium_reads_it_in_the_status(how: str) -> None:
+    async with Bridge("cpc", presented="stellarium", surface=None, config={"sun": 0.0}) as bridge:
+        client = bridge.client()
+        await ended(bridge, "nexstar", how)
+        [status] = struct.unpack("<i", client.heard[-4:])
+        assert status == (-2 if ENDS[how] else 0)
+        await inside(bridge.gateway).goto(121.0, 30.0)
+        await asyncio.sleep(2.0)
+        assert client.heard[-4:] == b"\0\0\0\0"
 
 
 def test_near_is_there() -> None:

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
@@ -38,125 +37,104 @@ async def rests(bridge: Any) -> bool:
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("early", [0.0, 0.3, 3.0])
-def test_the_release_of_an_arrow_that_was_over_leaves_the_goto_alone(mount: str, driven: str, early: float) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#:Mn#")
-            await asyncio.sleep(2.0)
-            client.tell(GOTO)
-            await asyncio.sleep(early)
-            client.tell(b":Qe#:Qn#")
-            assert await arrives(bridge)
-            assert client.heard.endswith(b"0")
-
-    run(program())
+async def test_the_release_of_an_arrow_that_was_over_leaves_the_goto_alone(
+    mount: str, driven: str, early: float
+) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#:Mn#")
+        await asyncio.sleep(2.0)
+        client.tell(GOTO)
+        await asyncio.sleep(early)
+        client.tell(b":Qe#:Qn#")
+        assert await arrives(bridge)
+        assert client.heard.endswith(b"0")
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("ends", [b":Qe#", b":Qn#", b":Qe#:Qw#:Qn#:Qs#"])
-def test_a_halt_without_an_arrow_ends_the_goto_as_a_whole(mount: str, driven: str, ends: bytes) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await asyncio.sleep(2.0)
-            assert bridge.sim.slewing
-            client.tell(ends)
-            assert await rests(bridge)
-            assert not bridge.sim.slewing
-            assert separation(*bridge.sim.truth(), *GOAL) > 1.0
-            assert bridge.sim.tracking
-            assert await client.ask(b":D#", until=b"#") == b"#"
-
-    run(program())
+async def test_a_halt_without_an_arrow_ends_the_goto_as_a_whole(mount: str, driven: str, ends: bytes) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.slewing
+        client.tell(ends)
+        assert await rests(bridge)
+        assert not bridge.sim.slewing
+        assert separation(*bridge.sim.truth(), *GOAL) > 1.0
+        assert bridge.sim.tracking
+        assert await client.ask(b":D#", until=b"#") == b"#"
 
 
-def test_a_nexstar_program_that_halts_one_axis_ends_the_goto_as_a_whole() -> None:
-    async def program() -> None:
-        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"r55555555,15555555") == b"#"
-            await asyncio.sleep(3.0)
-            assert bridge.sim.slewing
-            assert await client.ask(b"P\x02\x11\x24\x00\x00\x00\x00") == b"#"
-            assert await rests(bridge)
-            assert not bridge.sim.slewing
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_nexstar_program_that_halts_one_axis_ends_the_goto_as_a_whole() -> None:
+    async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"r55555555,15555555") == b"#"
+        await asyncio.sleep(3.0)
+        assert bridge.sim.slewing
+        assert await client.ask(b"P\x02\x11\x24\x00\x00\x00\x00") == b"#"
+        assert await rests(bridge)
+        assert not bridge.sim.slewing
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mw#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
-            assert await rests(bridge)
-            assert not bridge.controller.wanted.axes
-
-    run(program())
+async def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mw#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
+        assert await rests(bridge)
+        assert not bridge.controller.wanted.axes
 
 
-def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> None:
+async def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> None:
     """That the goto is over may not be known yet when the arrow is pressed."""
-
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            assert await arrives(bridge)
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(0.5)
-            client.tell(b":Qe#")
-            assert await rests(bridge)
-
-    run(program())
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        assert await arrives(bridge)
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(0.5)
+        client.tell(b":Qe#")
+        assert await rests(bridge)
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("meanwhile", [b":TL#", b":TS#", b":ST59.0#", b":TQ#", b":Mge0500#", b":Mgn1000#", b":RG#:RM#"])
-def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
+async def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
     mount: str, driven: str, meanwhile: bytes
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await asyncio.sleep(2.0)
-            assert bridge.sim.slewing
-            client.tell(meanwhile)
-            assert await arrives(bridge)
-            dropped = [entry.note for entry in bridge.entries if "the guide pulse is dropped" in entry.note]
-            assert bool(dropped) is meanwhile.startswith(b":Mg")
-
-    run(program())
+    async with Bridge(mount, driven=driven) as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.slewing
+        client.tell(meanwhile)
+        assert await arrives(bridge)
+        dropped = [entry.note for entry in bridge.entries if "the guide pulse is dropped" in entry.note]
+        assert bool(dropped) is meanwhile.startswith(b":Mg")
 
 
 @pytest.mark.parametrize("ended", [False, True])
-def test_a_rate_that_came_during_a_goto_runs_when_it_is_over(ended: bool) -> None:
+async def test_a_rate_that_came_during_a_goto_runs_when_it_is_over(ended: bool) -> None:
     """The Moon's: 14.685 arcseconds a second; also when the goto was stopped."""
-
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await asyncio.sleep(2.0)
-            client.tell(b":TL#")
-            if ended:
-                client.tell(b":Q#")
-                await asyncio.sleep(5.0)
-            else:
-                assert await arrives_near(bridge)
-            before, began = bridge.sim.truth()[0], bridge.clock()
-            await asyncio.sleep(20.0)
-            drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
-            assert drift == pytest.approx(15.041 - 14.685, abs=0.02)
-
-    run(program())
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await asyncio.sleep(2.0)
+        client.tell(b":TL#")
+        if ended:
+            client.tell(b":Q#")
+            await asyncio.sleep(5.0)
+        else:
+            assert await arrives_near(bridge)
+        before, began = bridge.sim.truth()[0], bridge.clock()
+        await asyncio.sleep(20.0)
+        drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+        assert drift == pytest.approx(15.041 - 14.685, abs=0.02)
 
 
 async def arrives_near(bridge: Any) -> bool:
@@ -171,65 +149,55 @@ async def arrives_near(bridge: Any) -> bool:
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("held", [0.0, 0.06, 0.1, 0.3, 0.45, 0.8])
 @pytest.mark.parametrize("when", ["during a goto", "just after one", "the second axis"])
-def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_nothing_moving(
+async def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_nothing_moving(
     mount: str, driven: str, held: float, when: str
 ) -> None:
     """The mount may have heard of the arrow and not yet acknowledged it, and the goto may seem to be under way."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            if when == "just after one":
-                while separation(*bridge.sim.truth(), *GOAL) > 0.001:
-                    client.tell(b":GR#")
-                    await asyncio.sleep(0.1)
-            else:
-                await asyncio.sleep(2.0)
-            if when == "the second axis":
-                client.tell(b":RM#:Me#")
-                await asyncio.sleep(1.0)
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(held)
-            client.tell(b":Qn#")
-            await asyncio.sleep(0.5)
-            client.tell(b":Qe#")
-            assert await rests(bridge)
-            assert not bridge.controller.wanted.axes
+    async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        if when == "just after one":
+            while separation(*bridge.sim.truth(), *GOAL) > 0.001:
+                client.tell(b":GR#")
+                await asyncio.sleep(0.1)
+        else:
             await asyncio.sleep(2.0)
-            assert bridge.sim.tracking
-
-    run(program())
+        if when == "the second axis":
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(1.0)
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(held)
+        client.tell(b":Qn#")
+        await asyncio.sleep(0.5)
+        client.tell(b":Qe#")
+        assert await rests(bridge)
+        assert not bridge.controller.wanted.axes
+        await asyncio.sleep(2.0)
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
-            first = bridge.client()
-            first.tell(b":RM#:Me#")
-            await asyncio.sleep(1.0)
-            first.close()
-            await asyncio.sleep(6.0)
-            assert not bridge.controller.wanted.axes
-            second = bridge.client()
-            await second.ask(GOTO, until=b"0")
-            await asyncio.sleep(3.0)
-            second.tell(b":Qe#")
-            assert await rests(bridge)
-            assert separation(*bridge.sim.truth(), *GOAL) > 1.0
-
-    run(program())
+async def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
+        first = bridge.client()
+        first.tell(b":RM#:Me#")
+        await asyncio.sleep(1.0)
+        first.close()
+        await asyncio.sleep(6.0)
+        assert not bridge.controller.wanted.axes
+        second = bridge.client()
+        await second.ask(GOTO, until=b"0")
+        await asyncio.sleep(3.0)
+        second.tell(b":Qe#")
+        assert await rests(bridge)
+        assert separation(*bridge.sim.truth(), *GOAL) > 1.0
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.3])
-def test_a_stop_ends_the_search_for_home(delay: float) -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
-            client = bridge.client()
-            client.tell(b":hS#")
-            await asyncio.sleep(delay)
-            client.tell(b":Q#")
-            assert await rests(bridge)
-
-    run(program())
+async def test_a_stop_ends_the_search_for_home(delay: float) -> None:
+    async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
+        client = bridge.client()
+        client.tell(b":hS#")
+        await asyncio.sleep(delay)
+        client.tell(b":Q#")
+        assert await rests(bridge)

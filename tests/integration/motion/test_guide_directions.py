@@ -11,7 +11,6 @@ import pytest
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from tests.support import exact_sky
 from tests.support.each import each
@@ -38,23 +37,22 @@ async def declination_after(own: RehearsalMount, direction: int) -> float:
 @pytest.mark.parametrize("hours", [-3.0, 3.0])
 @pytest.mark.parametrize("site", [NORTH, SOUTH], ids=["north", "south"])
 @pytest.mark.parametrize("mount", ["cgem", "cge"])
-def test_alpaca_north_raises_the_declination_on_both_sides(mount: str, site: tuple[float, float], hours: float) -> None:
-    async def program() -> None:
-        async with RehearsalMount(
-            mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}
-        ) as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            await ask(client, "put connect")
-            ra = (await ask(client, "get siderealtime") - hours) % 24.0
-            await ask(client, f"put slewtocoordinatesasync RightAscension={ra} Declination={site[0] / 3.0}")
-            while await ask(client, "get slewing"):
-                await asyncio.sleep(0.5)
-            await asyncio.sleep(2.0)
-            assert await declination_after(own, 0) == pytest.approx(15.0, rel=0.1)
-            assert await declination_after(own, 1) == pytest.approx(-15.0, rel=0.1)
-
-    run(program())
+async def test_alpaca_north_raises_the_declination_on_both_sides(
+    mount: str, site: tuple[float, float], hours: float
+) -> None:
+    async with RehearsalMount(
+        mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}
+    ) as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        await ask(client, "put connect")
+        ra = (await ask(client, "get siderealtime") - hours) % 24.0
+        await ask(client, f"put slewtocoordinatesasync RightAscension={ra} Declination={site[0] / 3.0}")
+        while await ask(client, "get slewing"):
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(2.0)
+        assert await declination_after(own, 0) == pytest.approx(15.0, rel=0.1)
+        assert await declination_after(own, 1) == pytest.approx(-15.0, rel=0.1)
 
 
 @each(

@@ -48,31 +48,28 @@ def moved(before: tuple[float, float, float], after: tuple[float, float, float])
 
 @pytest.mark.parametrize(("model", "version", "first"), MOUNTS, ids=lambda part: part if isinstance(part, str) else "")
 @pytest.mark.parametrize("rate", RATES)
-def test_pulses_and_arrows_go_at_the_guide_rate(model: str, version: str, first: bytes, rate: float) -> None:
-    async def program() -> None:
-        async with mount(model, version, first) as bridge:
-            client = bridge.client()
-            client.tell(b":Rg%04.1f#" % rate)
-            for direction, axis in ((b"w", 0), (b"e", 0), (b"n", 1), (b"s", 1)):
-                await asyncio.sleep(2.0)
-                start = axes(bridge)
-                client.tell(b":Mg%s2000#" % direction)
-                await asyncio.sleep(4.0)
-                along = moved(start, axes(bridge))
-                assert abs(along[axis]) == pytest.approx(rate * 2.0, rel=0.06), direction  # and what an answer takes
-                assert abs(along[1 - axis]) < 0.1
-                client.tell(b":RG#:M%s#" % direction)
-                await asyncio.sleep(1.0)
-                start = axes(bridge)
-                await asyncio.sleep(4.0)
-                assert abs(moved(start, axes(bridge))[axis]) == pytest.approx(rate * 4.0, rel=0.06), direction
-                client.tell(b":Q%s#" % direction)
-                await asyncio.sleep(1.0)
-                start = axes(bridge)
-                await asyncio.sleep(4.0)
-                assert moved(start, axes(bridge)) == pytest.approx((0.0, 0.0), abs=0.05)
-
-    run(program())
+async def test_pulses_and_arrows_go_at_the_guide_rate(model: str, version: str, first: bytes, rate: float) -> None:
+    async with mount(model, version, first) as bridge:
+        client = bridge.client()
+        client.tell(b":Rg%04.1f#" % rate)
+        for direction, axis in ((b"w", 0), (b"e", 0), (b"n", 1), (b"s", 1)):
+            await asyncio.sleep(2.0)
+            start = axes(bridge)
+            client.tell(b":Mg%s2000#" % direction)
+            await asyncio.sleep(4.0)
+            along = moved(start, axes(bridge))
+            assert abs(along[axis]) == pytest.approx(rate * 2.0, rel=0.06), direction  # and what an answer takes
+            assert abs(along[1 - axis]) < 0.1
+            client.tell(b":RG#:M%s#" % direction)
+            await asyncio.sleep(1.0)
+            start = axes(bridge)
+            await asyncio.sleep(4.0)
+            assert abs(moved(start, axes(bridge))[axis]) == pytest.approx(rate * 4.0, rel=0.06), direction
+            client.tell(b":Q%s#" % direction)
+            await asyncio.sleep(1.0)
+            start = axes(bridge)
+            await asyncio.sleep(4.0)
+            assert moved(start, axes(bridge)) == pytest.approx((0.0, 0.0), abs=0.05)
 
 
 def sent_for(commands: bytes, *, model: str = "cge", version: str = "4.21", **config: Any) -> list[bytes]:
@@ -116,20 +113,17 @@ def test_a_guide_rate_of_nothing_guides_nowhere() -> None:
     assert all(one[3] == 0x46 for one in sent_for(b":Rg00.0# :Mgw1000#"))
 
 
-def test_a_stop_in_the_middle_of_a_pulse_puts_tracking_back() -> None:
-    async def program() -> None:
-        async with mount("nexstar-gps", "4.21", b"T\2") as bridge:
-            client = bridge.client()
-            client.tell(b":Mgw9000#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(2.0)
-            start = axes(bridge)
-            await asyncio.sleep(10.0)
-            assert moved(start, axes(bridge)) == pytest.approx((0.0, 0.0), abs=0.05)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_stop_in_the_middle_of_a_pulse_puts_tracking_back() -> None:
+    async with mount("nexstar-gps", "4.21", b"T\2") as bridge:
+        client = bridge.client()
+        client.tell(b":Mgw9000#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(2.0)
+        start = axes(bridge)
+        await asyncio.sleep(10.0)
+        assert moved(start, axes(bridge)) == pytest.approx((0.0, 0.0), abs=0.05)
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("ms", [15, 25, 333])
@@ -142,18 +136,16 @@ def test_short_pulses_of_the_motors_are_as_long_as_asked(ms: int) -> None:
 
 @pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
 @pytest.mark.parametrize(("rate", "degrees"), [(b":RG#", 7.52 / 3600.0), (b":RM#", 1.0), (b":RE02.0#", 2.0)])
-def test_small_gotos_are_as_fast_as_the_rate_in_the_mean(model: str, version: str, rate: bytes, degrees: float) -> None:
+async def test_small_gotos_are_as_fast_as_the_rate_in_the_mean(
+    model: str, version: str, rate: bytes, degrees: float
+) -> None:
     """Hand controls before 1.6 have no way to the motors, and tell and take steps of 20 arcseconds."""
-
-    async def program() -> None:
-        async with mount(model, version) as bridge:
-            client = bridge.client()
-            client.tell(rate + b":Ms#")
-            await asyncio.sleep(5.0)
-            start = bridge.sim.truth()[1]
-            await asyncio.sleep(10.0)
-            turned = start - bridge.sim.truth()[1]
-            assert turned == pytest.approx(10.0 * degrees, rel=0.08, abs=20.0 / 3600.0)
-            client.tell(b":Qs#")
-
-    run(program())
+    async with mount(model, version) as bridge:
+        client = bridge.client()
+        client.tell(rate + b":Ms#")
+        await asyncio.sleep(5.0)
+        start = bridge.sim.truth()[1]
+        await asyncio.sleep(10.0)
+        turned = start - bridge.sim.truth()[1]
+        assert turned == pytest.approx(10.0 * degrees, rel=0.08, abs=20.0 / 3600.0)
+        client.tell(b":Qs#")

@@ -13,7 +13,6 @@ import pytest
 
 from gateway.astro.spherical import hour_angle_to_horizon, separation
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.simulated import Simulated
 from tests.support import exact_sky
 
@@ -52,80 +51,67 @@ def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> 
 @pytest.mark.parametrize("hours", [-3.0, 3.0])
 @pytest.mark.parametrize(("az", "alt"), [(150.0, 45.0), (250.0, 30.0), (20.0, 60.0)])
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: float) -> None:
-    async def program() -> None:
-        async with over(mount, "alpaca") as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            await ask(client, "put connect")
-            ra = (await ask(client, "get siderealtime") - hours) % 24.0
-            await ask(client, f"put slewtocoordinatesasync RightAscension={ra} Declination={mount[2][0] / 3.0}")
-            while await ask(client, "get slewing"):
-                await asyncio.sleep(0.5)
-            assert await ask(client, "put tracking Tracking=false") is None
-            assert await ask(client, f"put slewtoaltazasync Azimuth={az} Altitude={alt}") is None
-            while await ask(client, "get slewing"):
-                assert await ask(client, "get tracking") is False
-                await asyncio.sleep(0.5)
-            first = horizon(own.sim)
-            assert separation(*first, az, alt) < NEAR
-            await asyncio.sleep(60.0)
+async def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: float) -> None:
+    async with over(mount, "alpaca") as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        await ask(client, "put connect")
+        ra = (await ask(client, "get siderealtime") - hours) % 24.0
+        await ask(client, f"put slewtocoordinatesasync RightAscension={ra} Declination={mount[2][0] / 3.0}")
+        while await ask(client, "get slewing"):
+            await asyncio.sleep(0.5)
+        assert await ask(client, "put tracking Tracking=false") is None
+        assert await ask(client, f"put slewtoaltazasync Azimuth={az} Altitude={alt}") is None
+        while await ask(client, "get slewing"):
             assert await ask(client, "get tracking") is False
-            assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
-
-    run(program())
+            await asyncio.sleep(0.5)
+        first = horizon(own.sim)
+        assert separation(*first, az, alt) < NEAR
+        await asyncio.sleep(60.0)
+        assert await ask(client, "get tracking") is False
+        assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
 
 
 @pytest.mark.parametrize("mount", MOUNTS[:2], ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-def test_an_lx200_program_too(mount: Any) -> None:
-    async def program() -> None:
-        async with over(mount, "lx200") as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            client.tell(b":AL#")
-            await asyncio.sleep(1.0)
-            assert await client.ask(b":Sz150*00#") + await client.ask(b":Sa+45*00#") == b"11"
-            assert await client.ask(b":MA#") == b"0"
-            while await client.ask(b":D#") != b"#":
-                await asyncio.sleep(0.5)
-            assert separation(*horizon(own.sim), 150.0, 45.0) < NEAR
-            assert (await client.ask(b":GW#"))[1:2] == b"N"
-
-    run(program())
+async def test_an_lx200_program_too(mount: Any) -> None:
+    async with over(mount, "lx200") as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        client.tell(b":AL#")
+        await asyncio.sleep(1.0)
+        assert await client.ask(b":Sz150*00#") + await client.ask(b":Sa+45*00#") == b"11"
+        assert await client.ask(b":MA#") == b"0"
+        while await client.ask(b":D#") != b"#":
+            await asyncio.sleep(0.5)
+        assert separation(*horizon(own.sim), 150.0, 45.0) < NEAR
+        assert (await client.ask(b":GW#"))[1:2] == b"N"
 
 
-def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None:
+async def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None:
     """The mount itself goes to where the place is without that sync, by its axes."""
-
-    async def program() -> None:
-        async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
-            exact_sky.load(own.controller.astrometry.sky)
-            client = own.client()
-            await ask(client, "put connect")
-            ra, dec = await ask(client, "get rightascension"), await ask(client, "get declination")
-            assert await ask(client, f"put synctocoordinates RightAscension={ra - 0.07} Declination={dec + 1}") is None
-            assert await ask(client, "put tracking Tracking=false") is None
-            assert await ask(client, "put slewtoaltazasync Azimuth=100 Altitude=50") is None
-            while await ask(client, "get slewing"):
-                assert await ask(client, "get tracking") is False
-                await asyncio.sleep(0.5)
-            told = await ask(client, "get azimuth"), await ask(client, "get altitude")
-            assert separation(*told, 100.0, 50.0) < NEAR
-            assert separation(*horizon(own.sim), 100.0, 50.0) > 1.0, "the mount knows nothing of the sync"
-            first = horizon(own.sim)
-            await asyncio.sleep(60.0)
-            assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
-
-    run(program())
+    async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
+        exact_sky.load(own.controller.astrometry.sky)
+        client = own.client()
+        await ask(client, "put connect")
+        ra, dec = await ask(client, "get rightascension"), await ask(client, "get declination")
+        assert await ask(client, f"put synctocoordinates RightAscension={ra - 0.07} Declination={dec + 1}") is None
+        assert await ask(client, "put tracking Tracking=false") is None
+        assert await ask(client, "put slewtoaltazasync Azimuth=100 Altitude=50") is None
+        while await ask(client, "get slewing"):
+            assert await ask(client, "get tracking") is False
+            await asyncio.sleep(0.5)
+        told = await ask(client, "get azimuth"), await ask(client, "get altitude")
+        assert separation(*told, 100.0, 50.0) < NEAR
+        assert separation(*horizon(own.sim), 100.0, 50.0) > 1.0, "the mount knows nothing of the sync"
+        first = horizon(own.sim)
+        await asyncio.sleep(60.0)
+        assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
 
 
-def test_a_classic_which_cannot_stop_tracking_refuses() -> None:
-    async def program() -> None:
-        async with over(("lx200", "lx200", NORTH, b""), "alpaca") as own:
-            client = own.client()
-            await ask(client, "put connect")
-            assert await ask(client, "put slewtoaltazasync Azimuth=150 Altitude=45") == -0x400
-            await asyncio.sleep(2.0)
-            assert not own.sim.slewing
-
-    run(program())
+async def test_a_classic_which_cannot_stop_tracking_refuses() -> None:
+    async with over(("lx200", "lx200", NORTH, b""), "alpaca") as own:
+        client = own.client()
+        await ask(client, "put connect")
+        assert await ask(client, "put slewtoaltazasync Azimuth=150 Altitude=45") == -0x400
+        await asyncio.sleep(2.0)
+        assert not own.sim.slewing

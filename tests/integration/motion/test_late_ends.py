@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.directions import NORTH, on_the_axes
 from tests.support.in_process_gateway import Bridge
@@ -37,31 +36,24 @@ async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_en
 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
-def test_a_late_end_is_told_and_taken_from_the_next_pulse(letter: str) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
-            await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
-            await asyncio.sleep(60.0)
-            assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
-            late = await pulse(bridge, letter, 1000, at_end=0.6)
-            assert 1.3 < late < 1.8
-            told = [entry.note for entry in bridge.entries if "guide pulse" in entry.note]
-            assert len(told) == 1 and "this computer did not run the gateway" in told[0]
-            assert late + await pulse(bridge, letter, 1000) == pytest.approx(2.0, abs=0.1)
-            assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
-
-    run(program())
+async def test_a_late_end_is_told_and_taken_from_the_next_pulse(letter: str) -> None:
+    async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
+        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await asyncio.sleep(60.0)
+        assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
+        late = await pulse(bridge, letter, 1000, at_end=0.6)
+        assert 1.3 < late < 1.8
+        told = [entry.note for entry in bridge.entries if "guide pulse" in entry.note]
+        assert len(told) == 1 and "this computer did not run the gateway" in told[0]
+        assert late + await pulse(bridge, letter, 1000) == pytest.approx(2.0, abs=0.1)
+        assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
 @pytest.mark.parametrize("missed", [0.1, 0.2])
-def test_a_gateway_that_is_not_run_at_the_beginning_ends_it_in_time(letter: str, missed: float) -> None:
+async def test_a_gateway_that_is_not_run_at_the_beginning_ends_it_in_time(letter: str, missed: float) -> None:
     """The acknowledgements are seen late; the motors have begun when they were told."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
-            await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
-            await asyncio.sleep(60.0)
-            assert await pulse(bridge, letter, 1000, before=missed) == pytest.approx(1.0, abs=0.1)
-
-    run(program())
+    async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
+        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await asyncio.sleep(60.0)
+        assert await pulse(bridge, letter, 1000, before=missed) == pytest.approx(1.0, abs=0.1)

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -93,195 +92,155 @@ async def turns(bridge: Any, device: int, frame: bytes) -> float:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_each_rate_is_the_nearest_in_ratio_and_replaces_tracking(model: str) -> None:
+async def test_each_rate_is_the_nearest_in_ratio_and_replaces_tracking(model: str) -> None:
     column = 1 + MODELS.index(model)
-
-    async def program() -> None:
-        async with meade(model) as bridge:
-            for row in WEST:
-                assert await turns(bridge, 16, variable(16, row[0])) == pytest.approx(row[column], rel=0.007), row
-            for row in NORTH:
-                assert await turns(bridge, 17, variable(17, row[0])) == pytest.approx(row[column], rel=0.005), row
-            for row in KEYS:
-                assert await turns(bridge, 17, key(17, row[0])) == pytest.approx(row[column], rel=0.005), row
-            assert await bridge.client().ask(b"t") == b"\x02#"
-
-    run(program())
+    async with meade(model) as bridge:
+        for row in WEST:
+            assert await turns(bridge, 16, variable(16, row[0])) == pytest.approx(row[column], rel=0.007), row
+        for row in NORTH:
+            assert await turns(bridge, 17, variable(17, row[0])) == pytest.approx(row[column], rel=0.005), row
+        for row in KEYS:
+            assert await turns(bridge, 17, key(17, row[0])) == pytest.approx(row[column], rel=0.005), row
+        assert await bridge.client().ask(b"t") == b"\x02#"
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_what_was_changed_is_put_back(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
-                await turns(bridge, frame[2], frame)
-            kept = bridge.sim.stored
-            assert float(kept.get("Rg", 15.0)) == 15.0
-            assert bridge.sim.mechanics.fastest == 8.0
-            assert [float(kept.get(name) or 8.0) for name in ("RA", "RE")] == [8.0, 8.0]
-            assert 60.0 <= kept.get("hertz", 60.1) <= 60.1
-
-    run(program())
+async def test_what_was_changed_is_put_back(model: str) -> None:
+    async with meade(model) as bridge:
+        for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
+            await turns(bridge, frame[2], frame)
+        kept = bridge.sim.stored
+        assert float(kept.get("Rg", 15.0)) == 15.0
+        assert bridge.sim.mechanics.fastest == 8.0
+        assert [float(kept.get(name) or 8.0) for name in ("RA", "RE")] == [8.0, 8.0]
+        assert 60.0 <= kept.get("hertz", 60.1) <= 60.1
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_stop_puts_the_drive_back(model: str) -> None:
-    async def program() -> None:
-        async with meade(model) as bridge:
-            client = bridge.client()
-            await client.ask(variable(16, 14.5))
-            await asyncio.sleep(2.0)
-            await bridge.controller.stop()
-            await asyncio.sleep(3.0)
-            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(SIDEREAL, abs=0.001)
-
-    run(program())
+async def test_a_stop_puts_the_drive_back(model: str) -> None:
+    async with meade(model) as bridge:
+        client = bridge.client()
+        await client.ask(variable(16, 14.5))
+        await asyncio.sleep(2.0)
+        await bridge.controller.stop()
+        await asyncio.sleep(3.0)
+        assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(SIDEREAL, abs=0.001)
 
 
-def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
+async def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
     """FF FD is the lunar rate."""
-
-    async def program() -> None:
-        async with meade("autostar") as bridge:
-            client = bridge.client()
-            assert await client.ask(bytes((80, 3, 16, 6, 255, 253, 0, 0))) == b"#"
-            assert await client.ask(variable(16, 7.5)) == b"#"
-            await asyncio.sleep(3.0)
-            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
-            assert await client.ask(key(16, 0)) == b"#"
-            await asyncio.sleep(3.0)
-            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(14.685, abs=0.001)
-
-    run(program())
+    async with meade("autostar") as bridge:
+        client = bridge.client()
+        assert await client.ask(bytes((80, 3, 16, 6, 255, 253, 0, 0))) == b"#"
+        assert await client.ask(variable(16, 7.5)) == b"#"
+        await asyncio.sleep(3.0)
+        assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
+        assert await client.ask(key(16, 0)) == b"#"
+        await asyncio.sleep(3.0)
+        assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(14.685, abs=0.001)
 
 
 @pytest.mark.parametrize(
     ("hand_control", "hertz", "arcseconds"), [(b":TL#", 57.9, 14.685), (b":TM#:ST059.4#", 59.4, 14.85)]
 )
-def test_a_drive_rate_of_the_hand_control_comes_back(hand_control: bytes, hertz: float, arcseconds: float) -> None:
+async def test_a_drive_rate_of_the_hand_control_comes_back(
+    hand_control: bytes, hertz: float, arcseconds: float
+) -> None:
     """It is displayed, so it can be read before a motion replaces it; also if a program has set another one before."""
-
-    async def program() -> None:
-        async with meade("autostar") as bridge:
-            client = bridge.client()
-            for asked in (variable(16, 15.041), bytes((80, 3, 16, 6, 255, 255, 0, 0))):  # FF FF is sidereal
-                assert await client.ask(asked) == b"#"
-                await asyncio.sleep(2.0)
-                assert await client.ask(key(16, 0)) == b"#"
-                await asyncio.sleep(70.0)
-                bridge.sim.feed(hand_control)
-                for _ in range(2):
-                    assert await client.ask(variable(16, 7.5)) == b"#"
-                    await asyncio.sleep(3.0)
-                    assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
-                    assert await client.ask(key(16, 0)) == b"#"
-                    await asyncio.sleep(3.0)
-                    assert bridge.sim.stored["hertz"] == hertz
-                    assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
-
-    run(program())
-
-
-def test_what_cannot_be_read_at_the_hand_control_is_said_once() -> None:
-    async def program() -> None:
-        async with meade("lx200gps") as bridge:
+    async with meade("autostar") as bridge:
+        client = bridge.client()
+        for asked in (variable(16, 15.041), bytes((80, 3, 16, 6, 255, 255, 0, 0))):  # FF FF is sidereal
+            assert await client.ask(asked) == b"#"
+            await asyncio.sleep(2.0)
+            assert await client.ask(key(16, 0)) == b"#"
+            await asyncio.sleep(70.0)
+            bridge.sim.feed(hand_control)
             for _ in range(2):
-                await turns(bridge, 17, variable(17, 10800.0))
-            [said] = [one.text for one in bridge.wire_log.recent if "does not report" in one.text]
-            assert "8 degrees a second" in said
+                assert await client.ask(variable(16, 7.5)) == b"#"
+                await asyncio.sleep(3.0)
+                assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
+                assert await client.ask(key(16, 0)) == b"#"
+                await asyncio.sleep(3.0)
+                assert bridge.sim.stored["hertz"] == hertz
+                assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
-    run(program())
+
+async def test_what_cannot_be_read_at_the_hand_control_is_said_once() -> None:
+    async with meade("lx200gps") as bridge:
+        for _ in range(2):
+            await turns(bridge, 17, variable(17, 10800.0))
+        [said] = [one.text for one in bridge.wire_log.recent if "does not report" in one.text]
+        assert "8 degrees a second" in said
 
 
 @pytest.mark.parametrize("model", ["lx200gps", "autostar"])
-def test_a_key_that_is_off_is_told_once(model: str) -> None:
+async def test_a_key_that_is_off_is_told_once(model: str) -> None:
     """4 and 5 are one speed here."""
-
-    async def program() -> None:
-        async with meade(model) as bridge:
-            for number in (4, 5, 4, 9, 9):
-                await turns(bridge, 17, key(17, number))
-            said = [one.text for one in bridge.wire_log.recent if "no nearer speed" in one.text]
-            assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
-
-    run(program())
+    async with meade(model) as bridge:
+        for number in (4, 5, 4, 9, 9):
+            await turns(bridge, 17, key(17, number))
+        said = [one.text for one in bridge.wire_log.recent if "no nearer speed" in one.text]
+        assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
 
 
-def test_a_rate_that_is_off_is_in_the_log_once() -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            for _ in range(2):
-                await turns(bridge, 17, variable(17, 3600.0))
-            said = [entry.note for entry in bridge.entries if "this mount has no nearer speed" in entry.note]
-            assert len(said) == 1 and "3600" in said[0] and "7200" in said[0]
-            await turns(bridge, 17, variable(17, 7200.0))
-            assert sum("no nearer speed" in entry.note for entry in bridge.entries) == 1
-
-    run(program())
+async def test_a_rate_that_is_off_is_in_the_log_once() -> None:
+    async with meade("lx200") as bridge:
+        for _ in range(2):
+            await turns(bridge, 17, variable(17, 3600.0))
+        said = [entry.note for entry in bridge.entries if "this mount has no nearer speed" in entry.note]
+        assert len(said) == 1 and "3600" in said[0] and "7200" in said[0]
+        await turns(bridge, 17, variable(17, 7200.0))
+        assert sum("no nearer speed" in entry.note for entry in bridge.entries) == 1
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(("percent", "config", "arcseconds"), [(20, {}, 7.52), (50, {}, 18.8), (100, {}, 37.6)])
-def test_a_pulse_has_its_own_rate(model: str, percent: int, config: dict[str, float], arcseconds: float) -> None:
+async def test_a_pulse_has_its_own_rate(model: str, percent: int, config: dict[str, float], arcseconds: float) -> None:
     """2.5 s at so many percent of sidereal; where the telescope guides at its one rate alone, for as much shorter.
 
     One that the gateway has to end itself takes up to 0.05 s more until it is heard, 0.8 arcseconds.
     """
-
-    async def program() -> None:
-        async with meade(model, **config) as bridge:
-            before = truth_of(bridge.sim).axis2
-            assert await bridge.client().ask(bytes((80, 3, 17, 38, percent, 250, 0, 0))) == b"#"
-            await asyncio.sleep(6.0)
-            assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(arcseconds, rel=0.04, abs=0.8)
-
-    run(program())
+    async with meade(model, **config) as bridge:
+        before = truth_of(bridge.sim).axis2
+        assert await bridge.client().ask(bytes((80, 3, 17, 38, percent, 250, 0, 0))) == b"#"
+        await asyncio.sleep(6.0)
+        assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(arcseconds, rel=0.04, abs=0.8)
 
 
 @pytest.mark.parametrize(
     ("model", "ms", "arcseconds"), [*((model, 2000, 15.04) for model in MODELS), ("autostar", 50000, 376.0)]
 )
-def test_guide_rate_of_the_settings_holds_over_a_meade_too(model: str, ms: int, arcseconds: float) -> None:
+async def test_guide_rate_of_the_settings_holds_over_a_meade_too(model: str, ms: int, arcseconds: float) -> None:
     """``:Mg`` of an LX200 program at half of sidereal, whatever the telescope guides at. A pulse of 50 s is made of
     three pieces of 9.999 s and less at the telescope's one rate.
     """
-
-    async def program() -> None:
-        config = {"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5}
-        bridge = Bridge(model, driven="lx200", presented="lx200", surface="lx200gps", latency=0.02, config=config)
-        bridge.sim.feed(b":AP#:CM#")
-        async with bridge:
-            before = truth_of(bridge.sim).axis2
-            bridge.client().tell(b":Mgn%d#" % ms)
-            await asyncio.sleep(ms / 1000.0 + 10.0)
-            moved = (truth_of(bridge.sim).axis2 - before) * 3600.0
-            assert moved == pytest.approx(arcseconds, rel=0.02, abs=0.8)
-
-    run(program())
+    config = {"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5}
+    bridge = Bridge(model, driven="lx200", presented="lx200", surface="lx200gps", latency=0.02, config=config)
+    bridge.sim.feed(b":AP#:CM#")
+    async with bridge:
+        before = truth_of(bridge.sim).axis2
+        bridge.client().tell(b":Mgn%d#" % ms)
+        await asyncio.sleep(ms / 1000.0 + 10.0)
+        moved = (truth_of(bridge.sim).axis2 - before) * 3600.0
+        assert moved == pytest.approx(arcseconds, rel=0.02, abs=0.8)
 
 
 @pytest.mark.parametrize(("asked", "speed"), [(b"", 8.0), (b":Sw2#", 2.0), (b":Sw5#", 5.0)])
 @pytest.mark.parametrize("order", [b":Sr03:30:00#:Sd+20*00:00#:MS#", b":Sz120*00#:Sa+45*00#:MA#"])
-def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
+async def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
     asked: bytes, speed: float, order: bytes
 ) -> None:
     """Meade: ``:SwN#``, set maximum slew rate to N degrees per second. Other programs' gotos go as before."""
-
-    async def program() -> None:
-        async with Bridge(
-            "lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}
-        ) as bridge:
-            client = bridge.client()
-            if asked:
-                assert await client.ask(asked, until=b"1") == b"1"
-            await client.ask(order, until=b"110")
-            fastest = 0.0
-            for _ in range(40):
-                await asyncio.sleep(0.25)
-                seen = truth_of(bridge.sim)
-                fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
-            assert fastest == pytest.approx(speed, rel=0.02)
-            await asyncio.sleep(60)
-            assert bridge.sim.stored.get("Sw", 8) == 8
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}) as bridge:
+        client = bridge.client()
+        if asked:
+            assert await client.ask(asked, until=b"1") == b"1"
+        await client.ask(order, until=b"110")
+        fastest = 0.0
+        for _ in range(40):
+            await asyncio.sleep(0.25)
+            seen = truth_of(bridge.sim)
+            fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
+        assert fastest == pytest.approx(speed, rel=0.02)
+        await asyncio.sleep(60)
+        assert bridge.sim.stored.get("Sw", 8) == 8

@@ -10,7 +10,6 @@ import pytest
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 OPEN = {"lowest": -90.0, "sun": 0.0}
@@ -40,27 +39,24 @@ async def moved(bridge: Bridge, order: Any) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("site", "azimuth", "altitude"), [(NORTH, 310.0, 50.0), (NORTH, 100.0, 35.0), (SOUTH, 40.0, 50.0)]
 )
-def test_guide_pulses_are_directions_on_the_sky(
+async def test_guide_pulses_are_directions_on_the_sky(
     driven: str, model: str, site: tuple[float, float], azimuth: float, altitude: float
 ) -> None:
-    async def night() -> None:
-        async with Bridge(model, driven=driven, site=site, config=OPEN, latency=0.01, ramps=False) as bridge:
-            await pointed(bridge, azimuth, altitude)
-            await bridge.controller.answer(op.HorizontalPosition())
-            rate = bridge.driver.can_do(False).guides[0] * SIDEREAL
-            for direction, west, north in (("n", 0, 1), ("s", 0, -1), ("w", 1, 0), ("e", -1, 0)):
-                order = bridge.controller.perform(op.Pulse(op.Direction(direction), 2000, sky=True))
-                found = await moved(bridge, order)
-                assert found == pytest.approx((west * rate * 2.0, north * rate * 2.0), abs=0.1 * rate * 2.0), direction
+    async with Bridge(model, driven=driven, site=site, config=OPEN, latency=0.01, ramps=False) as bridge:
+        await pointed(bridge, azimuth, altitude)
+        await bridge.controller.answer(op.HorizontalPosition())
+        rate = bridge.driver.can_do(False).guides[0] * SIDEREAL
+        for direction, west, north in (("n", 0, 1), ("s", 0, -1), ("w", 1, 0), ("e", -1, 0)):
+            order = bridge.controller.perform(op.Pulse(op.Direction(direction), 2000, sky=True))
+            found = await moved(bridge, order)
+            assert found == pytest.approx((west * rate * 2.0, north * rate * 2.0), abs=0.1 * rate * 2.0), direction
 
-            async def both() -> None:
-                await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
-                await bridge.controller.perform(op.Pulse(op.Direction.EAST, 1000, sky=True))
+        async def both() -> None:
+            await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
+            await bridge.controller.perform(op.Pulse(op.Direction.EAST, 1000, sky=True))
 
-            if driven == "lx200":
-                assert await moved(bridge, both()) == pytest.approx((-rate, rate * 2.0), abs=0.1 * rate * 2.0)
-
-    run(night())
+        if driven == "lx200":
+            assert await moved(bridge, both()) == pytest.approx((-rate, rate * 2.0), abs=0.1 * rate * 2.0)
 
 
 #: A slow arrow: what a program sends, and how fast it is to go against the stars, arcseconds a second west and north.
@@ -81,40 +77,36 @@ ENDS = {b":": b":Qw#:Qe#:Qn#:Qs#", b"P": b"P\x02\x10\x24\0\0\0\0"}
 @pytest.mark.parametrize("adds", [False, True], ids=["replaces", "adds"])
 @pytest.mark.parametrize("order", SLOW)
 @pytest.mark.parametrize(("model", "site"), [("german", NORTH), ("german", SOUTH), ("polar", NORTH)])
-def test_slow_arrows_on_an_alpaca_mount_are_on_the_sky(
+async def test_slow_arrows_on_an_alpaca_mount_are_on_the_sky(
     model: str, site: tuple[float, float], order: bytes, adds: bool
 ) -> None:
     """Servers disagree whether MoveAxis includes tracking. The polar one has a few fixed rates, and guide pulses."""
-
-    async def night() -> None:
-        bridge = Bridge(
-            model, driven="alpaca", presented="lx200" if order[:1] == b":" else "nexstar",
-            surface="lx200gps" if order[:1] == b":" else "cge", site=site, config=OPEN, latency=0.01, ramps=False,
-            simulated={"adds_tracking": adds},
-        )  # fmt: skip
-        async with bridge:
-            await pointed(bridge, 150.0 if site is NORTH else 20.0, 50.0)
-            client = bridge.client()
-            client.tell(order)
-            await asyncio.sleep(1.5)
-            before = bridge.sim.truth()
-            await asyncio.sleep(4.0)
-            after = bridge.sim.truth()
-            client.tell(ENDS[order[:1]])
-            await asyncio.sleep(4.0)
-            west, north = SLOW[order]
-            if site is SOUTH and order[:1] == b"P":  # the motor's sense: positive is east there
-                west = -west if order[1] == 2 else -45.0 - 15.04
-            if model == "polar":  # by guide pulses, at their own rate, and at the one variable rate near it
-                west = 0.0 if west == 45.0 - 15.04 else max(-7.52, min(7.52, west))
-                north = max(-7.52, min(7.52, north))
-            found = wrap180(before[0] - after[0]) * 900.0, (after[1] - before[1]) * 900.0
-            assert found == pytest.approx((west, north), abs=max(1.5, 0.1 * abs(west or north)))
-            before = bridge.sim.truth()
-            await asyncio.sleep(10.0)
-            assert bridge.sim.tracking and moved_by(before, bridge.sim.truth()) < 0.05
-
-    run(night())
+    bridge = Bridge(
+        model, driven="alpaca", presented="lx200" if order[:1] == b":" else "nexstar",
+        surface="lx200gps" if order[:1] == b":" else "cge", site=site, config=OPEN, latency=0.01, ramps=False,
+        simulated={"adds_tracking": adds},
+    )  # fmt: skip
+    async with bridge:
+        await pointed(bridge, 150.0 if site is NORTH else 20.0, 50.0)
+        client = bridge.client()
+        client.tell(order)
+        await asyncio.sleep(1.5)
+        before = bridge.sim.truth()
+        await asyncio.sleep(4.0)
+        after = bridge.sim.truth()
+        client.tell(ENDS[order[:1]])
+        await asyncio.sleep(4.0)
+        west, north = SLOW[order]
+        if site is SOUTH and order[:1] == b"P":  # the motor's sense: positive is east there
+            west = -west if order[1] == 2 else -45.0 - 15.04
+        if model == "polar":  # by guide pulses, at their own rate, and at the one variable rate near it
+            west = 0.0 if west == 45.0 - 15.04 else max(-7.52, min(7.52, west))
+            north = max(-7.52, min(7.52, north))
+        found = wrap180(before[0] - after[0]) * 900.0, (after[1] - before[1]) * 900.0
+        assert found == pytest.approx((west, north), abs=max(1.5, 0.1 * abs(west or north)))
+        before = bridge.sim.truth()
+        await asyncio.sleep(10.0)
+        assert bridge.sim.tracking and moved_by(before, bridge.sim.truth()) < 0.05
 
 
 def moved_by(one: tuple[float, float], other: tuple[float, float]) -> float:
@@ -125,62 +117,53 @@ def moved_by(one: tuple[float, float], other: tuple[float, float]) -> float:
 @pytest.mark.parametrize(
     ("order", "az", "alt"), [(b":Mw#", 1, 0), (b":Me#", -1, 0), (b":Mn#", 0, 1), (b":Mw#:Mn#", 1, 1)]
 )
-def test_slow_arrows_on_an_alt_az_alpaca_mount_are_added_to_tracking(
+async def test_slow_arrows_on_an_alt_az_alpaca_mount_are_added_to_tracking(
     order: bytes, az: int, alt: int, adds: bool
 ) -> None:
-    async def night() -> None:
-        bridge = Bridge(
-            "altaz", driven="alpaca", surface="lx200gps", config=OPEN, latency=0.01, ramps=False,
-            simulated={"adds_tracking": adds},
-        )  # fmt: skip
-        async with bridge:
-            await pointed(bridge, 120.0, 50.0)
-            star, began = bridge.sim.truth(), bridge.clock()
-            client = bridge.client()
-            client.tell(b":RG#" + order)
-            await asyncio.sleep(4.0)
-            client.tell(b":Qw#:Qe#:Qn#:Qs#")
-            await asyncio.sleep(4.0)
-            here, there = bridge.sim.truth(), star
-            latitude, sidereal = NORTH[0], bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            now = hour_angle_to_horizon(wrap180(sidereal - here[0]), here[1], latitude)
-            would = hour_angle_to_horizon(wrap180(sidereal - there[0]), there[1], latitude)
-            found = wrap180(now[0] - would[0]) * 900.0, (now[1] - would[1]) * 900.0
-            assert found == pytest.approx((15.04 * az, 15.04 * alt), abs=1.6), bridge.clock() - began
-            assert bridge.sim.tracking
-
-    run(night())
+    bridge = Bridge(
+        "altaz", driven="alpaca", surface="lx200gps", config=OPEN, latency=0.01, ramps=False,
+        simulated={"adds_tracking": adds},
+    )  # fmt: skip
+    async with bridge:
+        await pointed(bridge, 120.0, 50.0)
+        star, began = bridge.sim.truth(), bridge.clock()
+        client = bridge.client()
+        client.tell(b":RG#" + order)
+        await asyncio.sleep(4.0)
+        client.tell(b":Qw#:Qe#:Qn#:Qs#")
+        await asyncio.sleep(4.0)
+        here, there = bridge.sim.truth(), star
+        latitude, sidereal = NORTH[0], bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        now = hour_angle_to_horizon(wrap180(sidereal - here[0]), here[1], latitude)
+        would = hour_angle_to_horizon(wrap180(sidereal - there[0]), there[1], latitude)
+        found = wrap180(now[0] - would[0]) * 900.0, (now[1] - would[1]) * 900.0
+        assert found == pytest.approx((15.04 * az, 15.04 * alt), abs=1.6), bridge.clock() - began
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("question", [b"L", b":D#"])
-def test_what_a_hand_moves_is_no_goto(question: bytes) -> None:
-    async def night() -> None:
-        nexstar = question == b"L"
-        bridge = Bridge(
-            "german", driven="alpaca", presented="nexstar" if nexstar else "lx200",
-            surface="cge" if nexstar else "lx200gps", config=OPEN,
-        )  # fmt: skip
-        async with bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            client.tell(b"P\x02\x10\x24\x09\0\0\0" if nexstar else b":RS#:Mw#")
-            for number in range(40):
-                if number == 20:
-                    client.tell(b"P\x02\x10\x24\0\0\0\0" if nexstar else b":Qw#")
-                assert await other.ask(question) == (b"0#" if nexstar else b"#"), number
-                await asyncio.sleep(0.1)
-
-    run(night())
+async def test_what_a_hand_moves_is_no_goto(question: bytes) -> None:
+    nexstar = question == b"L"
+    bridge = Bridge(
+        "german", driven="alpaca", presented="nexstar" if nexstar else "lx200",
+        surface="cge" if nexstar else "lx200gps", config=OPEN,
+    )  # fmt: skip
+    async with bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        client.tell(b"P\x02\x10\x24\x09\0\0\0" if nexstar else b":RS#:Mw#")
+        for number in range(40):
+            if number == 20:
+                client.tell(b"P\x02\x10\x24\0\0\0\0" if nexstar else b":Qw#")
+            assert await other.ask(question) == (b"0#" if nexstar else b"#"), number
+            await asyncio.sleep(0.1)
 
 
-def test_a_pulse_on_the_sky_is_refused_where_it_would_be_one_of_a_motor() -> None:
-    async def night() -> None:
-        bridge = Bridge("lx200", driven="lx200", config=OPEN)
-        bridge.sim.feed(b":AA#")
-        bridge.sim.aligned = True
-        async with bridge:
-            await bridge.controller.answer(op.GetStatus())
-            with pytest.raises(Unsupported, match="latitude"):
-                await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
-            assert not [data for data in bridge.sent() if data[:2] == b":M"]
-
-    run(night())
+async def test_a_pulse_on_the_sky_is_refused_where_it_would_be_one_of_a_motor() -> None:
+    bridge = Bridge("lx200", driven="lx200", config=OPEN)
+    bridge.sim.feed(b":AA#")
+    bridge.sim.aligned = True
+    async with bridge:
+        await bridge.controller.answer(op.GetStatus())
+        with pytest.raises(Unsupported, match="latitude"):
+            await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
+        assert not [data for data in bridge.sent() if data[:2] == b":M"]

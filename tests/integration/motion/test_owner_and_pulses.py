@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.owner import Owner
@@ -45,75 +44,65 @@ def dropped(bridge: Bridge) -> int:
 
 @pytest.mark.parametrize("keys", list(KEYS))
 @pytest.mark.parametrize("name", list(MOUNTS))
-def test_a_guide_pulse_does_not_end_what_the_owner_does_at_the_keypad(name: str, keys: str) -> None:
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
-            axis, press, release, pulse, _ = KEYS[keys]
-            await goto(client)
-            client.tell(pulse)
-            await asyncio.sleep(3.0)
-            assert not dropped(bridge)
-            if MOUNTS[name][0] == "lx200":
-                bridge.sim.feed(b":RS#")  # the rate of its keypad
-            owner.keys(press)
-            for number in range(16):
-                client.tell(b":GR#:GD#")
-                if number >= 4:
-                    client.tell(pulse)
-                    truth = truth_of(bridge.sim)
-                    assert abs((truth.rate1, truth.rate2)[axis - 1]) > 0.1, number
-                await asyncio.sleep(0.5)
-            assert dropped(bridge) >= 8
-            owner.keys(release)
-            for _ in range(8):
-                client.tell(b":GR#:GD#")
-                await asyncio.sleep(0.5)
-            before = dropped(bridge)
-            client.tell(pulse)
-            await asyncio.sleep(1.0)
-            assert dropped(bridge) == before, "the owner has let go"
-
-    run(program())
+async def test_a_guide_pulse_does_not_end_what_the_owner_does_at_the_keypad(name: str, keys: str) -> None:
+    async with bridge_to(name) as bridge:
+        client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
+        axis, press, release, pulse, _ = KEYS[keys]
+        await goto(client)
+        client.tell(pulse)
+        await asyncio.sleep(3.0)
+        assert not dropped(bridge)
+        if MOUNTS[name][0] == "lx200":
+            bridge.sim.feed(b":RS#")  # the rate of its keypad
+        owner.keys(press)
+        for number in range(16):
+            client.tell(b":GR#:GD#")
+            if number >= 4:
+                client.tell(pulse)
+                truth = truth_of(bridge.sim)
+                assert abs((truth.rate1, truth.rate2)[axis - 1]) > 0.1, number
+            await asyncio.sleep(0.5)
+        assert dropped(bridge) >= 8
+        owner.keys(release)
+        for _ in range(8):
+            client.tell(b":GR#:GD#")
+            await asyncio.sleep(0.5)
+        before = dropped(bridge)
+        client.tell(pulse)
+        await asyncio.sleep(1.0)
+        assert dropped(bridge) == before, "the owner has let go"
 
 
 @pytest.mark.parametrize("keys", list(KEYS))
 @pytest.mark.parametrize("name", ["cge/4.21", "synscan", "onstep"])
-def test_the_other_axis_is_guided_meanwhile(name: str, keys: str) -> None:
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
-            _, press, _, _, other = KEYS[keys]
-            await goto(client)
-            owner.keys(press)
-            for _ in range(8):
-                client.tell(b":GR#:GD#" + other)
-                await asyncio.sleep(0.5)
-            assert not dropped(bridge)
-
-    run(program())
+async def test_the_other_axis_is_guided_meanwhile(name: str, keys: str) -> None:
+    async with bridge_to(name) as bridge:
+        client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
+        _, press, _, _, other = KEYS[keys]
+        await goto(client)
+        owner.keys(press)
+        for _ in range(8):
+            client.tell(b":GR#:GD#" + other)
+            await asyncio.sleep(0.5)
+        assert not dropped(bridge)
 
 
 @pytest.mark.parametrize("name", list(MOUNTS))
-def test_a_program_that_guides_is_no_owner(name: str) -> None:
+async def test_a_program_that_guides_is_no_owner(name: str) -> None:
     """Its own pulses in both directions, its arrows before them, and the end of its goto drop none of its pulses."""
-
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client = bridge.client()
-            for _ in range(20):
-                client.tell(b":GR#:GD#:Mgn0800#")
-                await asyncio.sleep(0.3)
-                client.tell(b":GR#:GD#:Mgw0800#")
-                await asyncio.sleep(0.9)
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qw#:GR#:GD#:Mgn0300#:Mge0300#")
-            await asyncio.sleep(3.0)
-            await goto(client)
-            for _ in range(12):
-                client.tell(b":GR#:GD#:Mgn0200#:Mge0200#")
-                await asyncio.sleep(0.25)
-            assert not dropped(bridge)
-
-    run(program())
+    async with bridge_to(name) as bridge:
+        client = bridge.client()
+        for _ in range(20):
+            client.tell(b":GR#:GD#:Mgn0800#")
+            await asyncio.sleep(0.3)
+            client.tell(b":GR#:GD#:Mgw0800#")
+            await asyncio.sleep(0.9)
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Qw#:GR#:GD#:Mgn0300#:Mge0300#")
+        await asyncio.sleep(3.0)
+        await goto(client)
+        for _ in range(12):
+            client.tell(b":GR#:GD#:Mgn0200#:Mge0200#")
+            await asyncio.sleep(0.25)
+        assert not dropped(bridge)

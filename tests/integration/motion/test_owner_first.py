@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.owner import Owner
@@ -62,35 +61,29 @@ async def stands(owner: Owner, seconds: float) -> bool:
 
 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("goto", "park")])
-def test_a_goto_that_was_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (bridge, owner, client):
-            tracked = bridge.sim.tracking
-            owner.keys("cancel")
-            await asyncio.sleep(3.0)
-            assert await stands(owner, 12.0)
-            assert not owner.begun()
-            assert not tracked or bridge.sim.tracking
-            assert await client.ask(b":D#", until=b"#") == b"#", "the goto is told to be over"
-
-    run(program())
+async def test_a_goto_that_was_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: str) -> None:
+    async with at_the_mount(mount, motion) as (bridge, owner, client):
+        tracked = bridge.sim.tracking
+        owner.keys("cancel")
+        await asyncio.sleep(3.0)
+        assert await stands(owner, 12.0)
+        assert not owner.begun()
+        assert not tracked or bridge.sim.tracking
+        assert await client.ask(b":D#", until=b"#") == b"#", "the goto is told to be over"
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, "tracking") as (_, owner, _):
-            owner.keys("up")
-            for _ in range(10):
-                await asyncio.sleep(1.0)
-                assert owner.moving
-            assert not owner.ended()
-            owner.keys("let go")
-            await asyncio.sleep(2.0)
-            assert await stands(owner, 10.0)
-            assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
-
-    run(program())
+async def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
+    async with at_the_mount(mount, "tracking") as (_, owner, _):
+        owner.keys("up")
+        for _ in range(10):
+            await asyncio.sleep(1.0)
+            assert owner.moving
+        assert not owner.ended()
+        owner.keys("let go")
+        await asyncio.sleep(2.0)
+        assert await stands(owner, 10.0)
+        assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
 
 
 @pytest.mark.parametrize(
@@ -106,114 +99,91 @@ def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
         "lx200",
     ],
 )
-def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, "arrow") as (bridge, owner, client):
-            owner.keys("up")
-            await asyncio.sleep(1.0)
-            client.tell(b":Qe#")
-            await asyncio.sleep(3.0)
-            seen = truth_of(bridge.sim)
-            assert abs(seen.rate2) > 0.001
-            assert abs(seen.rate1) < 0.02, "the arrow itself is over"
-
-    run(program())
+async def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: str) -> None:
+    async with at_the_mount(mount, "arrow") as (bridge, owner, client):
+        owner.keys("up")
+        await asyncio.sleep(1.0)
+        client.tell(b":Qe#")
+        await asyncio.sleep(3.0)
+        seen = truth_of(bridge.sim)
+        assert abs(seen.rate2) > 0.001
+        assert abs(seen.rate1) < 0.02, "the arrow itself is over"
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge", "lx200gps"])
-def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> None:
+async def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> None:
     """Also over an arrow and a pulse of a program, which suspend tracking for as long as they last."""
-
-    async def program() -> None:
-        async with at_the_mount(mount, "tracking") as (bridge, owner, client):
-            owner.keys("tracking off")
-            await asyncio.sleep(15.0)
-            assert not owner.begun()
-            client.tell(b":RC#:Me#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qe#")
-            await asyncio.sleep(10.0)
-            client.tell(b":Mge0500#")
-            await asyncio.sleep(10.0)
-            assert not bridge.sim.tracking
-            assert await stands(owner, 5.0)
-
-    run(program())
+    async with at_the_mount(mount, "tracking") as (bridge, owner, client):
+        owner.keys("tracking off")
+        await asyncio.sleep(15.0)
+        assert not owner.begun()
+        client.tell(b":RC#:Me#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Qe#")
+        await asyncio.sleep(10.0)
+        client.tell(b":Mge0500#")
+        await asyncio.sleep(10.0)
+        assert not bridge.sim.tracking
+        assert await stands(owner, 5.0)
 
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (_, owner, client):
-            owner.keys("site")
-            await asyncio.sleep(2.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(10.0)
-            assert not owner.settings()
-            assert await stands(owner, 1.0)
-
-    run(program())
+async def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> None:
+    async with at_the_mount(mount, motion) as (_, owner, client):
+        owner.keys("site")
+        await asyncio.sleep(2.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(10.0)
+        assert not owner.settings()
+        assert await stands(owner, 1.0)
 
 
 @pytest.mark.parametrize(
     ("mount", "motion"), [case for case in CASES if case[0] != "lx200" and case[1] in ("arrow", "goto", "tracking")]
 )
-def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion: str) -> None:
+async def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion: str) -> None:
     """Its owner ends what goes on, aligns anew and moves the mount meanwhile."""
-
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (_, owner, client):
-            client.tell(b":Q#")
-            await asyncio.sleep(8.0)
-            owner.align(done=False)
-            owner.keys("tracking off", "up")
-            await asyncio.sleep(10.0)
-            assert owner.moving
-            assert not owner.ended()
-            assert not owner.begun()
-            owner.keys("let go")
-            await asyncio.sleep(10.0)
-            assert not owner.begun()
-            owner.align(done=True)
-            assert await stands(owner, 10.0)
-            assert not owner.begun()
-            assert not owner.settings()
-
-    run(program())
+    async with at_the_mount(mount, motion) as (_, owner, client):
+        client.tell(b":Q#")
+        await asyncio.sleep(8.0)
+        owner.align(done=False)
+        owner.keys("tracking off", "up")
+        await asyncio.sleep(10.0)
+        assert owner.moving
+        assert not owner.ended()
+        assert not owner.begun()
+        owner.keys("let go")
+        await asyncio.sleep(10.0)
+        assert not owner.begun()
+        owner.align(done=True)
+        assert await stands(owner, 10.0)
+        assert not owner.begun()
+        assert not owner.settings()
 
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (_, owner, _):
-            await owner.power_cycle(6.0)
-            assert await stands(owner, 12.0)
-            assert not owner.begun()
-
-    run(program())
+async def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: str) -> None:
+    async with at_the_mount(mount, motion) as (_, owner, _):
+        await owner.power_cycle(6.0)
+        assert await stands(owner, 12.0)
+        assert not owner.begun()
 
 
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-def test_after_the_cable_was_out_nothing_is_begun_again(mount: str, motion: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (_, owner, _):
-            await owner.cable_out(4.0)
-            await asyncio.sleep(10.0)
-            assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
-
-    run(program())
+async def test_after_the_cable_was_out_nothing_is_begun_again(mount: str, motion: str) -> None:
+    async with at_the_mount(mount, motion) as (_, owner, _):
+        await owner.cable_out(4.0)
+        await asyncio.sleep(10.0)
+        assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
 
 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("arrow", "goto", "park")])
-def test_a_stop_while_the_cable_was_out_is_carried_out_and_nothing_after_it(mount: str, motion: str) -> None:
-    async def program() -> None:
-        async with at_the_mount(mount, motion) as (_, owner, client):
-            asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
-            await owner.cable_out(4.0)
-            await asyncio.sleep(8.0)
-            assert await stands(owner, 8.0)
-            assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]
-
-    run(program())
+async def test_a_stop_while_the_cable_was_out_is_carried_out_and_nothing_after_it(mount: str, motion: str) -> None:
+    async with at_the_mount(mount, motion) as (_, owner, client):
+        asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
+        await owner.cable_out(4.0)
+        await asyncio.sleep(8.0)
+        assert await stands(owner, 8.0)
+        assert not [sent for sent in owner.begun() if not sent.startswith((b"T", b":A"))]

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -24,59 +23,50 @@ async def polled(bridge: Bridge, seconds: int) -> None:
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("cancelled", [True, False])
-def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, cancelled: bool) -> None:
-    async def program() -> None:
-        async with Bridge(mount, config=CONFIG) as bridge:
-            await bridge.controller.perform(op.Goto(120.0, 30.0))
-            await polled(bridge, 80)
-            handler = bridge.gateway.request_handler
-            await handler.take(requests.ParkRequest(number="n1", who="me"))
-            await polled(bridge, 3)
-            if cancelled:
-                Owner(bridge, "nexstar").keys("cancel")
-            await polled(bridge, 5 if cancelled else 120)
-            answer = await handler.take(requests.ProgressRequest(number="n1"))
-            parked = (await bridge.controller.answer(op.GetActivity())).parked
-            assert bridge.driver.parked is parked is not cancelled
-            assert bool(bridge.sim.tracking) is cancelled
-            assert ("degrees from its goal" in str(answer)) is cancelled
-            assert ("it is parked" in str(answer)) is not cancelled
-            told = [entry.note for entry in bridge.entries if "degrees from its park position" in entry.note]
-            assert len(told) == cancelled
-
-    run(program())
+async def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, cancelled: bool) -> None:
+    async with Bridge(mount, config=CONFIG) as bridge:
+        await bridge.controller.perform(op.Goto(120.0, 30.0))
+        await polled(bridge, 80)
+        handler = bridge.gateway.request_handler
+        await handler.take(requests.ParkRequest(number="n1", who="me"))
+        await polled(bridge, 3)
+        if cancelled:
+            Owner(bridge, "nexstar").keys("cancel")
+        await polled(bridge, 5 if cancelled else 120)
+        answer = await handler.take(requests.ProgressRequest(number="n1"))
+        parked = (await bridge.controller.answer(op.GetActivity())).parked
+        assert bridge.driver.parked is parked is not cancelled
+        assert bool(bridge.sim.tracking) is cancelled
+        assert ("degrees from its goal" in str(answer)) is cancelled
+        assert ("it is parked" in str(answer)) is not cancelled
+        told = [entry.note for entry in bridge.entries if "degrees from its park position" in entry.note]
+        assert len(told) == cancelled
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("goto", [op.GotoAxes(320.0, 20.0), op.GotoHorizontal(320.0, 20.0)])
 @pytest.mark.parametrize("cancelled", [True, False])
-def test_a_goto_by_axes_that_was_cancelled_is_told_as_ended_short(
+async def test_a_goto_by_axes_that_was_cancelled_is_told_as_ended_short(
     mount: str, driven: str, goto: op.Operation, cancelled: bool
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config=CONFIG) as bridge:
-            await bridge.client().ask(b":GR#")
-            await bridge.controller.perform(goto)
-            await polled(bridge, 3)
-            if cancelled:
-                Owner(bridge, driven).keys("cancel")
-            await polled(bridge, 5 if cancelled else 90)
-            assert ("from its goal" in bridge.controller.wanted.value.short) is cancelled
-
-    run(program())
+    async with Bridge(mount, driven=driven, config=CONFIG) as bridge:
+        await bridge.client().ask(b":GR#")
+        await bridge.controller.perform(goto)
+        await polled(bridge, 3)
+        if cancelled:
+            Owner(bridge, driven).keys("cancel")
+        await polled(bridge, 5 if cancelled else 90)
+        assert ("from its goal" in bridge.controller.wanted.value.short) is cancelled
 
 
-def test_a_home_that_was_cancelled_is_not_found() -> None:
-    async def program() -> None:
-        async with Bridge("cge", config=CONFIG) as bridge:
-            await bridge.controller.perform(op.SetHome())
-            await bridge.controller.perform(op.Goto(120.0, 30.0))
-            await polled(bridge, 80)
-            await bridge.controller.perform(op.Home())
-            await polled(bridge, 3)
-            Owner(bridge, "nexstar").keys("cancel")
-            await polled(bridge, 5)
-            assert await bridge.controller.answer(op.HomeState()) != 1
-            assert truth_of(bridge.sim).altitude < 80.0
-
-    run(program())
+async def test_a_home_that_was_cancelled_is_not_found() -> None:
+    async with Bridge("cge", config=CONFIG) as bridge:
+        await bridge.controller.perform(op.SetHome())
+        await bridge.controller.perform(op.Goto(120.0, 30.0))
+        await polled(bridge, 80)
+        await bridge.controller.perform(op.Home())
+        await polled(bridge, 3)
+        Owner(bridge, "nexstar").keys("cancel")
+        await polled(bridge, 5)
+        assert await bridge.controller.answer(op.HomeState()) != 1
+        assert truth_of(bridge.sim).altitude < 80.0

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -38,110 +37,88 @@ def motions(bridge: Any) -> list[bytes]:
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [2.8, 3.0, 4.0, 5.0])
-def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            await calculates(bridge, gap)
-            client = bridge.client()
-            assert await client.ask(GOTO, 20.0, until=b"0") == b"110"
-            assert await bridge.client().ask(b":D#", until=b"#") != b"#"
-            await asyncio.sleep(90.0)
-            assert arrived(bridge)
-
-    run(program())
+async def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
+    async with bridge_to(mount) as bridge:
+        await calculates(bridge, gap)
+        client = bridge.client()
+        assert await client.ask(GOTO, 20.0, until=b"0") == b"110"
+        assert await bridge.client().ask(b":D#", until=b"#") != b"#"
+        await asyncio.sleep(90.0)
+        assert arrived(bridge)
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.3, 1.0, 2.0])
-def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
+async def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
     """Programs wait for three to five seconds; what is begun after that would be begun without their knowing."""
-
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            await calculates(bridge, gap)
-            client = bridge.client()
-            told = b"112The mount is taking a new clock. Try again in 10 seconds.#"
-            assert await client.ask(GOTO, 3.5, until=b".#") == told
-            await asyncio.sleep(60.0)
-            assert motions(bridge) == []
-            assert client.heard == told
-
-    run(program())
+    async with bridge_to(mount) as bridge:
+        await calculates(bridge, gap)
+        client = bridge.client()
+        told = b"112The mount is taking a new clock. Try again in 10 seconds.#"
+        assert await client.ask(GOTO, 3.5, until=b".#") == told
+        await asyncio.sleep(60.0)
+        assert motions(bridge) == []
+        assert client.heard == told
 
 
-def test_of_two_gotos_that_wait_the_newer_one_is_begun() -> None:
-    async def program() -> None:
-        async with bridge_to("lx200") as bridge:
-            await calculates(bridge, 2.6)
-            older, newer = bridge.client(), bridge.client("10.0.0.3")
-            older.tell(OTHER)
-            await asyncio.sleep(0.5)
-            assert await newer.ask(GOTO, 20.0, until=b"0") == b"110"
-            assert older.heard == b"111Stopped.#"
-            assert motions(bridge) == [b":MS#"]
-            await asyncio.sleep(90.0)
-            assert arrived(bridge)
-
-    run(program())
+async def test_of_two_gotos_that_wait_the_newer_one_is_begun() -> None:
+    async with bridge_to("lx200") as bridge:
+        await calculates(bridge, 2.6)
+        older, newer = bridge.client(), bridge.client("10.0.0.3")
+        older.tell(OTHER)
+        await asyncio.sleep(0.5)
+        assert await newer.ask(GOTO, 20.0, until=b"0") == b"110"
+        assert older.heard == b"111Stopped.#"
+        assert motions(bridge) == [b":MS#"]
+        await asyncio.sleep(90.0)
+        assert arrived(bridge)
 
 
-def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
-    async def program() -> None:
-        async with bridge_to("lx200gps") as bridge:
-            bridge.client("10.0.0.2").tell(b":gT#")
-            await asyncio.sleep(2.0)
-            client, began = bridge.client(), bridge.clock()
-            assert await client.ask(GOTO, 30.0, until=b".#") == b"112The mount is busy.#"
-            assert 2.9 < bridge.clock() - began < 3.5
-            await asyncio.sleep(90.0)
-            assert motions(bridge) == []
-
-    run(program())
+async def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
+    async with bridge_to("lx200gps") as bridge:
+        bridge.client("10.0.0.2").tell(b":gT#")
+        await asyncio.sleep(2.0)
+        client, began = bridge.client(), bridge.clock()
+        assert await client.ask(GOTO, 30.0, until=b".#") == b"112The mount is busy.#"
+        assert 2.9 < bridge.clock() - began < 3.5
+        await asyncio.sleep(90.0)
+        assert motions(bridge) == []
 
 
 @pytest.mark.parametrize("how", [b":Q#", b":Qe#", b"", None])
-def test_stop_or_end_of_its_connection_ends_a_goto_that_waits(how: bytes | None) -> None:
-    async def program() -> None:
-        async with bridge_to("lx200") as bridge:
-            await calculates(bridge, 1.5)
-            client = bridge.client()
-            client.tell(GOTO)
+async def test_stop_or_end_of_its_connection_ends_a_goto_that_waits(how: bytes | None) -> None:
+    async with bridge_to("lx200") as bridge:
+        await calculates(bridge, 1.5)
+        client = bridge.client()
+        client.tell(GOTO)
+        await asyncio.sleep(0.5)
+        if how:
+            bridge.client("10.0.0.4").tell(how)
             await asyncio.sleep(0.5)
-            if how:
-                bridge.client("10.0.0.4").tell(how)
-                await asyncio.sleep(0.5)
-                assert client.heard == b"111Stopped.#"
-            elif how is None:
-                client.guest.peer_closed()
-            else:
-                client.close()
-            await asyncio.sleep(60.0)
-            assert motions(bridge) == []
-            assert not truth_of(bridge.sim).moving
-
-    run(program())
+            assert client.heard == b"111Stopped.#"
+        elif how is None:
+            client.guest.peer_closed()
+        else:
+            client.close()
+        await asyncio.sleep(60.0)
+        assert motions(bridge) == []
+        assert not truth_of(bridge.sim).moving
 
 
-def test_an_arrow_is_not_begun_when_the_telescope_hears_again() -> None:
-    async def program() -> None:
-        async with bridge_to("lx200") as bridge:
-            await calculates(bridge, 1.5)
-            bridge.client().tell(b":RM#:Me#")
-            await asyncio.sleep(60.0)
-            assert motions(bridge) == []
-
-    run(program())
+async def test_an_arrow_is_not_begun_when_the_telescope_hears_again() -> None:
+    async with bridge_to("lx200") as bridge:
+        await calculates(bridge, 1.5)
+        bridge.client().tell(b":RM#:Me#")
+        await asyncio.sleep(60.0)
+        assert motions(bridge) == []
 
 
 @pytest.mark.parametrize("gap", [0.1, 1.5, 3.0])
-def test_a_drive_rate_that_comes_meanwhile_is_in_force_afterwards(gap: float) -> None:
-    async def program() -> None:
-        async with bridge_to("lx200") as bridge:
-            await calculates(bridge, gap)
-            client = bridge.client()
-            client.tell(b":TL#")
-            await asyncio.sleep(20.0)
-            assert bridge.sim.stored["hertz"] == 57.9
-            assert await client.ask(b":GT#") == b"57.9#"
-
-    run(program())
+async def test_a_drive_rate_that_comes_meanwhile_is_in_force_afterwards(gap: float) -> None:
+    async with bridge_to("lx200") as bridge:
+        await calculates(bridge, gap)
+        client = bridge.client()
+        client.tell(b":TL#")
+        await asyncio.sleep(20.0)
+        assert bridge.sim.stored["hertz"] == 57.9
+        assert await client.ask(b":GT#") == b"57.9#"

@@ -7,28 +7,24 @@ import asyncio
 import pytest
 
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize(("driven", "model", "version"), [
     ("nexstar", "cge", "3.02"), ("nexstar", "cge", "4.21"), ("lx200", "lx200", None), ("lx200", "lx200gps", None),
 ])  # fmt: skip
-def test_a_goto_ends_a_pulse(driven: str, model: str, version: str | None) -> None:
-    async def program() -> None:
-        async with Bridge(model, version, driven=driven) as bridge:
-            ra, dec = bridge.sim.truth()
-            pulse = asyncio.ensure_future(bridge.controller.perform(op.Pulse(op.Direction.WEST, 3000)))
+async def test_a_goto_ends_a_pulse(driven: str, model: str, version: str | None) -> None:
+    async with Bridge(model, version, driven=driven) as bridge:
+        ra, dec = bridge.sim.truth()
+        pulse = asyncio.ensure_future(bridge.controller.perform(op.Pulse(op.Direction.WEST, 3000)))
+        await asyncio.sleep(0.5)
+        await bridge.controller.perform(op.Goto((ra + 12.0) % 360.0, min(dec + 8.0, 80.0)))
+        before = len(bridge.sent())
+        await asyncio.sleep(4.0)
+        await pulse
+        said = [sent for sent in bridge.sent()[before:] if sent[:2] in (b":Q", b":M", b"P\2", b"P\3")]
+        assert said == []
+        while await bridge.controller.read(op.Slewing()):
             await asyncio.sleep(0.5)
-            await bridge.controller.perform(op.Goto((ra + 12.0) % 360.0, min(dec + 8.0, 80.0)))
-            before = len(bridge.sent())
-            await asyncio.sleep(4.0)
-            await pulse
-            said = [sent for sent in bridge.sent()[before:] if sent[:2] in (b":Q", b":M", b"P\2", b"P\3")]
-            assert said == []
-            while await bridge.controller.read(op.Slewing()):
-                await asyncio.sleep(0.5)
-            there = bridge.sim.truth()
-            assert abs((there[0] - ra - 12.0 + 180.0) % 360.0 - 180.0) < 0.1
-
-    run(program())
+        there = bridge.sim.truth()
+        assert abs((there[0] - ra - 12.0 + 180.0) % 360.0 - 180.0) < 0.1

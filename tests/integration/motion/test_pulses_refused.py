@@ -11,7 +11,6 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
 
 NO = b"\0#"
@@ -20,42 +19,31 @@ PULSE_ALT, ACTIVE_ALT = b"P\x03\x11\x26\xce\x32\0\0", b"P\x01\x11\x27\0\0\0\x01"
 
 
 @pytest.mark.parametrize(("surface", "none"), [(None, b"\0\0#"), ("avx", b"\0#")])
-def test_a_fork_in_altaz_whose_motors_know_no_pulses_says_no(surface: str | None, none: bytes) -> None:
+async def test_a_fork_in_altaz_whose_motors_know_no_pulses_says_no(surface: str | None, none: bytes) -> None:
     """Where nothing is named, the motors themselves say that they do not know 0x27 either."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", presented="nexstar", surface=surface) as bridge:
-            client = bridge.client()
-            before = len(bridge.sent())
-            for pulse, active in ((PULSE_AZM, ACTIVE_AZM), (PULSE_ALT, ACTIVE_ALT)):
-                assert await client.ask(pulse) == NO
-                assert await client.ask(active) == none
-            assert not [sent for sent in bridge.sent()[before:] if sent[:1] == b"P" and sent[3:4] in b"\x06\x07\x26"]
-
-    run(program())
+    async with Bridge("cpc", "4.21", presented="nexstar", surface=surface) as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        for pulse, active in ((PULSE_AZM, ACTIVE_AZM), (PULSE_ALT, ACTIVE_ALT)):
+            assert await client.ask(pulse) == NO
+            assert await client.ask(active) == none
+        assert not [sent for sent in bridge.sent()[before:] if sent[:1] == b"P" and sent[3:4] in b"\x06\x07\x26"]
 
 
-def test_on_a_wedge_it_is_done_and_says_yes() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\x02") == b"#"
-            await asyncio.sleep(1.0)
-            assert await client.ask(PULSE_AZM) == b"#"
-            assert await client.ask(ACTIVE_AZM) == b"\x01#"
-
-    run(program())
+async def test_on_a_wedge_it_is_done_and_says_yes() -> None:
+    async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\x02") == b"#"
+        await asyncio.sleep(1.0)
+        assert await client.ask(PULSE_AZM) == b"#"
+        assert await client.ask(ACTIVE_AZM) == b"\x01#"
 
 
-def test_a_mode_that_is_on_its_way_to_the_mount_counts() -> None:
+async def test_a_mode_that_is_on_its_way_to_the_mount_counts() -> None:
     """The program has asked for tracking as on a wedge, and pulses at once: nobody is told no for what will be."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc", latency=0.3) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\x02" + PULSE_AZM) == b"##"
-
-    run(program())
+    async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc", latency=0.3) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\x02" + PULSE_AZM) == b"##"
 
 
 @asynccontextmanager
@@ -71,29 +59,23 @@ async def _set_out(mount: str, driven: str) -> AsyncIterator[tuple[Bridge, Visit
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps"), ("lx200", "lx200")])
-def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
-    async def program() -> None:
-        async with _set_out(mount, driven) as (_, client):
-            assert await client.ask(b"L") == b"1#"
-            assert await client.ask(PULSE_AZM) == NO
-            assert await client.ask(ACTIVE_AZM) == b"\0#"
-            assert await client.ask(b"M") == b"#"
-            await asyncio.sleep(4.0)
-            assert await client.ask(b"L") == b"0#"
-            assert await client.ask(PULSE_AZM) == b"#"
-            await asyncio.sleep(2.0)
-
-    run(program())
+async def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
+    async with _set_out(mount, driven) as (_, client):
+        assert await client.ask(b"L") == b"1#"
+        assert await client.ask(PULSE_AZM) == NO
+        assert await client.ask(ACTIVE_AZM) == b"\0#"
+        assert await client.ask(b"M") == b"#"
+        await asyncio.sleep(4.0)
+        assert await client.ask(b"L") == b"0#"
+        assert await client.ask(PULSE_AZM) == b"#"
+        await asyncio.sleep(2.0)
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps")])
-def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
-    async def program() -> None:
-        async with _set_out(mount, driven) as (bridge, client):
-            before = len(bridge.sent())
-            assert await client.ask(b"M" + PULSE_AZM) == b"##"
-            await asyncio.sleep(3.0)
-            pulses = [sent for sent in bridge.sent()[before:] if sent.startswith((b":Mg", b"P\x03\x10\x26"))]
-            assert len(pulses) == 1
-
-    run(program())
+async def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
+    async with _set_out(mount, driven) as (bridge, client):
+        before = len(bridge.sent())
+        assert await client.ask(b"M" + PULSE_AZM) == b"##"
+        await asyncio.sleep(3.0)
+        pulses = [sent for sent in bridge.sent()[before:] if sent.startswith((b":Mg", b"P\x03\x10\x26"))]
+        assert len(pulses) == 1

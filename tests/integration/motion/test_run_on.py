@@ -51,20 +51,17 @@ async def told_until_rest(own: RehearsalMount, client: Visitor) -> None:
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("end", ["put abortslew", "put moveaxis Axis=0 Rate=0"])
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: float) -> None:
-    async def program() -> None:
-        async with RehearsalMount(
-            mount[0], start=START, driven=mount[1], presented="alpaca", named=True, latency=latency
-        ) as own:
-            client = await connected(own)
-            fastest = max(one["Maximum"] for one in await ask(client, "get axisrates Axis=0"))
-            assert await ask(client, f"put moveaxis Axis=0 Rate={fastest}") is None
-            await asyncio.sleep(3.0)
-            assert await ask(client, end) is None
-            assert moving(own.sim)
-            await told_until_rest(own, client)
-
-    run(program())
+async def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: float) -> None:
+    async with RehearsalMount(
+        mount[0], start=START, driven=mount[1], presented="alpaca", named=True, latency=latency
+    ) as own:
+        client = await connected(own)
+        fastest = max(one["Maximum"] for one in await ask(client, "get axisrates Axis=0"))
+        assert await ask(client, f"put moveaxis Axis=0 Rate={fastest}") is None
+        await asyncio.sleep(3.0)
+        assert await ask(client, end) is None
+        assert moving(own.sim)
+        await told_until_rest(own, client)
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
@@ -92,21 +89,17 @@ def test_an_aborted_goto_is_told_until_rest_on_every_surface(mount: tuple[str, s
     run(program("nexstar", [b"R3B79,0FA8"], b"M", b"L", b"0#"))
 
 
-def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
+async def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
     """INDI would never leave *slewing*, and Hamlib drops its gotos."""
-
-    async def program() -> None:
-        async with RehearsalMount("cpc", start=START, presented="lx200", named=True) as own:
-            client = own.client()
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2.0)
-            assert moving(own.sim) and await client.ask(b":D#") == b"#"
-            client.tell(b":Qn#")
-            for _ in range(20):
-                assert await client.ask(b":D#") == b"#"
-                await asyncio.sleep(0.1)
-
-    run(program())
+    async with RehearsalMount("cpc", start=START, presented="lx200", named=True) as own:
+        client = own.client()
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2.0)
+        assert moving(own.sim) and await client.ask(b":D#") == b"#"
+        client.tell(b":Qn#")
+        for _ in range(20):
+            assert await client.ask(b":D#") == b"#"
+            await asyncio.sleep(0.1)
 
 
 @pytest.mark.parametrize("mount", [*MOUNTS[:2], *MOUNTS[3:]], ids="-".join)
@@ -136,16 +129,13 @@ def test_a_pulse_right_after_an_arrow_is_as_long_as_it_should_be(mount: tuple[st
     run(program())
 
 
-def test_without_a_position_it_is_not_known_whether_it_moves() -> None:
-    async def program() -> None:
-        async with RehearsalMount("cpc", start=START, presented="alpaca", named=True) as own:
-            client = await connected(own)
-            await ask(client, "put moveaxis Axis=0 Rate=3.0")
-            await asyncio.sleep(2.0)
-            await ask(client, "put moveaxis Axis=0 Rate=0")
-            own.controller.context.run_on.position = lambda *_: None  # type: ignore[method-assign]
-            assert await ask(client, "get slewing") is True
-            await asyncio.sleep(3.5)
-            assert await ask(client, "get slewing") == -0x500
-
-    run(program())
+async def test_without_a_position_it_is_not_known_whether_it_moves() -> None:
+    async with RehearsalMount("cpc", start=START, presented="alpaca", named=True) as own:
+        client = await connected(own)
+        await ask(client, "put moveaxis Axis=0 Rate=3.0")
+        await asyncio.sleep(2.0)
+        await ask(client, "put moveaxis Axis=0 Rate=0")
+        own.controller.context.run_on.position = lambda *_: None  # type: ignore[method-assign]
+        assert await ask(client, "get slewing") is True
+        await asyncio.sleep(3.5)
+        assert await ask(client, "get slewing") == -0x500

@@ -10,7 +10,6 @@ import pytest
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 GOAL = 120.0, 30.0
@@ -37,91 +36,74 @@ def off(bridge: Any) -> float:
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_on_its_own_target_it_waits_for_the_end(mount: str, driven: str) -> None:
+async def test_on_its_own_target_it_waits_for_the_end(mount: str, driven: str) -> None:
     """A driver that compares positions takes the goto for over when it is two arcminutes away, and syncs."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client = bridge.client()
-            await nearly_there(bridge, client, 0.03)
-            before = bridge.clock()
-            assert len(await client.ask(SAME + REST, 5.0, until=b"#")) > 4, "it was refused"
-            assert not bridge.sim.slewing and 0.1 < bridge.clock() - before < 3.5
-            await asyncio.sleep(1.0)
-            assert off(bridge) == pytest.approx(0.325, abs=0.03)
-
-    run(program())
+    async with Bridge(mount, driven=driven) as bridge:
+        client = bridge.client()
+        await nearly_there(bridge, client, 0.03)
+        before = bridge.clock()
+        assert len(await client.ask(SAME + REST, 5.0, until=b"#")) > 4, "it was refused"
+        assert not bridge.sim.slewing and 0.1 < bridge.clock() - before < 3.5
+        await asyncio.sleep(1.0)
+        assert off(bridge) == pytest.approx(0.325, abs=0.03)
 
 
 @pytest.mark.parametrize("degrees", [0.03, 0.5, 10.0])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("wanted", [BESIDE, OTHER])
-def test_on_another_object_it_is_refused_at_once(wanted: bytes, degrees: float, mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client, error = bridge.client(), off(bridge)
-            await nearly_there(bridge, client, degrees)
-            before = bridge.clock()
-            assert await client.ask(wanted + REST, 5.0, until=b"#") == b"11#"
-            assert bridge.clock() - before < 0.4
-            await asyncio.sleep(20.0)
-            assert off(bridge) == pytest.approx(error, abs=0.02)
-
-    run(program())
+async def test_on_another_object_it_is_refused_at_once(wanted: bytes, degrees: float, mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        client, error = bridge.client(), off(bridge)
+        await nearly_there(bridge, client, degrees)
+        before = bridge.clock()
+        assert await client.ask(wanted + REST, 5.0, until=b"#") == b"11#"
+        assert bridge.clock() - before < 0.4
+        await asyncio.sleep(20.0)
+        assert off(bridge) == pytest.approx(error, abs=0.02)
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_too_early_it_is_refused_after_waiting(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client, error = bridge.client(), off(bridge)
-            await nearly_there(bridge, client, 20.0)
-            assert await client.ask(SAME + REST, 5.0, until=b"#") == b"11#"
-            await asyncio.sleep(20.0)
-            assert off(bridge) == pytest.approx(error, abs=0.02)
-
-    run(program())
+async def test_too_early_it_is_refused_after_waiting(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven) as bridge:
+        client, error = bridge.client(), off(bridge)
+        await nearly_there(bridge, client, 20.0)
+        assert await client.ask(SAME + REST, 5.0, until=b"#") == b"11#"
+        await asyncio.sleep(20.0)
+        assert off(bridge) == pytest.approx(error, abs=0.02)
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("ends", ["closed", "stopped at the keys", "stopped by another"])
-def test_what_came_in_between_undoes_it(ends: str, mount: str, driven: str) -> None:
+async def test_what_came_in_between_undoes_it(ends: str, mount: str, driven: str) -> None:
     """Its client has gone, the owner has ended the goto before its goal, or a stop came."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            client, other, error = bridge.client(), bridge.client("10.0.0.9"), off(bridge)
-            await nearly_there(bridge, client, 3.0 if ends == "stopped at the keys" else 0.03)
-            client.tell(SAME + REST)
-            await asyncio.sleep(0.05)
-            assert bridge.sim.slewing
-            if ends == "closed":
-                client.close()
-            elif ends == "stopped by another":
-                other.tell(b":Q#")
-            else:
-                bridge.sim.mechanics.cancel(bridge.clock())
-            for _ in range(10):
-                other.tell(b":GR#:D#")
-                await asyncio.sleep(1.0)
-            assert off(bridge) == pytest.approx(error, abs=0.02)
-
-    run(program())
+    async with Bridge(mount, driven=driven) as bridge:
+        client, other, error = bridge.client(), bridge.client("10.0.0.9"), off(bridge)
+        await nearly_there(bridge, client, 3.0 if ends == "stopped at the keys" else 0.03)
+        client.tell(SAME + REST)
+        await asyncio.sleep(0.05)
+        assert bridge.sim.slewing
+        if ends == "closed":
+            client.close()
+        elif ends == "stopped by another":
+            other.tell(b":Q#")
+        else:
+            bridge.sim.mechanics.cancel(bridge.clock())
+        for _ in range(10):
+            other.tell(b":GR#:D#")
+            await asyncio.sleep(1.0)
+        assert off(bridge) == pytest.approx(error, abs=0.02)
 
 
-def test_a_goto_in_azimuth_and_altitude_has_its_own_target_too() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            controller = bridge.controller
-            await controller.perform(op.GotoHorizontal(150.0, 40.0))
-            while separation(*bridge.sim.mechanics.axes(bridge.clock()), 150.0, 40.0) > 0.05:
-                await controller.read_now(op.Slewing())
-                await asyncio.sleep(0.1)
-            assert bridge.sim.slewing
-            goal = controller.astrometry.equatorial(op.Horizontal(150.0, 40.0))
-            with pytest.raises(Refused, match="is moving"):
-                await controller.perform(op.Sync(goal.ra + 3.0, goal.dec))
-            await controller.perform(op.Sync(goal.ra, goal.dec))
-            assert not bridge.sim.slewing
-
-    run(program())
+async def test_a_goto_in_azimuth_and_altitude_has_its_own_target_too() -> None:
+    async with Bridge("cpc") as bridge:
+        controller = bridge.controller
+        await controller.perform(op.GotoHorizontal(150.0, 40.0))
+        while separation(*bridge.sim.mechanics.axes(bridge.clock()), 150.0, 40.0) > 0.05:
+            await controller.read_now(op.Slewing())
+            await asyncio.sleep(0.1)
+        assert bridge.sim.slewing
+        goal = controller.astrometry.equatorial(op.Horizontal(150.0, 40.0))
+        with pytest.raises(Refused, match="is moving"):
+            await controller.perform(op.Sync(goal.ra + 3.0, goal.dec))
+        await controller.perform(op.Sync(goal.ra, goal.dec))
+        assert not bridge.sim.slewing

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
 from tests.support.truth import moving
@@ -32,47 +31,40 @@ async def at_its_goal(bridge: Bridge, driven: str) -> None:
 @pytest.mark.parametrize("delay", [0.1, 0.3])
 @pytest.mark.parametrize("stop", [b":Q#", b":Qe#"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_after_a_stop_it_is_done_when_the_mount_rests(mount: str, driven: str, stop: bytes, delay: float) -> None:
+async def test_after_a_stop_it_is_done_when_the_mount_rests(mount: str, driven: str, stop: bytes, delay: float) -> None:
     """What it names is then where the mount believes to be, so that it turns nothing."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
-            await at_its_goal(bridge, driven)
-            client, sent = bridge.client(), (b"s", b"S") if driven == "nexstar" else (b":CM",)
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(3.0)
-            here = await bridge.controller.read_now(op.Position())
-            assert moving(bridge.sim)
-            client.tell(stop)
-            await asyncio.sleep(delay)
-            before = len(bridge.sent())
-            sync = asyncio.ensure_future(bridge.controller.perform(op.Sync(here.ra, here.dec)))
-            for _ in range(400):
-                if any(command.startswith(sent) for command in bridge.sent()[before:]):
-                    assert not moving(bridge.sim)
-                    break
-                await asyncio.sleep(0.01)
-            await asyncio.wait_for(sync, 5.0)
-
-    run(program())
+    async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
+        await at_its_goal(bridge, driven)
+        client, sent = bridge.client(), (b"s", b"S") if driven == "nexstar" else (b":CM",)
+        client.tell(b":RS#:Me#")
+        await asyncio.sleep(3.0)
+        here = await bridge.controller.read_now(op.Position())
+        assert moving(bridge.sim)
+        client.tell(stop)
+        await asyncio.sleep(delay)
+        before = len(bridge.sent())
+        sync = asyncio.ensure_future(bridge.controller.perform(op.Sync(here.ra, here.dec)))
+        for _ in range(400):
+            if any(command.startswith(sent) for command in bridge.sent()[before:]):
+                assert not moving(bridge.sim)
+                break
+            await asyncio.sleep(0.01)
+        await asyncio.wait_for(sync, 5.0)
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_while_a_key_is_held_it_is_refused(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
-            await at_its_goal(bridge, driven)
-            owner, client = Owner(bridge, driven), bridge.client()
-            owner.keys("first on")
-            for _ in range(8):
-                await client.ask(b":GR#", until=b"#")
-                await asyncio.sleep(0.5)
-            here = await bridge.controller.read_now(op.Position())
-            with pytest.raises(Refused, match="The mount is moving"):
-                await bridge.controller.perform(op.Sync(here.ra, here.dec))
-            owner.keys("first let go")
-            await asyncio.sleep(1.5)
-            here = await bridge.controller.read_now(op.Position())
+async def test_while_a_key_is_held_it_is_refused(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
+        await at_its_goal(bridge, driven)
+        owner, client = Owner(bridge, driven), bridge.client()
+        owner.keys("first on")
+        for _ in range(8):
+            await client.ask(b":GR#", until=b"#")
+            await asyncio.sleep(0.5)
+        here = await bridge.controller.read_now(op.Position())
+        with pytest.raises(Refused, match="The mount is moving"):
             await bridge.controller.perform(op.Sync(here.ra, here.dec))
-
-    run(program())
+        owner.keys("first let go")
+        await asyncio.sleep(1.5)
+        here = await bridge.controller.read_now(op.Position())
+        await bridge.controller.perform(op.Sync(here.ra, here.dec))

@@ -31,154 +31,130 @@ def refusals(own: RehearsalMount) -> list[str]:
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-def test_taps_in_a_row_each_count(face: str, latency: float) -> None:
+async def test_taps_in_a_row_each_count(face: str, latency: float) -> None:
     """Three north, one south, and the next one begins before the one before has ended."""
-
-    async def program() -> None:
-        single = abs((await tap(face, "cpc", 0.12, latency)).moved)
-        async with stage(face, "cpc", latency) as own:
-            one, axes, client = FACES[face], Axes(own), own.client()
-            client.tell(one.before)
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            for press in (one.press, one.press, one.opposite, one.press):
-                client.tell(press)
-                await asyncio.sleep(0.12)
-                client.tell(one.release)
-                await asyncio.sleep(0.13)
-            await asyncio.sleep(3.0)
-            assert refusals(own) == []
-            assert abs(abs(axes.moved) - 2.0 * single) <= 4.0 * latency / 2.0 + 0.001
-            assert not moving(own.sim)
-
-    run(program())
+    single = abs((await tap(face, "cpc", 0.12, latency)).moved)
+    async with stage(face, "cpc", latency) as own:
+        one, axes, client = FACES[face], Axes(own), own.client()
+        client.tell(one.before)
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        for press in (one.press, one.press, one.opposite, one.press):
+            client.tell(press)
+            await asyncio.sleep(0.12)
+            client.tell(one.release)
+            await asyncio.sleep(0.13)
+        await asyncio.sleep(3.0)
+        assert refusals(own) == []
+        assert abs(abs(axes.moved) - 2.0 * single) <= 4.0 * latency / 2.0 + 0.001
+        assert not moving(own.sim)
 
 
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.3])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-def test_a_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
-    async def program() -> None:
-        keypad = await at_keypad("cpc", 0.12, 1.0)
-        async with stage(face, "cpc", latency) as own:
-            one, axes, client = FACES[face], Axes(own), own.client()
-            client.tell(one.before)
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            for _ in range(5):
-                client.tell(one.press)
-                await asyncio.sleep(0.12)
-                client.tell(one.release)
-                await asyncio.sleep(0.13)
-            await asyncio.sleep(3.0)
-            assert refusals(own) == []
-            assert 2.5 * keypad <= abs(axes.moved) <= 5.0 * (keypad + 0.1 + 2.0 * latency)
-            assert not moving(own.sim)
-
-    run(program())
+async def test_a_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
+    keypad = await at_keypad("cpc", 0.12, 1.0)
+    async with stage(face, "cpc", latency) as own:
+        one, axes, client = FACES[face], Axes(own), own.client()
+        client.tell(one.before)
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        for _ in range(5):
+            client.tell(one.press)
+            await asyncio.sleep(0.12)
+            client.tell(one.release)
+            await asyncio.sleep(0.13)
+        await asyncio.sleep(3.0)
+        assert refusals(own) == []
+        assert 2.5 * keypad <= abs(axes.moved) <= 5.0 * (keypad + 0.1 + 2.0 * latency)
+        assert not moving(own.sim)
 
 
 @pytest.mark.parametrize(
     "end", [b":Q#", b":Qe#:Qw#:Qn#:Qs#", b":Qn#:Qs#:Qe#:Qw#", ":Mn# of another", ":Qn# of another"]
 )
 @pytest.mark.parametrize("tapped", [True, False])
-def test_a_stop_cancels_what_has_not_begun(end: bytes | str, tapped: bool) -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
-            client.tell(b":RM#")
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            client.tell(b":Mn#")
-            await asyncio.sleep(0.1)
-            if tapped:
-                client.tell(b":Qn#")
-                await asyncio.sleep(0.02)
-            if isinstance(end, bytes):
-                client.tell(end)
-            else:
-                other.tell(b":Qn#" if end.startswith(":Q") else b":Q#")
-            await asyncio.sleep(3.0)
-            assert abs(axes.moved) < 0.003
-            assert not own.controller.wanted.by_hand
-            assert not any("Release" in text for text in refusals(own))
-
-    run(program())
-
-
-def test_the_fourth_release_ends_what_moves() -> None:
-    """RTS2 stops by the releases of all four arrows: each acts when it is read."""
-
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.1) as own:
-            client = own.client()
-            client.tell(b":RM#:Mn#:Me#")
-            await asyncio.sleep(2.0)
-            assert moving(own.sim)
-            for release in (b"#:Qe#", b"#:Qw#", b"#:Qn#", b"#:Qs#"):
-                client.tell(release)
-                await asyncio.sleep(0.01)
-            await asyncio.sleep(1.2)
-            assert not moving(own.sim)
-
-    run(program())
-
-
-def test_a_goto_cancels_a_tap_that_has_not_begun() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            client = own.client()
-            begun: list[op.Operation] = []
-            own.controller.reconciler.begins.connect(begun.append)
-            here: op.Equatorial = await own.controller.read(op.Position())
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(0.05)
-            client.tell(b":Mn#")
-            await asyncio.sleep(0.05)
+async def test_a_stop_cancels_what_has_not_begun(end: bytes | str, tapped: bool) -> None:
+    async with stage("lx200", "cpc", 0.3) as own:
+        axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
+        client.tell(b":RM#")
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        client.tell(b":Mn#")
+        await asyncio.sleep(0.1)
+        if tapped:
             client.tell(b":Qn#")
-            await own.controller.perform(op.Goto(here.ra, here.dec - 3.0))
-            await asyncio.sleep(8.0)
-            assert not any(isinstance(one, op.Move) and one.axis == 2 for one in begun)
-            assert any(isinstance(one, op.Goto) for one in begun)
+            await asyncio.sleep(0.02)
+        if isinstance(end, bytes):
+            client.tell(end)
+        else:
+            other.tell(b":Qn#" if end.startswith(":Q") else b":Q#")
+        await asyncio.sleep(3.0)
+        assert abs(axes.moved) < 0.003
+        assert not own.controller.wanted.by_hand
+        assert not any("Release" in text for text in refusals(own))
 
-    run(program())
+
+async def test_the_fourth_release_ends_what_moves() -> None:
+    """RTS2 stops by the releases of all four arrows: each acts when it is read."""
+    async with stage("lx200", "cpc", 0.1) as own:
+        client = own.client()
+        client.tell(b":RM#:Mn#:Me#")
+        await asyncio.sleep(2.0)
+        assert moving(own.sim)
+        for release in (b"#:Qe#", b"#:Qw#", b"#:Qn#", b"#:Qs#"):
+            client.tell(release)
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(1.2)
+        assert not moving(own.sim)
+
+
+async def test_a_goto_cancels_a_tap_that_has_not_begun() -> None:
+    async with stage("lx200", "cpc", 0.3) as own:
+        client = own.client()
+        begun: list[op.Operation] = []
+        own.controller.reconciler.begins.connect(begun.append)
+        here: op.Equatorial = await own.controller.read(op.Position())
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(0.05)
+        client.tell(b":Mn#")
+        await asyncio.sleep(0.05)
+        client.tell(b":Qn#")
+        await own.controller.perform(op.Goto(here.ra, here.dec - 3.0))
+        await asyncio.sleep(8.0)
+        assert not any(isinstance(one, op.Move) and one.axis == 2 for one in begun)
+        assert any(isinstance(one, op.Goto) for one in begun)
 
 
 @pytest.mark.parametrize("times", [1, 3])
-def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None:
+async def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None:
     """It was held for longer than a tap may wait, and the mount has not begun to move."""
-
-    async def program() -> None:
-        async with stage("lx200", "cgem", 0.6) as own:
-            axes, client = Axes(own), own.client()
-            client.tell(b":RM#")
-            await asyncio.sleep(2.0)
-            await axes.begin()
-            client.tell(b":Mn#")
-            await asyncio.sleep(1.1)
-            client.tell(b":Qn#" * times)
-            await asyncio.sleep(5.0)
-            assert abs(axes.moved) < 0.01
-            assert ["this tap came too late" in words for words in refusals(own)] == [True]
-
-    run(program())
+    async with stage("lx200", "cgem", 0.6) as own:
+        axes, client = Axes(own), own.client()
+        client.tell(b":RM#")
+        await asyncio.sleep(2.0)
+        await axes.begin()
+        client.tell(b":Mn#")
+        await asyncio.sleep(1.1)
+        client.tell(b":Qn#" * times)
+        await asyncio.sleep(5.0)
+        assert abs(axes.moved) < 0.01
+        assert ["this tap came too late" in words for words in refusals(own)] == [True]
 
 
-def test_a_tap_that_waits_for_an_answer_before_it_is_carried_out_in_its_turn() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.2) as own:
-            axes, client = Axes(own), own.client()
-            await asyncio.sleep(12.0)  # nothing is known of the mount any more
-            await axes.begin()
-            client.tell(b":RM#:GW#:Mn#")
-            await asyncio.sleep(0.1)
-            client.tell(b":Qn#")
-            await asyncio.sleep(3.0)
-            assert b"T" in client.heard
-            assert abs(axes.moved) > 0.03
-            assert refusals(own) == []
-            assert not moving(own.sim)
-
-    run(program())
+async def test_a_tap_that_waits_for_an_answer_before_it_is_carried_out_in_its_turn() -> None:
+    async with stage("lx200", "cpc", 0.2) as own:
+        axes, client = Axes(own), own.client()
+        await asyncio.sleep(12.0)  # nothing is known of the mount any more
+        await axes.begin()
+        client.tell(b":RM#:GW#:Mn#")
+        await asyncio.sleep(0.1)
+        client.tell(b":Qn#")
+        await asyncio.sleep(3.0)
+        assert b"T" in client.heard
+        assert abs(axes.moved) > 0.03
+        assert refusals(own) == []
+        assert not moving(own.sim)
 
 
 def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -> None:
@@ -198,47 +174,41 @@ def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_
     assert run(program(1.2)) <= 0.35
 
 
-def test_an_arrow_that_is_held_waits_for_the_tap_before_it_and_is_ended_by_its_own_release() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.24) as own:
-            client = own.client()
-            client.tell(b":RM#:Mw#")
-            await asyncio.sleep(0.08)
-            client.tell(b":Qw#")
+async def test_an_arrow_that_is_held_waits_for_the_tap_before_it_and_is_ended_by_its_own_release() -> None:
+    async with stage("lx200", "cpc", 0.24) as own:
+        client = own.client()
+        client.tell(b":RM#:Mw#")
+        await asyncio.sleep(0.08)
+        client.tell(b":Qw#")
+        await asyncio.sleep(0.02)
+        client.tell(b":Me#")
+        await asyncio.sleep(4.0)
+        assert 1 in own.controller.wanted.by_hand
+        assert refusals(own) == []
+        client.tell(b":Qe#")
+        await asyncio.sleep(1.5)
+        assert not moving(own.sim)
+
+
+async def test_a_connection_for_every_command_taps_as_well() -> None:
+    async with stage("lx200", "cpc", 0.15) as own:
+        axes = Axes(own)
+
+        async def send(data: bytes) -> None:
+            client: Visitor = own.client(SECOND)
+            client.tell(data)
             await asyncio.sleep(0.02)
-            client.tell(b":Me#")
-            await asyncio.sleep(4.0)
-            assert 1 in own.controller.wanted.by_hand
-            assert refusals(own) == []
-            client.tell(b":Qe#")
-            await asyncio.sleep(1.5)
-            assert not moving(own.sim)
+            client.close()
 
-    run(program())
-
-
-def test_a_connection_for_every_command_taps_as_well() -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.15) as own:
-            axes = Axes(own)
-
-            async def send(data: bytes) -> None:
-                client: Visitor = own.client(SECOND)
-                client.tell(data)
-                await asyncio.sleep(0.02)
-                client.close()
-
-            await send(b":RM#")
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            await send(b":Mn#")
-            await asyncio.sleep(0.08)
-            await send(b":Qn#")
-            await asyncio.sleep(3.0)
-            assert abs(axes.moved) >= await at_keypad("cpc", 0.1, 1.0) / 2.0
-            assert not moving(own.sim)
-
-    run(program())
+        await send(b":RM#")
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        await send(b":Mn#")
+        await asyncio.sleep(0.08)
+        await send(b":Qn#")
+        await asyncio.sleep(3.0)
+        assert abs(axes.moved) >= await at_keypad("cpc", 0.1, 1.0) / 2.0
+        assert not moving(own.sim)
 
 
 #: How a full stop follows a press, what was done before, and whether the arrow still moves the mount.
@@ -251,54 +221,47 @@ STOPS = {
 
 @pytest.mark.parametrize("how", STOPS)
 @pytest.mark.parametrize("known", [True, False])
-def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
+async def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
     before, seconds, taps = STOPS[how]
-
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            axes, client = Axes(own), own.client()
-            client.guest.client.releases.by_stop = known
-            client.tell(b":RM#")
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            client.tell(before)
-            await asyncio.sleep(2.0)
-            client.tell(b":Mn#")
-            await asyncio.sleep(seconds)
-            stops = own.controller.stops
-            client.tell(b":Q#")
-            assert own.controller.stops == stops + 1
-            await asyncio.sleep(4.0)
-            assert not moving(own.sim)
-            assert not own.controller.wanted.by_hand
-            assert own.sent().count(b"M") >= 1, "the stop is sent"
-            if taps and known:
-                assert 0.02 <= abs(axes.moved) <= 0.1 + 2.0 * 0.3
-            else:
-                assert abs(axes.moved) < 0.005
-
-    run(program())
+    async with stage("lx200", "cpc", 0.3) as own:
+        axes, client = Axes(own), own.client()
+        client.guest.client.releases.by_stop = known
+        client.tell(b":RM#")
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        client.tell(before)
+        await asyncio.sleep(2.0)
+        client.tell(b":Mn#")
+        await asyncio.sleep(seconds)
+        stops = own.controller.stops
+        client.tell(b":Q#")
+        assert own.controller.stops == stops + 1
+        await asyncio.sleep(4.0)
+        assert not moving(own.sim)
+        assert not own.controller.wanted.by_hand
+        assert own.sent().count(b"M") >= 1, "the stop is sent"
+        if taps and known:
+            assert 0.02 <= abs(axes.moved) <= 0.1 + 2.0 * 0.3
+        else:
+            assert abs(axes.moved) < 0.005
 
 
 @pytest.mark.parametrize("presses", [b":Mn#:Qn#", b":Mn#:Mn#"])
-def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
-    async def program() -> None:
-        async with stage("lx200", "cpc", 0.3) as own:
-            axes, client = Axes(own), own.client()
-            client.guest.client.releases.by_stop = True
-            client.tell(b":RM#")
-            await asyncio.sleep(1.0)
-            await axes.begin()
-            client.tell(presses[:4])
-            await asyncio.sleep(0.1)
-            client.tell(presses[4:] if b"Q" in presses else b":Q#")
-            await asyncio.sleep(0.1)
-            client.tell(b":Q#")
-            await asyncio.sleep(3.0)
-            assert abs(axes.moved) < 0.005
-            assert not moving(own.sim)
-
-    run(program())
+async def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
+    async with stage("lx200", "cpc", 0.3) as own:
+        axes, client = Axes(own), own.client()
+        client.guest.client.releases.by_stop = True
+        client.tell(b":RM#")
+        await asyncio.sleep(1.0)
+        await axes.begin()
+        client.tell(presses[:4])
+        await asyncio.sleep(0.1)
+        client.tell(presses[4:] if b"Q" in presses else b":Q#")
+        await asyncio.sleep(0.1)
+        client.tell(b":Q#")
+        await asyncio.sleep(3.0)
+        assert abs(axes.moved) < 0.005
+        assert not moving(own.sim)
 
 
 async def away_from_the_pole(client: Visitor) -> None:

@@ -8,7 +8,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
@@ -20,35 +19,30 @@ MOUNTS = [(model, version) for model, row in NEXSTAR.models.items() for version 
 
 @pytest.mark.parametrize("named", [True, False])
 @pytest.mark.parametrize(("model", "version"), MOUNTS)
-def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, version: str, named: bool) -> None:
-    async def program() -> None:
-        async with Bridge(model, version, named=named) as bridge:
-            client = bridge.client()
-            await asyncio.sleep(1.0)
-            assert (await client.ask(b":GA#", 3.0)).endswith(b"#")
-            counted = PROTOCOLS["nexstar"].counts_as(version)
-            for sent in bridge.sent():
-                found = NEXSTAR.find(sent)
-                assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent
-
-    run(program())
+async def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, version: str, named: bool) -> None:
+    async with Bridge(model, version, named=named) as bridge:
+        client = bridge.client()
+        await asyncio.sleep(1.0)
+        assert (await client.ask(b":GA#", 3.0)).endswith(b"#")
+        counted = PROTOCOLS["nexstar"].counts_as(version)
+        for sent in bridge.sent():
+            found = NEXSTAR.find(sent)
+            assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent
 
 
 @pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "2.2"), ("cge", "4.21"), ("avx", "5.31")])
-def test_a_hand_control_is_identified_that_waits_long_for_a_focuser_that_is_not_there(model: str, version: str) -> None:
+async def test_a_hand_control_is_identified_that_waits_long_for_a_focuser_that_is_not_there(
+    model: str, version: str
+) -> None:
     """It takes 3.5 s to say so, as the manual allows (``tests/support/lossy_line.py``), and the line takes more."""
-
-    async def program() -> None:
-        bridge = Bridge(model, version, latency=0.3)
-        LossyLine(bridge, 0.3)
-        bridge.controller.start()
-        try:
-            async with asyncio.timeout(40.0):
-                await bridge.controller.settled.wait()
-            await asyncio.sleep(10.0)
-            assert bridge.controller.line.usable
-            assert await bridge.client().ask(b":GA#", 3.0, until=b"#")
-        finally:
-            await bridge.controller.close()
-
-    run(program())
+    bridge = Bridge(model, version, latency=0.3)
+    LossyLine(bridge, 0.3)
+    bridge.controller.start()
+    try:
+        async with asyncio.timeout(40.0):
+            await bridge.controller.settled.wait()
+        await asyncio.sleep(10.0)
+        assert bridge.controller.line.usable
+        assert await bridge.client().ask(b":GA#", 3.0, until=b"#")
+    finally:
+        await bridge.controller.close()

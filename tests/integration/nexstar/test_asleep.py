@@ -25,90 +25,64 @@ async def asleep(bridge: Bridge, client: Visitor, presented: str = "nexstar") ->
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-def test_a_mount_that_sleeps_is_not_asked_what_it_will_not_answer(presented: str) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", presented=presented, surface=None) as bridge:
-            client = bridge.client()
-            await asleep(bridge, client, presented)
-            before = len(bridge.sent())
-            for question in (b":GR#", b":GA#", b":D#", b":GW#") if presented == "lx200" else (b"e", b"z", b"L", b"t"):
-                assert await client.ask(question, 30.0) == b""
-            asked = [frame for frame in bridge.sent()[before:] if frame[:1] != b"K"]
-            assert set(asked) == {b"e"} and len(asked) <= 25  # somebody may have woken it by hand
-
-    run(program())
+async def test_a_mount_that_sleeps_is_not_asked_what_it_will_not_answer(presented: str) -> None:
+    async with Bridge("cpc", presented=presented, surface=None) as bridge:
+        client = bridge.client()
+        await asleep(bridge, client, presented)
+        before = len(bridge.sent())
+        for question in (b":GR#", b":GA#", b":D#", b":GW#") if presented == "lx200" else (b"e", b"z", b"L", b"t"):
+            assert await client.ask(question, 30.0) == b""
+        asked = [frame for frame in bridge.sent()[before:] if frame[:1] != b"K"]
+        assert set(asked) == {b"e"} and len(asked) <= 25  # somebody may have woken it by hand
 
 
-def test_a_goto_is_refused_with_words_and_at_once() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(b":Sr08:00:00#") + await client.ask(b":Sd+40*00:00#") == b"11"
-            await asleep(bridge, client, "lx200")
-            await asyncio.sleep(25.0)
-            assert b"asleep" in await client.ask(b":MS#", 60.0)
-            assert await client.ask(b":MS#", 1.0) == b"1The mount is asleep.#"
-
-    run(program())
+async def test_a_goto_is_refused_with_words_and_at_once() -> None:
+    async with Bridge("cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(b":Sr08:00:00#") + await client.ask(b":Sd+40*00:00#") == b"11"
+        await asleep(bridge, client, "lx200")
+        await asyncio.sleep(25.0)
+        assert b"asleep" in await client.ask(b":MS#", 60.0)
+        assert await client.ask(b":MS#", 1.0) == b"1The mount is asleep.#"
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("late", [0.0, 1.0, 2.0, 3.0, 4.0])
-def test_who_wakes_it_may_ask_at_once(presented: str, late: float) -> None:
+async def test_who_wakes_it_may_ask_at_once(presented: str, late: float) -> None:
     """Even while it is being asked whether somebody has woken it."""
-
-    async def program() -> None:
-        async with Bridge("cpc", presented=presented, surface=None) as bridge:
-            client = bridge.client()
-            await asleep(bridge, client, presented)
-            await asyncio.sleep(late)
-            client.tell(b":hW#" if presented == "lx200" else b"y")
-            assert len(await client.ask(b":GR#" if presented == "lx200" else b"e", SILENCE)) > 1
-
-    run(program())
+    async with Bridge("cpc", presented=presented, surface=None) as bridge:
+        client = bridge.client()
+        await asleep(bridge, client, presented)
+        await asyncio.sleep(late)
+        client.tell(b":hW#" if presented == "lx200" else b"y")
+        assert len(await client.ask(b":GR#" if presented == "lx200" else b"e", SILENCE)) > 1
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
+async def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
     """A stop that a sleeper does not hear is owed by nobody, and takes no later command with it."""
-
-    async def program() -> None:
-        async with Bridge("cpc", presented=presented, surface=None) as bridge:
-            client = bridge.client()
-            await asleep(bridge, client, presented)
-            if presented == "lx200":
-                for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
-                    client.tell(command)
-            else:
-                for command in (
-                    b"r34560000,34560000",
-                    b"P\x02\x10\x24\x05\0\0\0",
-                    b"M",
-                    b"P\x02\x10\x24\0\0\0\0",
-                    b"y",
-                ):
-                    client.tell(command)
-            await asyncio.sleep(6 * SILENCE)
-            assert not bridge.sim.asleep and not bridge.controller.wanted.owed
-            assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
-            assert (
-                bridge.sim.mode == ALTAZ
-                and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
-            )
-
-    run(program())
+    async with Bridge("cpc", presented=presented, surface=None) as bridge:
+        client = bridge.client()
+        await asleep(bridge, client, presented)
+        if presented == "lx200":
+            for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
+                client.tell(command)
+        else:
+            for command in (b"r34560000,34560000", b"P\x02\x10\x24\x05\0\0\0", b"M", b"P\x02\x10\x24\0\0\0\0", b"y"):
+                client.tell(command)
+        await asyncio.sleep(6 * SILENCE)
+        assert not bridge.sim.asleep and not bridge.controller.wanted.owed
+        assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
+        assert bridge.sim.mode == ALTAZ and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
 
 
-def test_an_arrow_that_waits_for_the_position_does_not_wait_for_the_waking_behind_it() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            await asleep(bridge, client)
-            client.tell(b"P\x02\x11\x24\x05\0\0\0y")
-            await asyncio.sleep(4 * SILENCE)
-            assert not bridge.sim.asleep
-
-    run(program())
+async def test_an_arrow_that_waits_for_the_position_does_not_wait_for_the_waking_behind_it() -> None:
+    async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        await asleep(bridge, client)
+        client.tell(b"P\x02\x11\x24\x05\0\0\0y")
+        await asyncio.sleep(4 * SILENCE)
+        assert not bridge.sim.asleep
 
 
 def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
@@ -125,158 +99,128 @@ def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
     run(program())
 
 
-def test_sleep_ends_what_moves() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", presented="lx200") as bridge:
-            client = bridge.client()
-            client.tell(b":RC#:Me#")
-            await asyncio.sleep(3.0)
-            assert bridge.controller.moving
-            await asleep(bridge, client, "lx200")
-            assert not bridge.controller.moving and not bridge.driver.moving
-            sent = bridge.sent()
-            assert b"P\x02\x10\x24\0\0\0\0" in sent[: sent.index(b"x")]
-
-    run(program())
+async def test_sleep_ends_what_moves() -> None:
+    async with Bridge("cpc", presented="lx200") as bridge:
+        client = bridge.client()
+        client.tell(b":RC#:Me#")
+        await asyncio.sleep(3.0)
+        assert bridge.controller.moving
+        await asleep(bridge, client, "lx200")
+        assert not bridge.controller.moving and not bridge.driver.moving
+        sent = bridge.sent()
+        assert b"P\x02\x10\x24\0\0\0\0" in sent[: sent.index(b"x")]
 
 
-def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
-    async def program() -> None:
-        bridge = Bridge("cpc", presented="lx200")
-        bridge.sim.asleep = True
-        bridge.controller.start()
-        try:
-            client = bridge.client()
-            await asyncio.sleep(5.0)
-            assert await client.ask(b":GR#", 5.0) == b""
-            client.tell(b":hW#")
-            await asyncio.sleep(4 * SILENCE)
-            assert not bridge.sim.asleep
-            assert await client.ask(b":GR#", 2.0)
-        finally:
-            await bridge.controller.close()
-
-    run(program())
+async def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
+    bridge = Bridge("cpc", presented="lx200")
+    bridge.sim.asleep = True
+    bridge.controller.start()
+    try:
+        client = bridge.client()
+        await asyncio.sleep(5.0)
+        assert await client.ask(b":GR#", 5.0) == b""
+        client.tell(b":hW#")
+        await asyncio.sleep(4 * SILENCE)
+        assert not bridge.sim.asleep
+        assert await client.ask(b":GR#", 2.0)
+    finally:
+        await bridge.controller.close()
 
 
-def test_settings_get_their_turn_however_long_reads_take() -> None:
+async def test_settings_get_their_turn_however_long_reads_take() -> None:
     """Sent to sleep at its keys, where nobody tells the gateway: every question costs seconds."""
-
-    async def program() -> None:
-        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.Goto(100.0, 40.0))
-            bridge.sim.asleep = True
-            for _ in range(60):
-                client.tell(b"L")
-                await asyncio.sleep(1.0)
-            setting = asyncio.create_task(bridge.controller.perform(op.Backlash(1, 10)))
-            await asyncio.sleep(60.0)
-            assert setting.done() and setting.exception() is not None
-
-    run(program())
-
-
-def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(3.0)
-            lost = swallow(bridge, lambda data: data == b"P\x02\x11\x24\0\0\0\0")
-            client.tell(b":hN#")
-            await asyncio.sleep(15.0)
-            assert lost and bridge.sim.asleep and not bridge.controller.moving
-            before = bridge.sim.mechanics.axes(bridge.clock())
+    async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.Goto(100.0, 40.0))
+        bridge.sim.asleep = True
+        for _ in range(60):
+            client.tell(b"L")
             await asyncio.sleep(1.0)
-            assert bridge.sim.mechanics.axes(bridge.clock()) == before
-
-    run(program())
-
-
-def test_what_is_moved_at_its_keys_after_it_was_woken_there_is_watched() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", config={"lowest": 0.0}) as bridge:
-            await asleep(bridge, bridge.client(), "lx200")
-            bridge.sim.asleep = False
-            bridge.sim.feed(b"P\x02\x11\x25\x08\0\0\0")  # 2 degrees a second down
-            for _ in range(40):
-                await asyncio.sleep(1.0)
-                assert bridge.sim.mechanics.axes(bridge.clock())[1] > -2.0
-
-    run(program())
+        setting = asyncio.create_task(bridge.controller.perform(op.Backlash(1, 10)))
+        await asyncio.sleep(60.0)
+        assert setting.done() and setting.exception() is not None
 
 
-def test_a_mount_that_was_woken_at_its_keys_can_be_sent_to_sleep_again() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client = bridge.client()
-            await asleep(bridge, client, "lx200")
-            bridge.sim.asleep = False
-            client.tell(b":hN#")
-            await asyncio.sleep(2 * SILENCE)
-            assert bridge.sim.asleep
-            client.tell(b":hN#")  # once more, though it sleeps and does not answer
-            await asyncio.sleep(2 * SILENCE)
-            assert not [entry.note for entry in bridge.entries if entry.note.startswith("Hibernate")]
-
-    run(program())
+async def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
+    async with Bridge("cpc") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(3.0)
+        lost = swallow(bridge, lambda data: data == b"P\x02\x11\x24\0\0\0\0")
+        client.tell(b":hN#")
+        await asyncio.sleep(15.0)
+        assert lost and bridge.sim.asleep and not bridge.controller.moving
+        before = bridge.sim.mechanics.axes(bridge.clock())
+        await asyncio.sleep(1.0)
+        assert bridge.sim.mechanics.axes(bridge.clock()) == before
 
 
-def test_nobody_who_ends_motions_keeps_it_asleep() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client, other = bridge.client(), bridge.client("127.0.0.2")
-            await asleep(bridge, client, "lx200")
-            for turn in range(60):
-                other.tell(b":Qn#" if turn % 2 else b":Qe#")
-                if turn == 10:
-                    client.tell(b":hW#")
-                await asyncio.sleep(0.5)
-            assert not bridge.sim.asleep
+async def test_what_is_moved_at_its_keys_after_it_was_woken_there_is_watched() -> None:
+    async with Bridge("cpc", config={"lowest": 0.0}) as bridge:
+        await asleep(bridge, bridge.client(), "lx200")
+        bridge.sim.asleep = False
+        bridge.sim.feed(b"P\x02\x11\x25\x08\0\0\0")  # 2 degrees a second down
+        for _ in range(40):
+            await asyncio.sleep(1.0)
+            assert bridge.sim.mechanics.axes(bridge.clock())[1] > -2.0
 
-    run(program())
+
+async def test_a_mount_that_was_woken_at_its_keys_can_be_sent_to_sleep_again() -> None:
+    async with Bridge("cpc") as bridge:
+        client = bridge.client()
+        await asleep(bridge, client, "lx200")
+        bridge.sim.asleep = False
+        client.tell(b":hN#")
+        await asyncio.sleep(2 * SILENCE)
+        assert bridge.sim.asleep
+        client.tell(b":hN#")  # once more, though it sleeps and does not answer
+        await asyncio.sleep(2 * SILENCE)
+        assert not [entry.note for entry in bridge.entries if entry.note.startswith("Hibernate")]
+
+
+async def test_nobody_who_ends_motions_keeps_it_asleep() -> None:
+    async with Bridge("cpc") as bridge:
+        client, other = bridge.client(), bridge.client("127.0.0.2")
+        await asleep(bridge, client, "lx200")
+        for turn in range(60):
+            other.tell(b":Qn#" if turn % 2 else b":Qe#")
+            if turn == 10:
+                client.tell(b":hW#")
+            await asyncio.sleep(0.5)
+        assert not bridge.sim.asleep
 
 
 @pytest.mark.parametrize("from_the_start", [True, False])
-def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) -> None:
+async def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) -> None:
     """It tells ``V`` in its sleep, but not that it is one."""
-
-    async def program() -> None:
-        bridge = Bridge("cpc", "starsense-1.20")
-        bridge.sim.asleep = from_the_start
-        bridge.controller.start()
-        try:
-            client = bridge.client()
-            if not from_the_start:
-                await bridge.controller.settled.wait()
-                await asleep(bridge, client, "lx200")
-                bridge.controller.line.transaction.connection_lost("unplugged")
-            await asyncio.sleep(30.0)
-            client.tell(b":hW#")
-            await asyncio.sleep(5 * SILENCE)
-            assert not bridge.sim.asleep
-        finally:
-            await bridge.controller.close()
-
-    run(program())
+    bridge = Bridge("cpc", "starsense-1.20")
+    bridge.sim.asleep = from_the_start
+    bridge.controller.start()
+    try:
+        client = bridge.client()
+        if not from_the_start:
+            await bridge.controller.settled.wait()
+            await asleep(bridge, client, "lx200")
+            bridge.controller.line.transaction.connection_lost("unplugged")
+        await asyncio.sleep(30.0)
+        client.tell(b":hW#")
+        await asyncio.sleep(5 * SILENCE)
+        assert not bridge.sim.asleep
+    finally:
+        await bridge.controller.close()
 
 
-def test_it_tracks_when_it_wakes_whatever_had_moved_it_before() -> None:
+async def test_it_tracks_when_it_wakes_whatever_had_moved_it_before() -> None:
     """The acknowledgement of an arrow was lost, so nobody knows that the mount moves with its tracking put off."""
-
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            client = bridge.client()
-            lost = swallow(bridge, lambda data: data[:1] == b"P" and data[3] == 0x24 and data[4] > 0, carried_out=True)
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(5.0)
-            client.tell(b":hN#")
-            await asyncio.sleep(3.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(3 * SILENCE)
-            client.tell(b":hW#")
-            await asyncio.sleep(5 * SILENCE)
-            assert lost and not bridge.sim.asleep and bridge.sim.tracking
-
-    run(program())
+    async with Bridge("cpc") as bridge:
+        client = bridge.client()
+        lost = swallow(bridge, lambda data: data[:1] == b"P" and data[3] == 0x24 and data[4] > 0, carried_out=True)
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(5.0)
+        client.tell(b":hN#")
+        await asyncio.sleep(3.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(3 * SILENCE)
+        client.tell(b":hW#")
+        await asyncio.sleep(5 * SILENCE)
+        assert lost and not bridge.sim.asleep and bridge.sim.tracking

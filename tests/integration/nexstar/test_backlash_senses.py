@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
-def test_one_sense_is_set_alone() -> None:
+async def test_one_sense_is_set_alone() -> None:
     """Celestron's motor commands 0x10 and 0x11, read back by 0x40 and 0x41."""
-
-    async def program() -> None:
-        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"P\x02\x10\x10\x21\x00\x00\x00", until=b"#") == b"#"
-            assert await client.ask(b"P\x02\x10\x11\x2c\x00\x00\x00", until=b"#") == b"#"
-            sent = bridge.sent()
-            assert sent.count(b"P\x02\x10\x10\x21\x00\x00\x00") == sent.count(b"P\x02\x10\x11\x2c\x00\x00\x00") == 1
-            assert not [command for command in sent if command[:5] in (b"P\x02\x10\x11\x21", b"P\x02\x10\x10\x2c")]
-            assert await client.ask(b"P\x01\x10\x40\x00\x00\x00\x01", until=b"#") == b"\x21#"
-            assert await client.ask(b"P\x01\x10\x41\x00\x00\x00\x01", until=b"#") == b"\x2c#"
-
-    run(program())
+    async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"P\x02\x10\x10\x21\x00\x00\x00", until=b"#") == b"#"
+        assert await client.ask(b"P\x02\x10\x11\x2c\x00\x00\x00", until=b"#") == b"#"
+        sent = bridge.sent()
+        assert sent.count(b"P\x02\x10\x10\x21\x00\x00\x00") == sent.count(b"P\x02\x10\x11\x2c\x00\x00\x00") == 1
+        assert not [command for command in sent if command[:5] in (b"P\x02\x10\x11\x21", b"P\x02\x10\x10\x2c")]
+        assert await client.ask(b"P\x01\x10\x40\x00\x00\x00\x01", until=b"#") == b"\x21#"
+        assert await client.ask(b"P\x01\x10\x41\x00\x00\x00\x01", until=b"#") == b"\x2c#"
 
 
-def test_an_lx200_program_knows_one_for_both() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", surface="lx200gps") as bridge:
-            client = bridge.client()
-            await client.ask(b":$BZ21#:GR#")
-            await asyncio.sleep(1)
-            assert {b"P\x02\x10\x10\x15\x00\x00\x00", b"P\x02\x10\x11\x15\x00\x00\x00"} <= set(bridge.sent())
-
-    run(program())
+async def test_an_lx200_program_knows_one_for_both() -> None:
+    async with Bridge("cpc", surface="lx200gps") as bridge:
+        client = bridge.client()
+        await client.ask(b":$BZ21#:GR#")
+        await asyncio.sleep(1)
+        assert {b"P\x02\x10\x10\x15\x00\x00\x00", b"P\x02\x10\x11\x15\x00\x00\x00"} <= set(bridge.sent())

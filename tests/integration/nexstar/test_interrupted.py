@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import moving
@@ -26,52 +25,43 @@ def _bridge() -> Bridge:
 
 @pytest.mark.parametrize(("half", "end"), CUT)
 @pytest.mark.parametrize("apart", [None, 0.03])
-def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | None) -> None:
-    async def play() -> None:
-        async with _bridge() as bridge:
-            client = bridge.client()
-            assert await client.ask(b"Kz", until=b"#") == b"z#"
-            client.tell(half)
-            await asyncio.sleep(1.2)
-            sent = len(bridge.sent())
-            for piece in [end] if apart is None else [end[at : at + 1] for at in range(len(end))]:
-                client.tell(piece)
-                await asyncio.sleep(apart or 0.0)
-            await asyncio.sleep(3.0)
-            assert not [frame for frame in bridge.sent()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
-            assert not moving(bridge.sim)
-            assert (end, NexStarFramer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
-            assert await client.ask(b"Kz", until=b"#") == b"z#"
-
-    run(play())
+async def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | None) -> None:
+    async with _bridge() as bridge:
+        client = bridge.client()
+        assert await client.ask(b"Kz", until=b"#") == b"z#"
+        client.tell(half)
+        await asyncio.sleep(1.2)
+        sent = len(bridge.sent())
+        for piece in [end] if apart is None else [end[at : at + 1] for at in range(len(end))]:
+            client.tell(piece)
+            await asyncio.sleep(apart or 0.0)
+        await asyncio.sleep(3.0)
+        assert not [frame for frame in bridge.sent()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
+        assert not moving(bridge.sim)
+        assert (end, NexStarFramer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
+        assert await client.ask(b"Kz", until=b"#") == b"z#"
 
 
 @pytest.mark.parametrize("length", range(1, 8))
-def test_an_arrow_cut_short_is_released(length: int) -> None:
-    async def play() -> None:
-        async with _bridge() as bridge:
-            client, other = bridge.client(), bridge.client()
-            other.tell(b"P\x02\x10$\x07\0\0\0")
-            await asyncio.sleep(1.0)
-            assert moving(bridge.sim)
-            client.tell(b"P\x02\x10$\x09\0\0\0"[:length])
-            await asyncio.sleep(1.1)
-            assert await client.ask(b"P\x02\x10$\0\0\0\0", until=b"#") == b"#"
-            await asyncio.sleep(2.0)
-            assert not moving(bridge.sim)
-
-    run(play())
+async def test_an_arrow_cut_short_is_released(length: int) -> None:
+    async with _bridge() as bridge:
+        client, other = bridge.client(), bridge.client()
+        other.tell(b"P\x02\x10$\x07\0\0\0")
+        await asyncio.sleep(1.0)
+        assert moving(bridge.sim)
+        client.tell(b"P\x02\x10$\x09\0\0\0"[:length])
+        await asyncio.sleep(1.1)
+        assert await client.ask(b"P\x02\x10$\0\0\0\0", until=b"#") == b"#"
+        await asyncio.sleep(2.0)
+        assert not moving(bridge.sim)
 
 
-def test_a_question_waits_a_moment_only() -> None:
-    async def play() -> None:
-        async with _bridge() as bridge:
-            client = bridge.client()
-            assert await client.ask(b"e", until=b"#") != b""
-            client.tell(b"P\x02")
-            await asyncio.sleep(1.5)
-            began = bridge.controller.now()
-            assert len(await client.ask(b"e", until=b"#")) == 18
-            assert bridge.controller.now() - began < 0.5
-
-    run(play())
+async def test_a_question_waits_a_moment_only() -> None:
+    async with _bridge() as bridge:
+        client = bridge.client()
+        assert await client.ask(b"e", until=b"#") != b""
+        client.tell(b"P\x02")
+        await asyncio.sleep(1.5)
+        began = bridge.controller.now()
+        assert len(await client.ask(b"e", until=b"#")) == 18
+        assert bridge.controller.now() - began < 0.5

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.support.in_process_gateway import Bridge
 
@@ -20,97 +19,81 @@ async def _away(bridge: Bridge) -> None:
     await asyncio.sleep(60.0)
 
 
-def test_home_switches_are_sought_only_where_the_settings_say_so() -> None:
-    async def program() -> None:
-        async with Bridge("cgx", config={"aux_home": True}) as bridge:
-            await _away(bridge)
-            assert bridge.sim.tracking
-            client = bridge.client()
-            client.tell(b":hF#")
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":h?#") == b"2"
-            assert (await client.ask(b":D#")) != b"#"
-            await asyncio.sleep(60.0)
-            assert await client.ask(b":h?#") == b"1"
-            first, second = bridge.sim.mechanics.axes(bridge.sim.now)
-            assert second == pytest.approx(INDEX, abs=0.1)
-            assert first == pytest.approx(INDEX, abs=0.6)  # it tracks again since
-            assert bridge.sim.tracking
-            assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x19]
-        async with Bridge("cgx") as bridge:
-            with pytest.raises(Unsupported):
-                await bridge.controller.perform(op.Home())
-            assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x0B]
-
-    run(program())
+async def test_home_switches_are_sought_only_where_the_settings_say_so() -> None:
+    async with Bridge("cgx", config={"aux_home": True}) as bridge:
+        await _away(bridge)
+        assert bridge.sim.tracking
+        client = bridge.client()
+        client.tell(b":hF#")
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":h?#") == b"2"
+        assert (await client.ask(b":D#")) != b"#"
+        await asyncio.sleep(60.0)
+        assert await client.ask(b":h?#") == b"1"
+        first, second = bridge.sim.mechanics.axes(bridge.sim.now)
+        assert second == pytest.approx(INDEX, abs=0.1)
+        assert first == pytest.approx(INDEX, abs=0.6)  # it tracks again since
+        assert bridge.sim.tracking
+        assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x19]
+    async with Bridge("cgx") as bridge:
+        with pytest.raises(Unsupported):
+            await bridge.controller.perform(op.Home())
+        assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x0B]
 
 
 @pytest.mark.parametrize("ends", [b":Q#", b":MS#"])
-def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("cgx", config={"aux_home": True}) as bridge:
-            await _away(bridge)
-            client = bridge.client()
-            here = bridge.sim.mechanics.axes(bridge.sim.clock())
-            client.tell(b":hF#")
-            await asyncio.sleep(2.0)
-            hours = int(bridge.sim.mechanics.sky.sidereal(bridge.sim.clock()) / 15.0 + 3) % 24
-            await client.ask(f":Sr{hours:02d}:00:00#".encode())
-            await client.ask(b":Sd+30*00:00#")
-            client.tell(ends)
-            await asyncio.sleep(60.0)
-            assert await client.ask(b":h?#") == b"0"
-            assert bridge.sim.tracking
-            assert bridge.sim.mechanics.axes(bridge.sim.clock())[1] != pytest.approx(INDEX, abs=1.0)
-            assert bridge.sim.mechanics.axes(bridge.sim.clock()) != here
-
-    run(program())
+async def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: bytes) -> None:
+    async with Bridge("cgx", config={"aux_home": True}) as bridge:
+        await _away(bridge)
+        client = bridge.client()
+        here = bridge.sim.mechanics.axes(bridge.sim.clock())
+        client.tell(b":hF#")
+        await asyncio.sleep(2.0)
+        hours = int(bridge.sim.mechanics.sky.sidereal(bridge.sim.clock()) / 15.0 + 3) % 24
+        await client.ask(f":Sr{hours:02d}:00:00#".encode())
+        await client.ask(b":Sd+30*00:00#")
+        client.tell(ends)
+        await asyncio.sleep(60.0)
+        assert await client.ask(b":h?#") == b"0"
+        assert bridge.sim.tracking
+        assert bridge.sim.mechanics.axes(bridge.sim.clock())[1] != pytest.approx(INDEX, abs=1.0)
+        assert bridge.sim.mechanics.axes(bridge.sim.clock()) != here
 
 
 @pytest.mark.parametrize(("config", "percent"), [({}, 50), ({"guide_rate": 0.8}, 80)])
-def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict[str, float], percent: int) -> None:
+async def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict[str, float], percent: int) -> None:
     """Until a program sets one."""
-
-    async def program() -> None:
-        async with Bridge("avx", config=config) as bridge:
-            client, before = bridge.client(), len(bridge.sent())
-            client.tell(b":Mgn1000#:Mgw0500#")
-            await asyncio.sleep(0.5)
-            pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
-            assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
-
-    run(program())
+    async with Bridge("avx", config=config) as bridge:
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":Mgn1000#:Mgw0500#")
+        await asyncio.sleep(0.5)
+        pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
+        assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
 
 
-def test_a_guide_pulse_goes_by_the_guide_rate_that_was_set() -> None:
-    async def program() -> None:
-        async with Bridge("avx") as bridge:
-            client = bridge.client()
-            client.tell(b":Rg03.8#")
-            await asyncio.sleep(1.0)
-            before = len(bridge.sent())
-            client.tell(b":Mgn1000#")
-            await asyncio.sleep(0.5)
-            pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
-            assert [request[4] for request in pulses] == [25]
-
-    run(program())
+async def test_a_guide_pulse_goes_by_the_guide_rate_that_was_set() -> None:
+    async with Bridge("avx") as bridge:
+        client = bridge.client()
+        client.tell(b":Rg03.8#")
+        await asyncio.sleep(1.0)
+        before = len(bridge.sent())
+        client.tell(b":Mgn1000#")
+        await asyncio.sleep(0.5)
+        pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
+        assert [request[4] for request in pulses] == [25]
 
 
-def test_in_is_towards_the_objective() -> None:
-    async def program() -> None:
-        bridge = Bridge("6-8se")
-        bridge.sim.focuser = FocuserMotor()
-        async with bridge:
-            client = bridge.client()
-            before = bridge.sim.focuser.position(bridge.clock())
-            client.tell(b":FF#:F+#")
-            await asyncio.sleep(2.0)
-            client.tell(b":FQ#")
-            await asyncio.sleep(1.0)
-            inward = bridge.sim.focuser.position(bridge.clock())
-            assert inward < before - 500
-            await asyncio.sleep(2.0)
-            assert bridge.sim.focuser.position(bridge.clock()) == inward
-
-    run(program())
+async def test_in_is_towards_the_objective() -> None:
+    bridge = Bridge("6-8se")
+    bridge.sim.focuser = FocuserMotor()
+    async with bridge:
+        client = bridge.client()
+        before = bridge.sim.focuser.position(bridge.clock())
+        client.tell(b":FF#:F+#")
+        await asyncio.sleep(2.0)
+        client.tell(b":FQ#")
+        await asyncio.sleep(1.0)
+        inward = bridge.sim.focuser.position(bridge.clock())
+        assert inward < before - 500
+        await asyncio.sleep(2.0)
+        assert bridge.sim.focuser.position(bridge.clock()) == inward

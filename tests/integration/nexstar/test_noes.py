@@ -38,96 +38,83 @@ def over(mount: str, surface: str = "cge", **settings: object) -> Bridge:
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("setting", [GUIDE_RATE, BACKLASH, PLAYBACK])
-def test_what_a_meade_lacks_is_refused_by_the_form_for_no(mount: str, setting: bytes) -> None:
-    async def program() -> None:
-        async with over(mount) as bridge:
-            client = bridge.client()
-            before = len(bridge.sent())
-            answer = await client.ask(setting)
-            if setting in LACKS[mount]:
-                assert answer == NO
-                assert not [one for one in bridge.sent()[before:] if one.startswith((b":Rg", b":$B", b":$Q", b"$Q"))]
-                if setting != PLAYBACK:
-                    reading = {GUIDE_RATE: b"P\x01\x10\x47\0\0\0\x01", BACKLASH: b"P\x01\x11\x40\0\0\0\x01"}[setting]
-                    assert (await client.ask(reading))[:1] != setting[4:5], "it is not told as if it were in force"
-            else:
-                assert answer == b"#"
-
-    run(program())
+async def test_what_a_meade_lacks_is_refused_by_the_form_for_no(mount: str, setting: bytes) -> None:
+    async with over(mount) as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        answer = await client.ask(setting)
+        if setting in LACKS[mount]:
+            assert answer == NO
+            assert not [one for one in bridge.sent()[before:] if one.startswith((b":Rg", b":$B", b":$Q", b"$Q"))]
+            if setting != PLAYBACK:
+                reading = {GUIDE_RATE: b"P\x01\x10\x47\0\0\0\x01", BACKLASH: b"P\x01\x11\x40\0\0\0\x01"}[setting]
+                assert (await client.ask(reading))[:1] != setting[4:5], "it is not told as if it were in force"
+        else:
+            assert answer == b"#"
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_a_receiver_is_linked_where_there_is_one(mount: str) -> None:
-    async def program() -> None:
-        async with over(mount, "cpc") as bridge:
-            client = bridge.client()
-            linked = b"\x01#" if mount == "lx200gps" else b"\0#"
-            assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01", 30.0) == linked
-            assert await client.ask(b"P\x01\xb0\x36\0\0\0\x01", 30.0) == linked
-
-    run(program())
+async def test_a_receiver_is_linked_where_there_is_one(mount: str) -> None:
+    async with over(mount, "cpc") as bridge:
+        client = bridge.client()
+        linked = b"\x01#" if mount == "lx200gps" else b"\0#"
+        assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01", 30.0) == linked
+        assert await client.ask(b"P\x01\xb0\x36\0\0\0\x01", 30.0) == linked
 
 
 @pytest.mark.parametrize("mount", [*MEADES, "6-8se"])
-def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -> None:
+async def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -> None:
     """What was not done is not done later either; but a site, a goto and a sync are told no by silence."""
-
-    async def program() -> None:
-        driven = "nexstar" if mount == "6-8se" else "lx200"
-        async with Bridge(
-            mount,
-            driven=driven,
-            presented="nexstar",
-            surface="cpc" if driven == "lx200" else "6-8se",
-            config={"lowest": -90.0, "sun": 0.0},
-        ) as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            cable.pull()
-            await asyncio.sleep(5.0)
-            for order in (
-                b"P\x02\x10\x24\x09\0\0\0",
-                b"P\x02\x11\x25\x05\0\0\0",
-                b"P\x03\x10\x06\x02\x58\0\0",
-                b"P\x03\x11\x26\x32\x64\0\0",
-            ):
-                assert await client.ask(order, 1.0) == NO
-            for order in (
-                b"r35555555,20000000",
-                b"B12AB,4000",
-                b"s35555555,20000000",
-                b"T\x02",
-                b"W\x21\x33\x1e\x01\x97\x0c\x24\x00",
-                b"H\x14\x1e\x28\x03\x0e\x1b\x0a\x00",
-            ):
-                assert await client.ask(order, 4.0) == b"", order
-            for stop in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x25\0\0\0\0"):
-                assert await client.ask(stop, 1.0) == b"#"
-            assert await client.ask(b"Kx") == b"x#"
-            assert "Arrow: No answer from mount." in notes(bridge)
-            before = len(bridge.sent())
-            cable.plug()
-            await asyncio.sleep(30.0)
-            assert not [
-                one
-                for one in bridge.sent()[before:]
-                if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))
-            ]
-            assert (await client.ask(b"w"))[:1] == b"\x2d"
-
-    run(program())
+    driven = "nexstar" if mount == "6-8se" else "lx200"
+    async with Bridge(
+        mount,
+        driven=driven,
+        presented="nexstar",
+        surface="cpc" if driven == "lx200" else "6-8se",
+        config={"lowest": -90.0, "sun": 0.0},
+    ) as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        cable.pull()
+        await asyncio.sleep(5.0)
+        for order in (
+            b"P\x02\x10\x24\x09\0\0\0",
+            b"P\x02\x11\x25\x05\0\0\0",
+            b"P\x03\x10\x06\x02\x58\0\0",
+            b"P\x03\x11\x26\x32\x64\0\0",
+        ):
+            assert await client.ask(order, 1.0) == NO
+        for order in (
+            b"r35555555,20000000",
+            b"B12AB,4000",
+            b"s35555555,20000000",
+            b"T\x02",
+            b"W\x21\x33\x1e\x01\x97\x0c\x24\x00",
+            b"H\x14\x1e\x28\x03\x0e\x1b\x0a\x00",
+        ):
+            assert await client.ask(order, 4.0) == b"", order
+        for stop in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x25\0\0\0\0"):
+            assert await client.ask(stop, 1.0) == b"#"
+        assert await client.ask(b"Kx") == b"x#"
+        assert "Arrow: No answer from mount." in notes(bridge)
+        before = len(bridge.sent())
+        cable.plug()
+        await asyncio.sleep(30.0)
+        assert not [
+            one
+            for one in bridge.sent()[before:]
+            if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))
+        ]
+        assert (await client.ask(b"w"))[:1] == b"\x2d"
 
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
-def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
-    async def program() -> None:
-        async with over(mount) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"x") == b"#"
-            await asyncio.sleep(2.0)
-            assert await client.ask(b"t") in (b"\x01#", b"\x02#"), "it tracks"
-            assert "Hibernate: The mount keeps tracking" in notes(bridge)
-
-    run(program())
+async def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
+    async with over(mount) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"x") == b"#"
+        await asyncio.sleep(2.0)
+        assert await client.ask(b"t") in (b"\x01#", b"\x02#"), "it tracks"
+        assert "Hibernate: The mount keeps tracking" in notes(bridge)
 
 
 # --- home switches and the focuser ----------------------------------------------------------------------------------
@@ -163,104 +150,84 @@ def test_the_switches_are_sought_where_a_meade_has_sensors(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_the_focuser_of_a_meade_is_moved_and_stopped(mount: str) -> None:
+async def test_the_focuser_of_a_meade_is_moved_and_stopped(mount: str) -> None:
     """Its positions count outwards: 0x24 is ``:F-#``, out of the tube; 0x25 ``:F+#``."""
-
-    async def program() -> None:
-        async with over(mount) as bridge:
-            client = bridge.client()
-            for way, command in ((b"\x24", b":F-#"), (b"\x25", b":F+#")):
-                before = len(bridge.sent())
-                assert await client.ask(b"P\x02\x12" + way + b"\x09\0\0\0") == b"#"
-                await asyncio.sleep(1.0)
-                assert command in bridge.sent()[before:]
-                assert bridge.sim.parts["focuser"] == (1 if way == b"\x25" else -1)
-                assert await client.ask(b"P\x02\x12\x24\0\0\0\0") == b"#"
-                await asyncio.sleep(1.0)
-                assert bridge.sim.parts["focuser"] == 0
-            assert await client.ask(b"P\x02\x12\x24\x0a\0\0\0") == NO
-            assert await client.ask(b"P\x02\xb4\x24\x05\0\0\0") == NO
-
-    run(program())
+    async with over(mount) as bridge:
+        client = bridge.client()
+        for way, command in ((b"\x24", b":F-#"), (b"\x25", b":F+#")):
+            before = len(bridge.sent())
+            assert await client.ask(b"P\x02\x12" + way + b"\x09\0\0\0") == b"#"
+            await asyncio.sleep(1.0)
+            assert command in bridge.sent()[before:]
+            assert bridge.sim.parts["focuser"] == (1 if way == b"\x25" else -1)
+            assert await client.ask(b"P\x02\x12\x24\0\0\0\0") == b"#"
+            await asyncio.sleep(1.0)
+            assert bridge.sim.parts["focuser"] == 0
+        assert await client.ask(b"P\x02\x12\x24\x0a\0\0\0") == NO
+        assert await client.ask(b"P\x02\xb4\x24\x05\0\0\0") == NO
 
 
 # --- clocks ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_a_year_that_a_meade_would_read_as_another_century_is_not_set(mount: str) -> None:
+async def test_a_year_that_a_meade_would_read_as_another_century_is_not_set(mount: str) -> None:
     """Two digits: 99 is 1999 to a Meade. ``H`` has no form for no, the clock of a CGE has one."""
-
-    async def program() -> None:
-        async with over(mount) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"H\x14\x1e\x28\x03\x0e\x63\x0a\x00") == b"#"
-            assert (await client.ask(b"h"))[5:6] == b"\x1a", "it goes on telling the mount's own 2026"
-            assert await client.ask(b"P\x03\xb2\x84\x08\x33\0\0") == NO  # 2099
-            assert await client.ask(b"P\x03\xb2\x84\x08\x02\0\0") == b"#"  # 2050
-            await asyncio.sleep(20.0)
-            assert not [one for one in bridge.sent() if one.startswith(b":SC") and one.endswith(b"/99#")]
-            assert "2050" in notes(bridge)
-
-    run(program())
+    async with over(mount) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"H\x14\x1e\x28\x03\x0e\x63\x0a\x00") == b"#"
+        assert (await client.ask(b"h"))[5:6] == b"\x1a", "it goes on telling the mount's own 2026"
+        assert await client.ask(b"P\x03\xb2\x84\x08\x33\0\0") == NO  # 2099
+        assert await client.ask(b"P\x03\xb2\x84\x08\x02\0\0") == b"#"  # 2050
+        await asyncio.sleep(20.0)
+        assert not [one for one in bridge.sent() if one.startswith(b":SC") and one.endswith(b"/99#")]
+        assert "2050" in notes(bridge)
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> None:
+async def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> None:
     """NexStar protocol, RTC Commands: Set applies to 3.01+."""
-
-    async def program() -> None:
-        async with over(mount, surface_version="2.3") as bridge:
-            client = bridge.client()
-            for setting in (
-                b"P\x03\xb2\x83\x03\x0e\x00\x00",
-                b"P\x03\xb2\x84\x07\xeb\x00\x00",
-                b"P\x04\xb2\xb3\x14\x1e\x28\x00",
-            ):
-                assert await client.ask(setting) == NO
-            await asyncio.sleep(5.0)
-            assert not [one for one in bridge.sent() if one.startswith((b":SC", b":SL", b":SG"))]
-
-    run(program())
+    async with over(mount, surface_version="2.3") as bridge:
+        client = bridge.client()
+        for setting in (
+            b"P\x03\xb2\x83\x03\x0e\x00\x00",
+            b"P\x03\xb2\x84\x07\xeb\x00\x00",
+            b"P\x04\xb2\xb3\x14\x1e\x28\x00",
+        ):
+            assert await client.ask(setting) == NO
+        await asyncio.sleep(5.0)
+        assert not [one for one in bridge.sent() if one.startswith((b":SC", b":SL", b":SG"))]
 
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("lowest", [-90.0, 10.0])
-def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> None:
+async def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> None:
     """Half way round the world the place that it shows is below the limit: it stands there, and nobody moves it."""
-
-    async def program() -> None:
-        async with Bridge(
-            mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
-        ) as bridge:
-            client = bridge.client()
-            for order in (b"W\x21\x33\x1e\x01\x97\x0c\x24\x00", b"H\x0a\x1e\x28\x08\x0e\x1b\x0a\x00"):
-                assert await client.ask(order) == b"#"
-                for _ in range(20):
-                    await client.ask(b"e")
-                    await asyncio.sleep(1.0)
-            assert not [one for one in bridge.sent() if one.startswith(b":Q")]
-
-    run(program())
+    async with Bridge(
+        mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
+    ) as bridge:
+        client = bridge.client()
+        for order in (b"W\x21\x33\x1e\x01\x97\x0c\x24\x00", b"H\x0a\x1e\x28\x08\x0e\x1b\x0a\x00"):
+            assert await client.ask(order) == b"#"
+            for _ in range(20):
+                await client.ask(b"e")
+                await asyncio.sleep(1.0)
+        assert not [one for one in bridge.sent() if one.startswith(b":Q")]
 
 
-def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
+async def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
     """The form for no is of the moment."""
-
-    async def program() -> None:
-        async with over("lx200gps") as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            cable.pull()
-            await asyncio.sleep(2.0)
-            assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == NO
-            cable.plug()
-            await asyncio.sleep(20.0)
-            assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {2}
-            await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
-
-    run(program())
+    async with over("lx200gps") as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        cable.pull()
+        await asyncio.sleep(2.0)
+        assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == NO
+        cable.plug()
+        await asyncio.sleep(20.0)
+        assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {2}
+        await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
 
 
 MOTIONS = (
@@ -274,58 +241,51 @@ STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
 @pytest.mark.parametrize("why", ["held", "asleep"])
-def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
-    async def program() -> None:
-        driven = "nexstar" if mount == "cge" else "lx200"
-        async with Bridge(
-            mount,
-            driven=driven,
-            presented="nexstar",
-            surface="cge",
-            surface_version="4.22",
-            config={"lowest": -90.0, "sun": 0.0},
-        ) as bridge:
-            client = bridge.client()
-            if why == "held":
-                bridge.controller.hold.on = True
-            else:
-                client.tell(b"x")
-                await asyncio.sleep(3.0)
-            before = len(bridge.sent())
-            for motion in MOTIONS:
-                assert await client.ask(motion) == NO, motion
-            for stop in STOPS:
-                assert await client.ask(stop) == b"#", stop
-            assert await client.ask(b"r40000000,10000000") == b"#", "there is no form for no"
-            assert [entry for entry in bridge.entries if entry.note.startswith("Goto: ")]
-            await asyncio.sleep(2.0)
-            assert not [one for one in bridge.sent()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
-
-    run(program())
+async def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
+    driven = "nexstar" if mount == "cge" else "lx200"
+    async with Bridge(
+        mount,
+        driven=driven,
+        presented="nexstar",
+        surface="cge",
+        surface_version="4.22",
+        config={"lowest": -90.0, "sun": 0.0},
+    ) as bridge:
+        client = bridge.client()
+        if why == "held":
+            bridge.controller.hold.on = True
+        else:
+            client.tell(b"x")
+            await asyncio.sleep(3.0)
+        before = len(bridge.sent())
+        for motion in MOTIONS:
+            assert await client.ask(motion) == NO, motion
+        for stop in STOPS:
+            assert await client.ask(stop) == b"#", stop
+        assert await client.ask(b"r40000000,10000000") == b"#", "there is no form for no"
+        assert [entry for entry in bridge.entries if entry.note.startswith("Goto: ")]
+        await asyncio.sleep(2.0)
+        assert not [one for one in bridge.sent()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
 
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
-def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
+async def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
     """Not only once the line counts as down, which takes up to ten seconds."""
-
-    async def program() -> None:
-        driven = "nexstar" if mount == "cge" else "lx200"
-        async with Bridge(
-            mount, driven=driven, presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0}
-        ) as bridge:
-            client = bridge.client()
-            await client.ask(b"e")
-            bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            polling = bridge.client("10.0.0.9")
-            for _ in range(15):
-                polling.tell(b"e")
-                await asyncio.sleep(0.2)
-            assert bridge.controller.line.state == "up"
-            assert await client.ask(b"r40000000,10000000", 3.5) == b""
-            assert await client.ask(MOTIONS[0], 3.5) == NO
-            assert await client.ask(b"M", 3.5) == b"#"
-
-    run(program())
+    driven = "nexstar" if mount == "cge" else "lx200"
+    async with Bridge(
+        mount, driven=driven, presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0}
+    ) as bridge:
+        client = bridge.client()
+        await client.ask(b"e")
+        bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
+        polling = bridge.client("10.0.0.9")
+        for _ in range(15):
+            polling.tell(b"e")
+            await asyncio.sleep(0.2)
+        assert bridge.controller.line.state == "up"
+        assert await client.ask(b"r40000000,10000000", 3.5) == b""
+        assert await client.ask(MOTIONS[0], 3.5) == NO
+        assert await client.ask(b"M", 3.5) == b"#"
 
 
 @pytest.mark.parametrize(
@@ -338,34 +298,26 @@ def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> 
         b"P\x02\x10\x10\x64\0\0\0",
     ],
 )
-def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
+async def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
     """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
-
-    async def program() -> None:
-        async with over("lx200gps") as bridge:
-            client, before = bridge.client(), len(bridge.sent())
-            assert await client.ask(data) == NO
-            assert not [one for one in bridge.sent()[before:] if one.startswith((b":M", b":$", b":R"))]
-
-    run(program())
+    async with over("lx200gps") as bridge:
+        client, before = bridge.client(), len(bridge.sent())
+        assert await client.ask(data) == NO
+        assert not [one for one in bridge.sent()[before:] if one.startswith((b":M", b":$", b":R"))]
 
 
 # --- guiding ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("mount", "version", "answer"), [("cpc", "4.21", NO), ("evolution", "5.31", b"#")])
-def test_a_pulse_that_the_motors_cannot_do_in_alt_az_is_told_no(mount: str, version: str, answer: bytes) -> None:
+async def test_a_pulse_that_the_motors_cannot_do_in_alt_az_is_told_no(mount: str, version: str, answer: bytes) -> None:
     """A guider that is told yes waits for pulses that never come, and no pulse is under way then."""
-
-    async def program() -> None:
-        async with Bridge(mount, version, presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            before = len(bridge.sent())
-            assert await client.ask(b"P\x03\x10\x26\x32\x32\0\0") == answer
-            await asyncio.sleep(1.0)
-            sent = [one for one in bridge.sent()[before:] if one[:1] == b"P"]
-            assert (b"P\x03\x10\x26\x32\x32\0\0" in sent) is (answer == b"#")
-            if answer == NO:
-                assert (await client.ask(b"P\x01\x10\x27\0\0\0\x01"))[:1] != b"\x01"
-
-    run(program())
+    async with Bridge(mount, version, presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        assert await client.ask(b"P\x03\x10\x26\x32\x32\0\0") == answer
+        await asyncio.sleep(1.0)
+        sent = [one for one in bridge.sent()[before:] if one[:1] == b"P"]
+        assert (b"P\x03\x10\x26\x32\x32\0\0" in sent) is (answer == b"#")
+        if answer == NO:
+            assert (await client.ask(b"P\x01\x10\x27\0\0\0\x01"))[:1] != b"\x01"

@@ -14,7 +14,6 @@ import pytest
 from gateway.app.config import parse_endpoint
 from gateway.core.errors import UserError
 from gateway.core.operations import ClockFromGps, GetSite, GetStatus, SetClock, SetSite
-from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge
 from tests.unit.protocols.nexstar.simulator.test_simulator import Bench
@@ -82,59 +81,49 @@ def told(bridge: Bridge) -> list[bytes]:
     return [sent[:1] for sent in bridge.sent() if sent[:1] in (b"W", b"H", b"I", b"J")]
 
 
-def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "starsense-1.20", config={"site_time": "always"}) as bridge:
-            assert bridge.driver.starsense
-            await bridge.controller.perform(SetSite(48.0, 2.0))
-            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
-            await bridge.controller.perform(ClockFromGps())
-            await asyncio.sleep(30.0)
-            assert b"W" not in told(bridge) and b"H" not in told(bridge)
-            assert bridge.sim.aligned
-            assert (await bridge.controller.answer(GetSite())).latitude == pytest.approx(48.0)
-            said = [entry.note for entry in bridge.entries if "stored in the gateway" in entry.note]
-            assert len(said) == 3
-
-    run(program())
+async def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
+    async with Bridge("cpc", "starsense-1.20", config={"site_time": "always"}) as bridge:
+        assert bridge.driver.starsense
+        await bridge.controller.perform(SetSite(48.0, 2.0))
+        await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
+        await bridge.controller.perform(ClockFromGps())
+        await asyncio.sleep(30.0)
+        assert b"W" not in told(bridge) and b"H" not in told(bridge)
+        assert bridge.sim.aligned
+        assert (await bridge.controller.answer(GetSite())).latitude == pytest.approx(48.0)
+        said = [entry.note for entry in bridge.entries if "stored in the gateway" in entry.note]
+        assert len(said) == 3
 
 
-def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
+async def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
     """Somebody may have aligned it at the keypad since anybody looked."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "starsense-1.20", aligned=False) as bridge:
-            assert not (await bridge.controller.read(GetStatus())).aligned
-            await bridge.controller.perform(SetSite(48.0, 2.0))
-            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
-            await asyncio.sleep(10.0)
-            heard = b"".join(told(bridge))
-            assert b"JW" in heard and b"JH" in heard
-            assert bridge.sim.mechanics.sky.latitude == pytest.approx(48.0)
-            # it was aligned a moment ago, and the gateway has not seen it
-            before = len(told(bridge))
-            aligned = bridge.controller.driver.perform(SetSite(45.0, 10.0))
-            bridge.sim.aligned = True
-            with pytest.raises(Exception, match="alignment"):
-                await bridge.controller.reader._runner.drive(aligned, 1)
-            assert set(told(bridge)[before:]) == {b"J"}
-            assert bridge.sim.aligned
-
-    run(program())
+    async with Bridge("cpc", "starsense-1.20", aligned=False) as bridge:
+        assert not (await bridge.controller.read(GetStatus())).aligned
+        await bridge.controller.perform(SetSite(48.0, 2.0))
+        await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
+        await asyncio.sleep(10.0)
+        heard = b"".join(told(bridge))
+        assert b"JW" in heard and b"JH" in heard
+        assert bridge.sim.mechanics.sky.latitude == pytest.approx(48.0)
+        # it was aligned a moment ago, and the gateway has not seen it
+        before = len(told(bridge))
+        aligned = bridge.controller.driver.perform(SetSite(45.0, 10.0))
+        bridge.sim.aligned = True
+        with pytest.raises(Exception, match="alignment"):
+            await bridge.controller.reader._runner.drive(aligned, 1)
+        assert set(told(bridge)[before:]) == {b"J"}
+        assert bridge.sim.aligned
 
 
 @pytest.mark.parametrize("version", ["1.18", "1.19", "1.20"])
-def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
-    async def program() -> None:
-        async with Bridge("avx", f"starsense-{version}", presented="nexstar", surface="avx") as bridge:
-            client = bridge.client()
-            for mode in (b"\x00", b"\x02"):
-                assert await client.ask(b"T" + mode) == b"#"
-                assert await client.ask(b"t") == mode + b"#"
-            assert bridge.driver.version_text == version
-            assert await client.ask(b":", 0.1) == b""
-
-    run(program())
+async def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
+    async with Bridge("avx", f"starsense-{version}", presented="nexstar", surface="avx") as bridge:
+        client = bridge.client()
+        for mode in (b"\x00", b"\x02"):
+            assert await client.ask(b"T" + mode) == b"#"
+            assert await client.ask(b"t") == mode + b"#"
+        assert bridge.driver.version_text == version
+        assert await client.ask(b":", 0.1) == b""
 
 
 def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
@@ -171,30 +160,23 @@ def test_a_nexstar_that_is_presented_is_none() -> None:
 
 
 @pytest.mark.parametrize(("mount", "number"), [("lx200gps", 12), ("lx200", 12)])
-def test_without_a_model_it_is_on_what_fits_the_mount(mount: str, number: int) -> None:
-    async def program() -> None:
-        settings: dict[str, Any] = {"driven": "lx200", "presented": "nexstar", "surface": None}
-        async with Bridge(mount, surface_version="starsense-1.20", **settings) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"V") == b"\x01\x14#"
-            assert await client.ask(b"m") == bytes((number,)) + b"#"
-            assert (await client.ask(b"r34AB0500,12CE0500")) == b"#"
-            assert await client.ask(b"M") == b"#"
-
-    run(program())
+async def test_without_a_model_it_is_on_what_fits_the_mount(mount: str, number: int) -> None:
+    settings: dict[str, Any] = {"driven": "lx200", "presented": "nexstar", "surface": None}
+    async with Bridge(mount, surface_version="starsense-1.20", **settings) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"V") == b"\x01\x14#"
+        assert await client.ask(b"m") == bytes((number,)) + b"#"
+        assert (await client.ask(b"r34AB0500,12CE0500")) == b"#"
+        assert await client.ask(b"M") == b"#"
 
 
-def test_a_site_that_is_told_to_it_costs_no_alignment() -> None:
+async def test_a_site_that_is_told_to_it_costs_no_alignment() -> None:
     """A mount behind the gateway that keeps its alignment keeps it."""
-
-    async def program() -> None:
-        async with Bridge(
-            "lx200gps", driven="lx200", presented="nexstar", surface="cpc", surface_version="starsense-1.20"
-        ) as bridge:
-            client = bridge.client()
-            assert await client.ask(WEST_OF_PARIS) == b"#"
-            assert await client.ask(ANY_TIME) == b"#"
-            assert await client.ask(b"J") == b"\x01#"
-            assert await client.ask(b"w") == WEST_OF_PARIS[1:] + b"#"
-
-    run(program())
+    async with Bridge(
+        "lx200gps", driven="lx200", presented="nexstar", surface="cpc", surface_version="starsense-1.20"
+    ) as bridge:
+        client = bridge.client()
+        assert await client.ask(WEST_OF_PARIS) == b"#"
+        assert await client.ask(ANY_TIME) == b"#"
+        assert await client.ask(b"J") == b"\x01#"
+        assert await client.ask(b"w") == WEST_OF_PARIS[1:] + b"#"

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import ARCSECOND, off, on_a_bridge, place, polled, precise, settled, up
 from tests.support.two_gateways import TwoGateways
@@ -127,13 +126,9 @@ async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge
 # --- a Meade behind it, which is another gateway's surface -----------------------------------------------------------
 
 
-def test_a_meade_presented_as_a_german_mount() -> None:
+async def test_a_meade_presented_as_a_german_mount() -> None:
     """Asked at every poll: a silence would cost the program seconds each time."""
-
-    async def asked() -> None:
-        async with TwoGateways(Bridge("cge"), "lx200", "nexstar", "cge") as chain:
-            client = chain.client()
-            assert await client.ask(b"p", 2.0) == b"E#"
-            assert len(await client.ask(b"z", 2.0)) == 18
-
-    run(asked())
+    async with TwoGateways(Bridge("cge"), "lx200", "nexstar", "cge") as chain:
+        client = chain.client()
+        assert await client.ask(b"p", 2.0) == b"E#"
+        assert len(await client.ask(b"z", 2.0)) == 18

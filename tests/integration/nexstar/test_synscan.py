@@ -15,7 +15,6 @@ from gateway.app.config.programs import with_needs
 from gateway.astro.spherical import fold_declination, separation
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.driver.state import NexStar
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -43,98 +42,81 @@ def test_its_models(number: str, called: str, model: str) -> None:
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
-def test_it_is_found_without_being_named(model: str) -> None:
-    async def session() -> None:
-        async with Bridge(model) as bridge:
-            identity = await bridge.controller.answer(op.GetIdentity())
-            assert (identity.product, identity.version, identity.model) == ("Sky-Watcher SynScan", "4.39.05", model)
-            assert bridge.controller.driver.german is (model == "synscan")
-
-    run(session())
+async def test_it_is_found_without_being_named(model: str) -> None:
+    async with Bridge(model) as bridge:
+        identity = await bridge.controller.answer(op.GetIdentity())
+        assert (identity.product, identity.version, identity.model) == ("Sky-Watcher SynScan", "4.39.05", model)
+        assert bridge.controller.driver.german is (model == "synscan")
 
 
-def test_an_az_eq_is_what_it_tracks_as() -> None:
-    async def session() -> None:
-        async with Bridge("synscan-az") as bridge:
-            bridge.sim.row = {**bridge.sim.row, "id": 5}
-            await bridge.controller.read_now(op.GetIdentity())
-            assert bridge.controller.driver.model == "synscan-az"
-
-    run(session())
+async def test_an_az_eq_is_what_it_tracks_as() -> None:
+    async with Bridge("synscan-az") as bridge:
+        bridge.sim.row = {**bridge.sim.row, "id": 5}
+        await bridge.controller.read_now(op.GetIdentity())
+        assert bridge.controller.driver.model == "synscan-az"
 
 
 @pytest.mark.parametrize("mode", [None, "alt-az", "eq-north"])
-def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_not_be(mode: str | None) -> None:
-    async def session() -> None:
-        bridge = Bridge("synscan-az", config={"mode": mode})
-        bridge.sim.row = {**bridge.sim.row, "id": 5}
-        bridge.sim.feed(b"T\0")
-        async with bridge:
-            await bridge.controller.answer(op.GetIdentity())
-            driver, here = bridge.controller.driver, await bridge.controller.answer(op.Position())
-            assert driver.german is (mode != "alt-az")
-            orders = (op.Goto(here.ra, 20.0), op.Park(), op.SetTracking(on=True), op.GotoAxes(10.0, 40.0))
-            for order in orders if mode is None else ():
-                with pytest.raises(Refused, match="turn tracking on once"):
-                    await bridge.controller.perform(order)
-            if mode is None:
-                assert not {b"T\1", b"T\2"} & set(bridge.sent())
-                bridge.sim.feed(b"T\1")
-                await bridge.controller.read_now(op.GetStatus())
-                assert driver.model == "synscan-az"
-                await bridge.controller.perform(op.SetTracking(on=False))
-            await bridge.controller.perform(op.SetTracking(on=True))
-            assert b"T\2" in bridge.sent() if mode == "eq-north" else b"T\1" in bridge.sent()
-
-    run(session())
+async def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_not_be(mode: str | None) -> None:
+    bridge = Bridge("synscan-az", config={"mode": mode})
+    bridge.sim.row = {**bridge.sim.row, "id": 5}
+    bridge.sim.feed(b"T\0")
+    async with bridge:
+        await bridge.controller.answer(op.GetIdentity())
+        driver, here = bridge.controller.driver, await bridge.controller.answer(op.Position())
+        assert driver.german is (mode != "alt-az")
+        orders = (op.Goto(here.ra, 20.0), op.Park(), op.SetTracking(on=True), op.GotoAxes(10.0, 40.0))
+        for order in orders if mode is None else ():
+            with pytest.raises(Refused, match="turn tracking on once"):
+                await bridge.controller.perform(order)
+        if mode is None:
+            assert not {b"T\1", b"T\2"} & set(bridge.sent())
+            bridge.sim.feed(b"T\1")
+            await bridge.controller.read_now(op.GetStatus())
+            assert driver.model == "synscan-az"
+            await bridge.controller.perform(op.SetTracking(on=False))
+        await bridge.controller.perform(op.SetTracking(on=True))
+        assert b"T\2" in bridge.sent() if mode == "eq-north" else b"T\1" in bridge.sent()
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
-def test_its_coordinates_are_those_of_2000(model: str) -> None:
+async def test_its_coordinates_are_those_of_2000(model: str) -> None:
     """By the simulator's mechanics, which know nothing of equinoxes: 22 arcminutes apart in 2026."""
-
-    async def session() -> None:
-        async with Bridge(model) as bridge:
-            date = await bridge.controller.answer(op.ToEquinoxOfDate(*RIGEL_2000))
-            assert separation(date.ra, date.dec, *RIGEL_2000) > 0.3
-            await bridge.controller.perform(op.Goto(date.ra, date.dec))
-            await asyncio.sleep(90.0)
-            bridge.sim.truth()
-            assert separation(*bridge.sim.mechanics.believed(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
-            seen = await bridge.controller.answer(op.Position())
-            assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
-
-    run(session())
+    async with Bridge(model) as bridge:
+        date = await bridge.controller.answer(op.ToEquinoxOfDate(*RIGEL_2000))
+        assert separation(date.ra, date.dec, *RIGEL_2000) > 0.3
+        await bridge.controller.perform(op.Goto(date.ra, date.dec))
+        await asyncio.sleep(90.0)
+        bridge.sim.truth()
+        assert separation(*bridge.sim.mechanics.believed(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
+        seen = await bridge.controller.answer(op.Position())
+        assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
 
 
-def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
-    async def session() -> None:
-        async with Bridge("synscan") as bridge:
-            bridge.sim.mechanics.move(bridge.clock(), 2, 4.0)
-            await asyncio.sleep(3.0)
-            bridge.sim.mechanics.move(bridge.clock(), 2, 0.0)
-            await asyncio.sleep(2.0)
-            seen, (ra, dec) = await bridge.controller.read_now(op.Position()), bridge.sim.truth()
-            assert bridge.sim.mechanics.axes(bridge.clock())[1] > 95.0
-            assert separation(seen.ra, seen.dec, *fold_declination(ra, dec)) * 3600.0 < 60.0
-
-    run(session())
+async def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
+    async with Bridge("synscan") as bridge:
+        bridge.sim.mechanics.move(bridge.clock(), 2, 4.0)
+        await asyncio.sleep(3.0)
+        bridge.sim.mechanics.move(bridge.clock(), 2, 0.0)
+        await asyncio.sleep(2.0)
+        seen, (ra, dec) = await bridge.controller.read_now(op.Position()), bridge.sim.truth()
+        assert bridge.sim.mechanics.axes(bridge.clock())[1] > 95.0
+        assert separation(seen.ra, seen.dec, *fold_declination(ra, dec)) * 3600.0 < 60.0
 
 
 @pytest.mark.parametrize(("mount", "presented"), [("cge", "synscan"), ("6-8se", "synscan-az")])
-def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_that_fits(mount: str, presented: str) -> None:
-    async def session() -> None:
-        async with Bridge(mount, presented="nexstar", surface="synscan") as bridge:
-            await bridge.gateway.present_fitting_model()
-            client = bridge.client()
-            assert await client.ask(b"V") == b"042705#"
-            assert await client.ask(b"m") == (b"\0#" if presented == "synscan" else b"\x80#")
-            ra, dec = await client.ask(b"e"), await bridge.controller.answer(op.Position())
-            told = [int(part, 16) * 360.0 / 2**32 for part in ra[:-1].split(b",")]
-            wanted = await bridge.controller.answer(op.ToJ2000(dec.ra, dec.dec))
-            assert separation(told[0], told[1], wanted.ra, wanted.dec) * 3600.0 < 20.0
-
-    run(session())
+async def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_that_fits(
+    mount: str, presented: str
+) -> None:
+    async with Bridge(mount, presented="nexstar", surface="synscan") as bridge:
+        await bridge.gateway.present_fitting_model()
+        client = bridge.client()
+        assert await client.ask(b"V") == b"042705#"
+        assert await client.ask(b"m") == (b"\0#" if presented == "synscan" else b"\x80#")
+        ra, dec = await client.ask(b"e"), await bridge.controller.answer(op.Position())
+        told = [int(part, 16) * 360.0 / 2**32 for part in ra[:-1].split(b",")]
+        wanted = await bridge.controller.answer(op.ToJ2000(dec.ra, dec.dec))
+        assert separation(told[0], told[1], wanted.ra, wanted.dec) * 3600.0 < 20.0
 
 
 def test_the_needs_of_a_program_do_not_touch_what_the_model_decides() -> None:
@@ -144,48 +126,39 @@ def test_the_needs_of_a_program_do_not_touch_what_the_model_decides() -> None:
 
 
 @pytest.mark.parametrize("order", [op.AbortSlew(), op.AbortMotion()])
-def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
-    async def session() -> None:
-        async with Bridge("synscan", "3.36") as bridge:
-            here = await bridge.controller.answer(op.Position())
-            await bridge.controller.perform(op.Goto(here.ra, 20.0))
+async def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
+    async with Bridge("synscan", "3.36") as bridge:
+        here = await bridge.controller.answer(op.Position())
+        await bridge.controller.perform(op.Goto(here.ra, 20.0))
+        await asyncio.sleep(3.0)
+        await bridge.controller.perform(order)
+        await asyncio.sleep(5.0)
+        assert not bridge.sim.slewing
+        sent = b"".join(bridge.sent())
+        for frame in (b"M", b"P\2\x10\x24\0\0\0\0", b"P\2\x11\x24\0\0\0\0"):
+            assert frame in sent
+
+
+async def test_it_parks_at_the_pole_with_its_counterweight_down() -> None:
+    async with Bridge("synscan") as bridge:
+        here = await bridge.controller.answer(op.Position())
+        await bridge.controller.perform(op.Goto(here.ra, 40.0))
+        await asyncio.sleep(90.0)
+        await bridge.controller.perform(op.Park())
+        await asyncio.sleep(90.0)
+        assert b"b00000000,40000000" in b"".join(bridge.sent())
+        bridge.sim.truth()
+        assert bridge.sim.mechanics.axes(bridge.sim.now) == pytest.approx((90.0, 90.0), abs=0.01)
+        assert not bridge.sim.tracking
+
+
+async def test_pec_is_tracking_for_a_program_and_on_the_mount() -> None:
+    async with Bridge("synscan") as bridge:
+        bridge.sim.feed(b"T\3")
+        assert (await bridge.controller.read_now(op.GetStatus())).tracking is op.Tracking.EQ_NORTH
+    async with Bridge("cge", presented="nexstar", surface="synscan") as bridge:
+        client = bridge.client()
+        for code, told in ((0, 0), (3, 2), (0, 0), (2, 2)):
+            assert await client.ask(bytes((0x54, code))) == b"#"
             await asyncio.sleep(3.0)
-            await bridge.controller.perform(order)
-            await asyncio.sleep(5.0)
-            assert not bridge.sim.slewing
-            sent = b"".join(bridge.sent())
-            for frame in (b"M", b"P\2\x10\x24\0\0\0\0", b"P\2\x11\x24\0\0\0\0"):
-                assert frame in sent
-
-    run(session())
-
-
-def test_it_parks_at_the_pole_with_its_counterweight_down() -> None:
-    async def session() -> None:
-        async with Bridge("synscan") as bridge:
-            here = await bridge.controller.answer(op.Position())
-            await bridge.controller.perform(op.Goto(here.ra, 40.0))
-            await asyncio.sleep(90.0)
-            await bridge.controller.perform(op.Park())
-            await asyncio.sleep(90.0)
-            assert b"b00000000,40000000" in b"".join(bridge.sent())
-            bridge.sim.truth()
-            assert bridge.sim.mechanics.axes(bridge.sim.now) == pytest.approx((90.0, 90.0), abs=0.01)
-            assert not bridge.sim.tracking
-
-    run(session())
-
-
-def test_pec_is_tracking_for_a_program_and_on_the_mount() -> None:
-    async def session() -> None:
-        async with Bridge("synscan") as bridge:
-            bridge.sim.feed(b"T\3")
-            assert (await bridge.controller.read_now(op.GetStatus())).tracking is op.Tracking.EQ_NORTH
-        async with Bridge("cge", presented="nexstar", surface="synscan") as bridge:
-            client = bridge.client()
-            for code, told in ((0, 0), (3, 2), (0, 0), (2, 2)):
-                assert await client.ask(bytes((0x54, code))) == b"#"
-                await asyncio.sleep(3.0)
-                assert await client.ask(b"t") == bytes((told, 0x23)), code
-
-    run(session())
+            assert await client.ask(b"t") == bytes((told, 0x23)), code

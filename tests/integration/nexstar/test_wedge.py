@@ -6,40 +6,32 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize(("site", "mode"), [((45.0, 10.0), b"T\x02"), ((-35.0, 150.0), b"T\x03")])
-def test_a_fork_on_its_wedge_reads_its_axes_from_north(site: tuple[float, float], mode: bytes) -> None:
+async def test_a_fork_on_its_wedge_reads_its_axes_from_north(site: tuple[float, float], mode: bytes) -> None:
     """Azimuth 0 is north: under the pole in the north, on the meridian in the south."""
-
-    async def program() -> None:
-        async with Bridge("cpc", site=site, config={"site": site}, presented="nexstar", surface="cpc") as bridge:
-            bridge.sim.feed(mode)
-            await asyncio.sleep(10)
-            above, below = (b"b80000000,00000000", b"b00000000,00000000")[:: 1 if site[0] > 0 else -1]
-            client = bridge.client()
-            await client.ask(below)
-            await asyncio.sleep(5)
-            assert below not in bridge.sent()
-            assert any("Object Below Horizon" in entry.note for entry in bridge.entries)
-            await client.ask(above)
-            await asyncio.sleep(5)
-            assert above in bridge.sent()
-
-    run(program())
+    async with Bridge("cpc", site=site, config={"site": site}, presented="nexstar", surface="cpc") as bridge:
+        bridge.sim.feed(mode)
+        await asyncio.sleep(10)
+        above, below = (b"b80000000,00000000", b"b00000000,00000000")[:: 1 if site[0] > 0 else -1]
+        client = bridge.client()
+        await client.ask(below)
+        await asyncio.sleep(5)
+        assert below not in bridge.sent()
+        assert any("Object Below Horizon" in entry.note for entry in bridge.entries)
+        await client.ask(above)
+        await asyncio.sleep(5)
+        assert above in bridge.sent()
 
 
 @pytest.mark.parametrize(("site", "mode"), [((45.0, 10.0), b"T\x02"), ((-35.0, 150.0), b"T\x03")])
-def test_a_fork_on_its_wedge_parks_at_the_pole(site: tuple[float, float], mode: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", site=site, config={"site": site}) as bridge:
-            bridge.sim.feed(mode)
-            await asyncio.sleep(10)
-            bridge.client().tell(b":hP#")
-            await asyncio.sleep(90)
-            assert abs(bridge.sim.mechanics.truth(bridge.clock())[1]) > 89.5
-            assert not bridge.sim.tracking
-
-    run(program())
+async def test_a_fork_on_its_wedge_parks_at_the_pole(site: tuple[float, float], mode: bytes) -> None:
+    async with Bridge("cpc", site=site, config={"site": site}) as bridge:
+        bridge.sim.feed(mode)
+        await asyncio.sleep(10)
+        bridge.client().tell(b":hP#")
+        await asyncio.sleep(90)
+        assert abs(bridge.sim.mechanics.truth(bridge.clock())[1]) > 89.5
+        assert not bridge.sim.tracking

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.nmea import fix
 from tests.support.in_process_gateway import Bridge
 
@@ -51,30 +50,25 @@ ALTERED = [
 
 @pytest.mark.sampled(every=1)  # one row of the tables that is not looked at again would be believed
 @pytest.mark.parametrize(("mount", "driven", "operation", "question", "to"), ALTERED)
-def test_an_altered_answer_is_asked_again(
+async def test_an_altered_answer_is_asked_again(
     mount: str, driven: str, operation: op.Read, question: bytes, to: bytes
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven) as bridge:
-            truth = await bridge.controller.perform(operation)
-        async with Bridge(mount, driven=driven) as bridge:
-            if not isinstance(operation, op.GetGps):
-                assert (
-                    await bridge.controller.read_now(operation) == truth
-                )  # else what was heard first is what was altered
-            replaced = alter(bridge, question, to)
-            told = await (
-                bridge.controller.perform if isinstance(operation, op.GetGps) else bridge.controller.read_now
-            )(operation)
-            assert replaced
-            if isinstance(truth, op.Gps):
-                assert told.linked
-                assert told.place == truth.place
-                assert abs(told.unix - truth.unix) < 30.0
-            else:
-                assert told == truth
-
-    run(program())
+    async with Bridge(mount, driven=driven) as bridge:
+        truth = await bridge.controller.perform(operation)
+    async with Bridge(mount, driven=driven) as bridge:
+        if not isinstance(operation, op.GetGps):
+            assert await bridge.controller.read_now(operation) == truth  # else what was heard first is what was altered
+        replaced = alter(bridge, question, to)
+        told = await (bridge.controller.perform if isinstance(operation, op.GetGps) else bridge.controller.read_now)(
+            operation
+        )
+        assert replaced
+        if isinstance(truth, op.Gps):
+            assert told.linked
+            assert told.place == truth.place
+            assert abs(told.unix - truth.unix) < 30.0
+        else:
+            assert told == truth
 
 
 def test_a_sentence_of_a_gps_receiver_proves_itself() -> None:

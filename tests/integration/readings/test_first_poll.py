@@ -11,7 +11,6 @@ import itertools
 import pytest
 
 from gateway.astro.spherical import separation
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 from tests.support.reported_positions import MOUNTS, bridge_to, reported_position, start_moving
 
@@ -44,33 +43,27 @@ def longest(answers: list[tuple[float, tuple[float, float], float]]) -> float:
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_mount_that_another_program_moves(mount: str, presented: str, latency: float) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=latency) as bridge:
-            await start_moving(bridge.client(), presented, True)
-            await asyncio.sleep(4.3)
-            answers = await told(bridge, presented, 2.5)
-            assert longest(answers) < LONGEST
-
-    run(program())
+async def test_a_mount_that_another_program_moves(mount: str, presented: str, latency: float) -> None:
+    async with bridge_to(mount, presented, latency=latency) as bridge:
+        await start_moving(bridge.client(), presented, True)
+        await asyncio.sleep(4.3)
+        answers = await told(bridge, presented, 2.5)
+        assert longest(answers) < LONGEST
 
 
 @pytest.mark.parametrize("waits", [2.5, 4.3, 12.0])
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_mount_that_moves_at_its_own_keys(mount: str, presented: str, latency: float, waits: float) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=latency) as bridge:
-            await asyncio.sleep(20.0)
-            bridge.sim.advance_to_now()
-            pole = abs(bridge.sim.truth()[1]) > 80.0  # there the first axis does not change the position
-            bridge.sim.mechanics.set_rate(bridge.sim.now, 2 if pole else 1, KEYS)
-            await asyncio.sleep(waits)
-            answers = await told(bridge, presented, 2.5)
-            began = answers[0][0]
-            first = LONGEST + 4.0 * latency  # until there are two positions, of two exchanges each on a Meade
-            assert longest(answers) < first
-            assert max(far for at, _, far in answers if at > began + first) < KEYS * OLD
-
-    run(program())
+async def test_a_mount_that_moves_at_its_own_keys(mount: str, presented: str, latency: float, waits: float) -> None:
+    async with bridge_to(mount, presented, latency=latency) as bridge:
+        await asyncio.sleep(20.0)
+        bridge.sim.advance_to_now()
+        pole = abs(bridge.sim.truth()[1]) > 80.0  # there the first axis does not change the position
+        bridge.sim.mechanics.set_rate(bridge.sim.now, 2 if pole else 1, KEYS)
+        await asyncio.sleep(waits)
+        answers = await told(bridge, presented, 2.5)
+        began = answers[0][0]
+        first = LONGEST + 4.0 * latency  # until there are two positions, of two exchanges each on a Meade
+        assert longest(answers) < first
+        assert max(far for at, _, far in answers if at > began + first) < KEYS * OLD

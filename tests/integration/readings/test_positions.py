@@ -36,182 +36,156 @@ on_each = pytest.mark.parametrize("mount", MOUNTS)
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-def test_two_reads_a_tenth_of_a_second_apart_differ_and_are_where_the_tube_is(
+async def test_two_reads_a_tenth_of_a_second_apart_differ_and_are_where_the_tube_is(
     mount: str, presented: str, by_hand: bool
 ) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=0.02) as bridge:
-            client = bridge.client()
-            await start_moving(client, presented, by_hand)
-            await asyncio.sleep(2.6)
-            last, errors = await reported_position(client, presented), []
-            for _ in range(20):
-                await asyncio.sleep(0.1)
-                if not by_hand and separation(*bridge.sim.truth(), 120.0, 30.0) < 6.0:
-                    break  # it slows down
-                seen = await reported_position(client, presented)
-                assert seen != last
-                last = seen
-                if abs(seen[1]) < 80.0:
-                    errors.append(separation(*seen, *bridge.sim.truth()))
-            assert sorted(errors)[len(errors) // 2] < 0.3
-            assert max(errors) < 1.2, "a reading that is told as it came is up to four degrees old"
-
-    run(program())
+    async with bridge_to(mount, presented, latency=0.02) as bridge:
+        client = bridge.client()
+        await start_moving(client, presented, by_hand)
+        await asyncio.sleep(2.6)
+        last, errors = await reported_position(client, presented), []
+        for _ in range(20):
+            await asyncio.sleep(0.1)
+            if not by_hand and separation(*bridge.sim.truth(), 120.0, 30.0) < 6.0:
+                break  # it slows down
+            seen = await reported_position(client, presented)
+            assert seen != last
+            last = seen
+            if abs(seen[1]) < 80.0:
+                errors.append(separation(*seen, *bridge.sim.truth()))
+        assert sorted(errors)[len(errors) // 2] < 0.3
+        assert max(errors) < 1.2, "a reading that is told as it came is up to four degrees old"
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
-def test_what_comes_in_two_halves_is_told_of_one_instant(mount: str) -> None:
+async def test_what_comes_in_two_halves_is_told_of_one_instant(mount: str) -> None:
     """A Meade answers half a position a time; on this line the halves are three degrees from each other."""
-
-    async def program() -> None:
-        async with bridge_to(mount, "lx200", latency=0.1) as bridge, tracked(bridge) as track:
-            client = bridge.client()
-            await start_moving(client, "lx200", True)
-            await asyncio.sleep(3.0)
-            off = []
-            for _ in range(30):
-                seen = await reported_position(client, "lx200")
-                if abs(seen[1]) < 70.0:
-                    off.append(track.off(seen))
-                await asyncio.sleep(0.07)
-            assert len(off) > 5
-            assert sorted(off)[len(off) // 2] < (0.1 if mount == "lx200" else 0.5) and max(off) < 1.0
-
-    run(program())
+    async with bridge_to(mount, "lx200", latency=0.1) as bridge, tracked(bridge) as track:
+        client = bridge.client()
+        await start_moving(client, "lx200", True)
+        await asyncio.sleep(3.0)
+        off = []
+        for _ in range(30):
+            seen = await reported_position(client, "lx200")
+            if abs(seen[1]) < 70.0:
+                off.append(track.off(seen))
+            await asyncio.sleep(0.07)
+        assert len(off) > 5
+        assert sorted(off)[len(off) // 2] < (0.1 if mount == "lx200" else 0.5) and max(off) < 1.0
 
 
 @pytest.mark.parametrize("pair", [b":GR# :GD#", b":GZ# :GA#"])
-def test_both_halves_that_a_program_asks_for_are_of_one_instant(pair: bytes) -> None:
-    async def program() -> None:
-        async with bridge_to("cpc", "lx200", latency=0.02) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            await start_moving(client, "lx200", True)
-            await asyncio.sleep(2.5)
-            first, second = pair.split()
-            for _ in range(20):
-                one = await client.ask(first, until=b"#")
-                at_once = bridge.client("10.0.0.3")
-                expected = await at_once.ask(first + second, until=b"#")
-                await asyncio.sleep(0.3)
-                await other.ask(second, until=b"#")  # of another instant
-                both = one + await client.ask(second, until=b"#")
-                assert both == expected
-                at_once.close()
-                await asyncio.sleep(0.13)
-
-    run(program())
+async def test_both_halves_that_a_program_asks_for_are_of_one_instant(pair: bytes) -> None:
+    async with bridge_to("cpc", "lx200", latency=0.02) as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        await start_moving(client, "lx200", True)
+        await asyncio.sleep(2.5)
+        first, second = pair.split()
+        for _ in range(20):
+            one = await client.ask(first, until=b"#")
+            at_once = bridge.client("10.0.0.3")
+            expected = await at_once.ask(first + second, until=b"#")
+            await asyncio.sleep(0.3)
+            await other.ask(second, until=b"#")  # of another instant
+            both = one + await client.ask(second, until=b"#")
+            assert both == expected
+            at_once.close()
+            await asyncio.sleep(0.13)
 
 
-def test_all_that_a_nexstar_program_reads_at_a_time_is_of_one_instant() -> None:
-    async def program() -> None:
-        async with bridge_to("cpc", "nexstar", latency=0.02) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            await start_moving(client, "nexstar", True)
-            for _ in range(7):  # a rate takes two readings
-                await client.ask(b"z", until=b"#")
-                await asyncio.sleep(0.4)
-            for n in range(40):
-                ra, dec = place(await client.ask(b"e", until=b"#"))
-                await asyncio.sleep(0.025)
-                asked = bridge.clock()
-                az, alt = place(await (client if n % 2 else other).ask(b"z", until=b"#"))
-                if bridge.clock() - asked > 0.02:
-                    continue  # the mount was asked how it stands first, which takes its time
-                hour_angle, there = horizon_to_hour_angle(az, alt, 45.0)
-                assert separation(sidereal_time(bridge.clock(), 10.0) - hour_angle, there, ra, dec) < 0.12
-                await asyncio.sleep(0.04 + 0.003 * n)  # else it is the same moment still, but not for all of it
-
-    run(program())
+async def test_all_that_a_nexstar_program_reads_at_a_time_is_of_one_instant() -> None:
+    async with bridge_to("cpc", "nexstar", latency=0.02) as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        await start_moving(client, "nexstar", True)
+        for _ in range(7):  # a rate takes two readings
+            await client.ask(b"z", until=b"#")
+            await asyncio.sleep(0.4)
+        for n in range(40):
+            ra, dec = place(await client.ask(b"e", until=b"#"))
+            await asyncio.sleep(0.025)
+            asked = bridge.clock()
+            az, alt = place(await (client if n % 2 else other).ask(b"z", until=b"#"))
+            if bridge.clock() - asked > 0.02:
+                continue  # the mount was asked how it stands first, which takes its time
+            hour_angle, there = horizon_to_hour_angle(az, alt, 45.0)
+            assert separation(sidereal_time(bridge.clock(), 10.0) - hour_angle, there, ra, dec) < 0.12
+            await asyncio.sleep(0.04 + 0.003 * n)  # else it is the same moment still, but not for all of it
 
 
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
 @pytest.mark.parametrize("phase", [0.0, 0.13, 0.29])
-def test_the_first_position_after_a_stop_is_younger_than_the_stop(
+async def test_the_first_position_after_a_stop_is_younger_than_the_stop(
     mount: str, presented: str, by_hand: bool, phase: float
 ) -> None:
     """A reading that is on the wire when the stop comes is not told after its acknowledgement."""
-
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=0.15, ramps=False) as bridge, tracked(bridge) as track:
-            client, polls = bridge.client(), bridge.client("10.0.0.2")
-            await reported_position(polls, presented)
-            await start_moving(client, presented, by_hand)
-            for _ in range(6):
-                polls.tell(b":GR#" if presented == "lx200" else b"e")
-                await asyncio.sleep(0.3)
-            await asyncio.sleep(phase)
-            polls.heard = b""
-            await bridge.controller.stop()
-            since, late = bridge.controller.now() - 0.16, bridge.client("10.0.0.3")
-            for _ in range(4):
-                seen = await reported_position(late, presented)
-                assert track.off(seen, since) < 0.05
-                await asyncio.sleep(0.05)
-
-    run(program())
+    async with bridge_to(mount, presented, latency=0.15, ramps=False) as bridge, tracked(bridge) as track:
+        client, polls = bridge.client(), bridge.client("10.0.0.2")
+        await reported_position(polls, presented)
+        await start_moving(client, presented, by_hand)
+        for _ in range(6):
+            polls.tell(b":GR#" if presented == "lx200" else b"e")
+            await asyncio.sleep(0.3)
+        await asyncio.sleep(phase)
+        polls.heard = b""
+        await bridge.controller.stop()
+        since, late = bridge.controller.now() - 0.16, bridge.client("10.0.0.3")
+        for _ in range(4):
+            seen = await reported_position(late, presented)
+            assert track.off(seen, since) < 0.05
+            await asyncio.sleep(0.05)
 
 
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presented: str, by_hand: bool) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=0.02, ramps=False) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            before = await reported_position(other, presented)
-            await start_moving(client, presented, by_hand)
-            await asyncio.sleep(0.3)
-            while not (bridge.controller.slewing or bridge.controller.wanted.axes):
-                await asyncio.sleep(0.01)
-            where = bridge.sim.truth()
-            seen = await reported_position(other, presented)
-            assert separation(*before, *where) > 0.1
-            assert separation(*seen, *before) > 0.05
-
-    run(program())
+async def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presented: str, by_hand: bool) -> None:
+    async with bridge_to(mount, presented, latency=0.02, ramps=False) as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        before = await reported_position(other, presented)
+        await start_moving(client, presented, by_hand)
+        await asyncio.sleep(0.3)
+        while not (bridge.controller.slewing or bridge.controller.wanted.axes):
+            await asyncio.sleep(0.01)
+        where = bridge.sim.truth()
+        seen = await reported_position(other, presented)
+        assert separation(*before, *where) > 0.1
+        assert separation(*seen, *before) > 0.05
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, "lx200") as bridge:
-            client, goal = bridge.client(), (120.0, 30.0)
-            begin = await reported_position(client, "lx200")
-            await start_moving(client, "lx200", False)
-            while (await client.ask(b":D#", until=b"#")).strip(b" #"):
-                seen = await reported_position(client, "lx200")
-                for which in {"lx200": (0, 1), "cge": (1,)}.get(mount, ()):  # others go round in other angles
-                    way, gone = wrap180(goal[which] - begin[which]), wrap180(seen[which] - begin[which])
-                    assert gone * (1 if way > 0 else -1) <= abs(way) + 0.01
-                await asyncio.sleep(0.1)
-            assert separation(*await reported_position(client, "lx200"), *goal) < 0.02
-
-    run(program())
+async def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
+    async with bridge_to(mount, "lx200") as bridge:
+        client, goal = bridge.client(), (120.0, 30.0)
+        begin = await reported_position(client, "lx200")
+        await start_moving(client, "lx200", False)
+        while (await client.ask(b":D#", until=b"#")).strip(b" #"):
+            seen = await reported_position(client, "lx200")
+            for which in {"lx200": (0, 1), "cge": (1,)}.get(mount, ()):  # others go round in other angles
+                way, gone = wrap180(goal[which] - begin[which]), wrap180(seen[which] - begin[which])
+                assert gone * (1 if way > 0 else -1) <= abs(way) + 0.01
+            await asyncio.sleep(0.1)
+        assert separation(*await reported_position(client, "lx200"), *goal) < 0.02
 
 
-def test_rules_go_by_what_the_mount_has_said() -> None:
-    async def program() -> None:
-        async with bridge_to("cge", "nexstar") as bridge:
-            controller, looks = bridge.controller, []
-            controller.reader.position.connect(looks.append)
-            client = bridge.client()
-            await start_moving(client, "nexstar", True)
-            await asyncio.sleep(2.5)
-            reckoned = 0
-            for _ in range(30):
-                await client.ask(b"e", until=b"#")
-                said = controller.cache.value(op.Position)
-                assert await controller.read(op.Position()) is said
-                reckoned += controller.peek(op.Position()) not in (NOT_CACHED, said)
-                await asyncio.sleep(0.07)
-            assert reckoned > 10
-            assert len(looks) > 8
-            assert all(min(separation(*said, seen.ra, seen.dec) for said in said_by(bridge)) < 1e-4 for seen in looks)
-
-    run(program())
+async def test_rules_go_by_what_the_mount_has_said() -> None:
+    async with bridge_to("cge", "nexstar") as bridge:
+        controller, looks = bridge.controller, []
+        controller.reader.position.connect(looks.append)
+        client = bridge.client()
+        await start_moving(client, "nexstar", True)
+        await asyncio.sleep(2.5)
+        reckoned = 0
+        for _ in range(30):
+            await client.ask(b"e", until=b"#")
+            said = controller.cache.value(op.Position)
+            assert await controller.read(op.Position()) is said
+            reckoned += controller.peek(op.Position()) not in (NOT_CACHED, said)
+            await asyncio.sleep(0.07)
+        assert reckoned > 10
+        assert len(looks) > 8
+        assert all(min(separation(*said, seen.ra, seen.dec) for said in said_by(bridge)) < 1e-4 for seen in looks)
 
 
 def said_by(bridge: Bridge) -> list[tuple[float, float]]:
@@ -228,47 +202,40 @@ def said_by(bridge: Bridge) -> list[tuple[float, float]]:
 
 @every
 @pytest.mark.parametrize("phase", [0.05 * n for n in range(12)])
-def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, phase: float) -> None:
+async def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, phase: float) -> None:
     """Whether it slews is on the wire when the stop comes: that answer is older than the stop. It is told
     until the mount rests, and not again.
     """
-
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=0.15) as bridge:
-            client = bridge.client()
-            question, idle = (b":D#", b"#") if presented == "lx200" else (b"L", b"0#")
-            await start_moving(client, presented, False)
-            for _ in range(5):
-                await client.ask(question, until=b"#")
-                await asyncio.sleep(0.3)
-            await asyncio.sleep(phase)
-            await bridge.controller.stop()
-            rested = None
-            for _ in range(150):
-                told = (await client.ask(question, until=b"#")).replace(b" ", b"") != idle
-                assert told or not moving(bridge.sim)
-                assert rested is None or not told, "it began again"
-                rested = bridge.clock() if rested is None and not told else rested
-                await asyncio.sleep(0.02)
-            assert rested is not None
-
-    run(program())
+    async with bridge_to(mount, presented, latency=0.15) as bridge:
+        client = bridge.client()
+        question, idle = (b":D#", b"#") if presented == "lx200" else (b"L", b"0#")
+        await start_moving(client, presented, False)
+        for _ in range(5):
+            await client.ask(question, until=b"#")
+            await asyncio.sleep(0.3)
+        await asyncio.sleep(phase)
+        await bridge.controller.stop()
+        rested = None
+        for _ in range(150):
+            told = (await client.ask(question, until=b"#")).replace(b" ", b"") != idle
+            assert told or not moving(bridge.sim)
+            assert rested is None or not told, "it began again"
+            rested = bridge.clock() if rested is None and not told else rested
+            await asyncio.sleep(0.02)
+        assert rested is not None
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, "lx200", latency=0.1) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            assert not (await other.ask(b":D#", until=b"#")).strip(b" #")
-            client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
-            await asyncio.sleep(0.01)
-            while (await other.ask(b":D#", until=b"#")).strip(b" #"):
-                await asyncio.sleep(0.05)
-            assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
-            assert separation(*await reported_position(other, "lx200"), 120.0, 30.0) < 0.02
-
-    run(program())
+async def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) -> None:
+    async with bridge_to(mount, "lx200", latency=0.1) as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        assert not (await other.ask(b":D#", until=b"#")).strip(b" #")
+        client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
+        await asyncio.sleep(0.01)
+        while (await other.ask(b":D#", until=b"#")).strip(b" #"):
+            await asyncio.sleep(0.05)
+        assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
+        assert separation(*await reported_position(other, "lx200"), 120.0, 30.0) < 0.02
 
 
 # --- what it costs ----------------------------------------------------------------------------------------------------
@@ -298,40 +265,33 @@ async def polled(client: Visitor, question: bytes, seconds: float) -> None:
     ("presented", "question"),
     [*(("lx200", question) for question in (b":GR#", b":GD#", b":GZ#", b":D#")), ("nexstar", b"e"), ("nexstar", b"z")],
 )
-def test_at_rest_a_poll_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
+async def test_at_rest_a_poll_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
     """A hundred polls a second, and only those have to be worked out that come after a new reading."""
-
-    async def program() -> None:
-        async with bridge_to(mount, presented) as bridge:
-            client = bridge.client()
-            await polled(client, question, 2.0)
-            frames = handled(bridge)
-            sent = len(bridge.sent())
-            await polled(client, question, 3.0)
-            readings = len(bridge.sent()) - sent
-            assert len(frames) <= readings + 3 < 30
-
-    run(program())
+    async with bridge_to(mount, presented) as bridge:
+        client = bridge.client()
+        await polled(client, question, 2.0)
+        frames = handled(bridge)
+        sent = len(bridge.sent())
+        await polled(client, question, 3.0)
+        readings = len(bridge.sent()) - sent
+        assert len(frames) <= readings + 3 < 30
 
 
 @every
-def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str, presented: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, presented, latency=0.02) as bridge:
-            client, question = bridge.client(), b":GR#" if presented == "lx200" else b"e"
-            await start_moving(client, presented, True)
-            await asyncio.sleep(2.6)
-            await client.ask(question, until=b"#")
-            frames, last, since = handled(bridge), b"", 0.0
-            for _ in range(100):
-                answer = await client.ask(question, until=b"#")
-                if answer != last:
-                    last, since = answer, bridge.controller.now()
-                assert bridge.controller.now() - since <= 0.06
-                await asyncio.sleep(0.01)
-            assert len(frames) < 60
-
-    run(program())
+async def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str, presented: str) -> None:
+    async with bridge_to(mount, presented, latency=0.02) as bridge:
+        client, question = bridge.client(), b":GR#" if presented == "lx200" else b"e"
+        await start_moving(client, presented, True)
+        await asyncio.sleep(2.6)
+        await client.ask(question, until=b"#")
+        frames, last, since = handled(bridge), b"", 0.0
+        for _ in range(100):
+            answer = await client.ask(question, until=b"#")
+            if answer != last:
+                last, since = answer, bridge.controller.now()
+            assert bridge.controller.now() - since <= 0.06
+            await asyncio.sleep(0.01)
+        assert len(frames) < 60
 
 
 @on_each
@@ -357,26 +317,20 @@ def test_in_motion_polls_cost_the_line_no_more_than_two_exchanges_a_second(
     assert run(program(True)) <= run(program(False)) + 2.0
 
 
-def test_a_mount_at_rest_is_asked_as_often_as_its_positions_grow_old() -> None:
-    async def program() -> None:
-        async with bridge_to("6-8se", "lx200") as bridge:
-            client = bridge.client()
-            await polled(client, b":GR#", 2.0)
-            before = len(bridge.sent())
-            await polled(client, b":GR#", 5.0)
-            asked = bridge.sent()[before:]
-            assert len(asked) - asked.count(b"w") <= 14 and asked.count(b"w") <= 2
-
-    run(program())
+async def test_a_mount_at_rest_is_asked_as_often_as_its_positions_grow_old() -> None:
+    async with bridge_to("6-8se", "lx200") as bridge:
+        client = bridge.client()
+        await polled(client, b":GR#", 2.0)
+        before = len(bridge.sent())
+        await polled(client, b":GR#", 5.0)
+        asked = bridge.sent()[before:]
+        assert len(asked) - asked.count(b"w") <= 14 and asked.count(b"w") <= 2
 
 
-def test_the_instruments_of_these_tests() -> None:
-    async def program() -> None:
-        async with bridge_to("cge", "lx200", config=FREE) as bridge, tracked(bridge) as track:
-            await asyncio.sleep(0.1)
-            assert track.off(bridge.sim.truth()) < 1e-4
-            assert not truth_of(bridge.sim).moving
-            assert degrees(b"-00*30:36#") == pytest.approx(-0.51)
-            assert "cge" not in MEADES
-
-    run(program())
+async def test_the_instruments_of_these_tests() -> None:
+    async with bridge_to("cge", "lx200", config=FREE) as bridge, tracked(bridge) as track:
+        await asyncio.sleep(0.1)
+        assert track.off(bridge.sim.truth()) < 1e-4
+        assert not truth_of(bridge.sim).moving
+        assert degrees(b"-00*30:36#") == pytest.approx(-0.51)
+        assert "cge" not in MEADES

@@ -9,7 +9,6 @@ import pytest
 from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.surface.presented import fitting
 from tests.support.in_process_gateway import Bridge
 
@@ -41,52 +40,42 @@ def test_the_model_is_as_the_mount_is_built(
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site: tuple[float, float]) -> None:
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"m") == b"\x09#"
-            assert await client.ask(b"t") == (b"\x02#" if site is NORTH else b"\x03#")
-            with pytest.raises(Unsupported):
-                await bridge.controller.answer(op.PierSide())
-
-    run(program())
+async def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site: tuple[float, float]) -> None:
+    async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"m") == b"\x09#"
+        assert await client.ask(b"t") == (b"\x02#" if site is NORTH else b"\x03#")
+        with pytest.raises(Unsupported):
+            await bridge.controller.answer(op.PierSide())
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize("hours", [-0.1, 0.1])
-def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float], hours: float) -> None:
+async def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float], hours: float) -> None:
     """And stays there past the meridian; its second motor turns the tube as that side has it."""
-
-    async def program() -> None:
-        async with german(site) as bridge:
-            client = bridge.client()
-            sidereal = await bridge.controller.answer(op.SiderealTime())
-            await bridge.controller.perform(op.Goto((sidereal - 15.0 * hours) % 360.0, 0.0))
-            for _ in range(120):
-                await asyncio.sleep(1.0)
-                if await client.ask(b"L") == b"0#":
-                    break
-            flipped = bridge.sim.mechanics.flipped
-            assert flipped is ((hours < 0) is (site is NORTH))
-            assert await client.ask(b"p") == (b"W#" if flipped else b"E#")
-            before = bridge.sim.mechanics.axes(bridge.clock())[1]
-            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
-            await asyncio.sleep(2.0)
-            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
-            await asyncio.sleep(2.0)
-            assert bridge.sim.mechanics.axes(bridge.clock())[1] > before + 0.5, "0x24 turns the motor forwards"
-            await asyncio.sleep(0.2 * 3600.0)
-            assert await client.ask(b"p", 20.0) == (b"W#" if flipped else b"E#")
-
-    run(program())
+    async with german(site) as bridge:
+        client = bridge.client()
+        sidereal = await bridge.controller.answer(op.SiderealTime())
+        await bridge.controller.perform(op.Goto((sidereal - 15.0 * hours) % 360.0, 0.0))
+        for _ in range(120):
+            await asyncio.sleep(1.0)
+            if await client.ask(b"L") == b"0#":
+                break
+        flipped = bridge.sim.mechanics.flipped
+        assert flipped is ((hours < 0) is (site is NORTH))
+        assert await client.ask(b"p") == (b"W#" if flipped else b"E#")
+        before = bridge.sim.mechanics.axes(bridge.clock())[1]
+        assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
+        await asyncio.sleep(2.0)
+        assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
+        await asyncio.sleep(2.0)
+        assert bridge.sim.mechanics.axes(bridge.clock())[1] > before + 0.5, "0x24 turns the motor forwards"
+        await asyncio.sleep(0.2 * 3600.0)
+        assert await client.ask(b"p", 20.0) == (b"W#" if flipped else b"E#")
 
 
-def test_before_its_first_goto_a_german_meade_is_where_it_points() -> None:
-    async def program() -> None:
-        async with german(NORTH) as bridge:
-            ra = (await bridge.controller.answer(op.Position())).ra
-            hour_angle = ((await bridge.controller.answer(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
-            assert await bridge.controller.answer(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")
-
-    run(program())
+async def test_before_its_first_goto_a_german_meade_is_where_it_points() -> None:
+    async with german(NORTH) as bridge:
+        ra = (await bridge.controller.answer(op.Position())).ra
+        hour_angle = ((await bridge.controller.answer(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
+        assert await bridge.controller.answer(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")

@@ -237,39 +237,29 @@ async def at_a_mount_that_comes_late(driven: str, commands: bytes, later: bytes 
         b":hP#",
     ],
 )
-def test_nothing_moves_of_which_nobody_was_told_that_it_does(driven: str, commands: bytes) -> None:
-    async def program() -> None:
-        bridge, client = await at_a_mount_that_comes_late(driven, commands)
-        begun = (b":MS", b":CM", b":Me", b":hP", b"r", b"s", b"b", b"P\x02\x10\x24\x07", b"P\x03")
-        assert not [one for one in bridge.sent() if one.startswith(begun)]
-        assert not [reply for reply in client.replies if b"#" in reply.data[1:] and not reply.data.endswith(b".#")]
-
-    run(program())
+async def test_nothing_moves_of_which_nobody_was_told_that_it_does(driven: str, commands: bytes) -> None:
+    bridge, client = await at_a_mount_that_comes_late(driven, commands)
+    begun = (b":MS", b":CM", b":Me", b":hP", b"r", b"s", b"b", b"P\x02\x10\x24\x07", b"P\x03")
+    assert not [one for one in bridge.sent() if one.startswith(begun)]
+    assert not [reply for reply in client.replies if b"#" in reply.data[1:] and not reply.data.endswith(b".#")]
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
-def test_what_is_set_is_set_though_its_reply_came_too_late(driven: str) -> None:
-    async def program() -> None:
-        _, client = await at_a_mount_that_comes_late(driven, b":GR#:Sr08:00:00#:St+41*30#:Sg010*00#", b":Gr#:Gt#")
-        heard = [reply.data for reply in client.replies if reply.data != b"1"]
-        assert heard[0] == b"08:00:00#" and heard[1].startswith(b"+41")
-
-    run(program())
+async def test_what_is_set_is_set_though_its_reply_came_too_late(driven: str) -> None:
+    _, client = await at_a_mount_that_comes_late(driven, b":GR#:Sr08:00:00#:St+41*30#:Sg010*00#", b":Gr#:Gt#")
+    heard = [reply.data for reply in client.replies if reply.data != b"1"]
+    assert heard[0] == b"08:00:00#" and heard[1].startswith(b"+41")
 
 
-def test_a_command_that_takes_minutes_by_its_manual_is_answered_until_the_next_one_comes() -> None:
+async def test_a_command_that_takes_minutes_by_its_manual_is_answered_until_the_next_one_comes() -> None:
     """``:gT#``: "The process can take several minutes to complete." (LX200 protocol, GPS)"""
-
-    async def program() -> None:
-        for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
-            async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
-                client = Listener(bridge)
-                client.tell(b":gT#")
-                await asyncio.sleep(10.0)
-                client.tell(behind)
-                await asyncio.sleep(1.0)
-                assert [reply.data for reply in client.replies] == heard * bool(behind)
-                await asyncio.sleep(90.0)
-                assert [reply.data for reply in client.replies] == heard
-
-    run(program())
+    for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
+        async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
+            client = Listener(bridge)
+            client.tell(b":gT#")
+            await asyncio.sleep(10.0)
+            client.tell(behind)
+            await asyncio.sleep(1.0)
+            assert [reply.data for reply in client.replies] == heard * bool(behind)
+            await asyncio.sleep(90.0)
+            assert [reply.data for reply in client.replies] == heard

@@ -160,14 +160,11 @@ MOUNTS = [("cge", "nexstar"), ("6-8se", "nexstar"), ("autostar", "lx200"), ("lx2
 )
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_what_moves(mount: str, driven: str, presented: str, scenario: Scenario) -> None:
-    async def program() -> None:
-        async with Bridge(
-            mount, driven=driven, presented=presented, surface=None, config={"lowest": -90.0, "sun": 0.0}
-        ) as bridge:
-            await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
-
-    run(program())
+async def test_what_moves(mount: str, driven: str, presented: str, scenario: Scenario) -> None:
+    async with Bridge(
+        mount, driven=driven, presented=presented, surface=None, config={"lowest": -90.0, "sun": 0.0}
+    ) as bridge:
+        await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
 
 
 #: An equatorial mount that takes what it is told; one that tells neither, and that keeps its sync here.
@@ -179,55 +176,44 @@ HAS_GPS: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.6"}
 @pytest.mark.parametrize("scenario", [is_told_another_site, is_told_another_time, is_set_at_its_keys])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("settings", "start"), [(TAKES, EVENING), (TELLS_NOTHING, LONG_AGO)])
-def test_where_and_when(settings: dict[str, Any], start: float, presented: str, scenario: Scenario) -> None:
+async def test_where_and_when(settings: dict[str, Any], start: float, presented: str, scenario: Scenario) -> None:
     """By this computer's clock it is 1998 in the second case, so that a program's is believed."""
-
-    async def program() -> None:
-        async with Bridge(
-            **settings, presented=presented, surface=None, start=start, config={"lowest": -90.0, "sun": 0.0}
-        ) as bridge:
-            if settings["mount"] == "nexstar-gps":
-                seen = await bridge.controller.read(op.Position())
-                await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
-                assert any(bridge.driver.offset)
-            await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
-
-    run(program())
-
-
-def test_a_place_from_the_satellites_is_told_at_once() -> None:
-    """It found none when the gateway asked it first."""
-
-    async def program() -> None:
-        async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+    async with Bridge(
+        **settings, presented=presented, surface=None, start=start, config={"lowest": -90.0, "sun": 0.0}
+    ) as bridge:
+        if settings["mount"] == "nexstar-gps":
             seen = await bridge.controller.read(op.Position())
             await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
-            bridge.site_clock.mount_site = None
-            await compared(bridge, LX200, finds_its_satellites)
-            assert bridge.site_clock.gps_site is not None
+            assert any(bridge.driver.offset)
+        await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
 
-    run(program())
+
+async def test_a_place_from_the_satellites_is_told_at_once() -> None:
+    """It found none when the gateway asked it first."""
+    async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        seen = await bridge.controller.read(op.Position())
+        await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
+        bridge.site_clock.mount_site = None
+        await compared(bridge, LX200, finds_its_satellites)
+        assert bridge.site_clock.gps_site is not None
 
 
 @pytest.mark.parametrize("forget", ["forget", "outdate"])
-def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge", surface=None) as bridge:
-            client = bridge.client()
-            for _ in range(3):
-                assert await client.ask(b":GR#", until=b"#")
-            client.heard = b""
-            client.tell(b":GR#")
-            assert client.heard, "it is told again"
-            client.heard = b""
-            if forget == "forget":
-                bridge.controller.cache.forget(op.Position)
-            else:
-                bridge.controller.reader.outdate()
-            client.tell(b":GR#")
-            assert client.heard == b"", "the mount is asked"
-
-    run(program())
+async def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
+    async with Bridge("cge", surface=None) as bridge:
+        client = bridge.client()
+        for _ in range(3):
+            assert await client.ask(b":GR#", until=b"#")
+        client.heard = b""
+        client.tell(b":GR#")
+        assert client.heard, "it is told again"
+        client.heard = b""
+        if forget == "forget":
+            bridge.controller.cache.forget(op.Position)
+        else:
+            bridge.controller.reader.outdate()
+        client.tell(b":GR#")
+        assert client.heard == b"", "the mount is asked"
 
 
 def test_half_a_place_of_another_moment_is_not_told_again() -> None:

@@ -62,78 +62,66 @@ def arrow_down(stands: Any, latitude: float) -> bytes:
 @pytest.mark.parametrize("degrees", [3.0, 6.0, 10.0])
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize("stands", MOUNTS, ids=NAMES)
-def test_an_arrow_ends_before_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
-    async def program() -> None:
-        async with standing(*stands, latitude) as bridge:
-            down = arrow_down(stands, latitude)
-            south = 180.0 if latitude > 0.0 else 0.0  # towards the equator: there declination leads down
-            assert (await to(bridge, south + 20.0, 35.0))[0] is None
-            await sync(bridge, south + 20.0, 35.0 + degrees)
-            client = bridge.client()
-            client.tell(b":RS#" + down)
-            for _ in range(60):
-                client.tell(b":GR#")
-                await extremes(bridge, 0.25)
-            low, _ = await at_rest(bridge)
-            assert low > LOWEST - 1.0
-            assert low < LOWEST + 8.0, "it went as far as it may"
-            assert "the altitude limit" in "\n".join(notes(bridge))
-
-    run(program())
+async def test_an_arrow_ends_before_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
+    async with standing(*stands, latitude) as bridge:
+        down = arrow_down(stands, latitude)
+        south = 180.0 if latitude > 0.0 else 0.0  # towards the equator: there declination leads down
+        assert (await to(bridge, south + 20.0, 35.0))[0] is None
+        await sync(bridge, south + 20.0, 35.0 + degrees)
+        client = bridge.client()
+        client.tell(b":RS#" + down)
+        for _ in range(60):
+            client.tell(b":GR#")
+            await extremes(bridge, 0.25)
+        low, _ = await at_rest(bridge)
+        assert low > LOWEST - 1.0
+        assert low < LOWEST + 8.0, "it went as far as it may"
+        assert "the altitude limit" in "\n".join(notes(bridge))
 
 
 @pytest.mark.parametrize("degrees", [3.0, 10.0])
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize("stands", MOUNTS, ids=NAMES)
-def test_tracking_ends_at_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
-    async def program() -> None:
-        async with standing(*stands, latitude) as bridge:
-            assert (await to(bridge, 270.0, LOWEST + 0.3))[0] is None
-            await sync(bridge, 270.0, LOWEST + 0.3 + degrees)
-            client, low = bridge.client(), 90.0
-            for _ in range(60):
-                await client.ask(b":GR#")
-                low = min(low, (await extremes(bridge, 3.0))[0])
-            ends = "tracking cannot be switched off" not in "\n".join(notes(bridge))
-            assert ends is (stands[1] not in ("lx200", "gt"))
-            assert (low if ends else LOWEST) == pytest.approx(LOWEST, abs=0.1)
-            assert "if the syncs were wrong" in "\n".join(notes(bridge)) or stands[1] == "gt", "its axes tell"
-
-    run(program())
+async def test_tracking_ends_at_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
+    async with standing(*stands, latitude) as bridge:
+        assert (await to(bridge, 270.0, LOWEST + 0.3))[0] is None
+        await sync(bridge, 270.0, LOWEST + 0.3 + degrees)
+        client, low = bridge.client(), 90.0
+        for _ in range(60):
+            await client.ask(b":GR#")
+            low = min(low, (await extremes(bridge, 3.0))[0])
+        ends = "tracking cannot be switched off" not in "\n".join(notes(bridge))
+        assert ends is (stands[1] not in ("lx200", "gt"))
+        assert (low if ends else LOWEST) == pytest.approx(LOWEST, abs=0.1)
+        assert "if the syncs were wrong" in "\n".join(notes(bridge)) or stands[1] == "gt", "its axes tell"
 
 
 @pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
-def test_below_the_limit_since_a_sync_what_leads_up_is_done_and_what_leads_down_is_refused(stands: Any) -> None:
-    async def program() -> None:
-        async with standing(*stands, 45.0, lowest=0.0) as bridge:
-            assert (await to(bridge, 200.0, 12.0))[0] is None
-            await sync(bridge, 200.0, 22.0)
-            context = bridge.controller.context
-            context.policy = replace(context.policy, limits=replace(context.policy.limits, lowest=LOWEST))
-            down, up = (op.Move(way, op.Rate(name="find")) for way in (op.Direction.SOUTH, op.Direction.NORTH))
-            for refused in (down, op.Pulse(op.Direction.SOUTH, 2000)):
-                with pytest.raises(Contradicted, match=r"syncs .* wrong"):
-                    await bridge.controller.perform(refused)
-            await bridge.controller.perform(up)
-            await extremes(bridge, 2.0)
-            await bridge.controller.perform(op.StopAxis(2))
-            assert altitude(bridge) > 13.0
-
-    run(program())
+async def test_below_the_limit_since_a_sync_what_leads_up_is_done_and_what_leads_down_is_refused(stands: Any) -> None:
+    async with standing(*stands, 45.0, lowest=0.0) as bridge:
+        assert (await to(bridge, 200.0, 12.0))[0] is None
+        await sync(bridge, 200.0, 22.0)
+        context = bridge.controller.context
+        context.policy = replace(context.policy, limits=replace(context.policy.limits, lowest=LOWEST))
+        down, up = (op.Move(way, op.Rate(name="find")) for way in (op.Direction.SOUTH, op.Direction.NORTH))
+        for refused in (down, op.Pulse(op.Direction.SOUTH, 2000)):
+            with pytest.raises(Contradicted, match=r"syncs .* wrong"):
+                await bridge.controller.perform(refused)
+        await bridge.controller.perform(up)
+        await extremes(bridge, 2.0)
+        await bridge.controller.perform(op.StopAxis(2))
+        assert altitude(bridge) > 13.0
 
 
 @pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
 @pytest.mark.safety_line(8)
-def test_a_goal_that_is_too_low_if_a_sync_was_wrong_is_refused_in_words(stands: Any) -> None:
-    async def program() -> None:
-        async with standing(*stands, 45.0) as bridge:
-            assert (await to(bridge, 200.0, 35.0))[0] is None
-            await sync(bridge, 200.0, 45.0)
-            low = bridge.controller.astrometry.equatorial(op.Horizontal(180.0, LOWEST + 4.0))
-            with pytest.raises(Contradicted, match=r"syncs .* wrong"):
-                await bridge.controller.perform(op.Goto(low.ra, low.dec))
-
-    run(program())
+async def test_a_goal_that_is_too_low_if_a_sync_was_wrong_is_refused_in_words(stands: Any) -> None:
+    async with standing(*stands, 45.0) as bridge:
+        assert (await to(bridge, 200.0, 35.0))[0] is None
+        await sync(bridge, 200.0, 45.0)
+        low = bridge.controller.astrometry.equatorial(op.Horizontal(180.0, LOWEST + 4.0))
+        with pytest.raises(Contradicted, match=r"syncs .* wrong"):
+            await bridge.controller.perform(op.Goto(low.ra, low.dec))
 
 
 def test_a_goto_that_a_sync_may_lead_down_at_once_is_not_begun() -> None:

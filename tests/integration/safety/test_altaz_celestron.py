@@ -33,60 +33,48 @@ async def lowest_of(bridge: Any, seconds: float) -> float:
 
 
 @pytest.mark.parametrize(("model", "version"), [("cpc", "4.21"), ("6-8se", None), ("cpc", "4.03")])
-def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, version: str | None) -> None:
+async def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, version: str | None) -> None:
     """Four syncs of 14 degrees lift the sky by 56: what is reckoned would let the tube sink far below the ground."""
-
-    async def program() -> None:
-        async with Bridge(model, version, config={"lowest": 20.0, "sync_limit": 180.0}, latency=0.05) as bridge:
-            await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
-            await asyncio.sleep(30.0)
-            await synced(bridge, 4, 14.0)
-            bridge.client().tell(b":RS#:Ms#")
-            low = await lowest_of(bridge, 30.0)
-            assert 20.0 <= low < 30.0
-            assert not bridge.controller.moving
-
-    run(program())
+    async with Bridge(model, version, config={"lowest": 20.0, "sync_limit": 180.0}, latency=0.05) as bridge:
+        await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
+        await asyncio.sleep(30.0)
+        await synced(bridge, 4, 14.0)
+        bridge.client().tell(b":RS#:Ms#")
+        low = await lowest_of(bridge, 30.0)
+        assert 20.0 <= low < 30.0
+        assert not bridge.controller.moving
 
 
-def test_a_goto_ends_at_the_limit_by_where_the_axis_stands() -> None:
+async def test_a_goto_ends_at_the_limit_by_where_the_axis_stands() -> None:
     """The sky is believed 28 degrees higher than it is: what is reckoned at 30 is a tube at 2."""
-
-    async def program() -> None:
-        async with Bridge("cpc", config={"lowest": 10.0, "sync_limit": 180.0}) as bridge:
-            await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
-            await asyncio.sleep(30.0)
-            await synced(bridge, 2, 14.0)
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            with contextlib.suppress(Fault):
-                await bridge.controller.perform(op.Goto(sidereal % 360.0, -15.0))
-            await asyncio.sleep(30.0)
-            assert truth_of(bridge.sim).altitude > 9.5
-            await bridge.controller.perform(op.Goto(sidereal % 360.0, 0.0))
-            await asyncio.sleep(30.0)
-            assert truth_of(bridge.sim).altitude == pytest.approx(17.0, abs=0.5)
-
-    run(program())
+    async with Bridge("cpc", config={"lowest": 10.0, "sync_limit": 180.0}) as bridge:
+        await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
+        await asyncio.sleep(30.0)
+        await synced(bridge, 2, 14.0)
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        with contextlib.suppress(Fault):
+            await bridge.controller.perform(op.Goto(sidereal % 360.0, -15.0))
+        await asyncio.sleep(30.0)
+        assert truth_of(bridge.sim).altitude > 9.5
+        await bridge.controller.perform(op.Goto(sidereal % 360.0, 0.0))
+        await asyncio.sleep(30.0)
+        assert truth_of(bridge.sim).altitude == pytest.approx(17.0, abs=0.5)
 
 
-def test_a_wrong_clock_in_the_hand_control_itself_neither_stops_it_nor_lets_it_sink() -> None:
+async def test_a_wrong_clock_in_the_hand_control_itself_neither_stops_it_nor_lets_it_sink() -> None:
     """Three hours slow, set at its keys: the sky it tells jumps by 45 degrees, and the tube stands where it stood."""
-
-    async def program() -> None:
-        async with Bridge("cpc", config={"lowest": 20.0}) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
-            await asyncio.sleep(30.0)
-            bridge.sim.feed(b"H" + bytes((19, 0, 0, 1, 15, 26, 0, 0)))
-            for _ in range(60):
-                await client.ask(b":GR#")
-                await asyncio.sleep(1.0)
-            assert bridge.sim.tracking
-            client.tell(b":RS#:Ms#")
-            low = await lowest_of(bridge, 20.0)
-            assert low >= 20.0
-
-    run(program())
+    async with Bridge("cpc", config={"lowest": 20.0}) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
+        await asyncio.sleep(30.0)
+        bridge.sim.feed(b"H" + bytes((19, 0, 0, 1, 15, 26, 0, 0)))
+        for _ in range(60):
+            await client.ask(b":GR#")
+            await asyncio.sleep(1.0)
+        assert bridge.sim.tracking
+        client.tell(b":RS#:Ms#")
+        low = await lowest_of(bridge, 20.0)
+        assert low >= 20.0
 
 
 @pytest.mark.parametrize("written", [True, False])

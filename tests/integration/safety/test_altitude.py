@@ -21,66 +21,54 @@ LIMITS = {"lowest": 20.0, "highest": 80.0}
 @pytest.mark.parametrize("latency", [0.02, 0.2])
 @pytest.mark.parametrize(("arrow", "rate"), [(b":Ms#", b":RS#"), (b":Mn#", b":RS#"), (b":Ms#", b":RM#")])
 @pytest.mark.safety_line(3)
-def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
-            client = bridge.client()
-            client.tell(rate + arrow)
-            for _ in range(60):  # a program shows life while it holds an arrow
-                client.tell(b":GR#")
-                low, high = await extremes(bridge, 0.5)
-                assert 20.0 - ARCSECOND <= low <= high <= 80.0
-            assert not bridge.controller.moving
-            near = low - 20.0 if arrow == b":Ms#" else 80.0 - high
-            assert near < (6.0 if rate == b":RS#" else 2.0), near
-
-    run(program())
+async def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
+    async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
+        client = bridge.client()
+        client.tell(rate + arrow)
+        for _ in range(60):  # a program shows life while it holds an arrow
+            client.tell(b":GR#")
+            low, high = await extremes(bridge, 0.5)
+            assert 20.0 - ARCSECOND <= low <= high <= 80.0
+        assert not bridge.controller.moving
+        near = low - 20.0 if arrow == b":Ms#" else 80.0 - high
+        assert near < (6.0 if rate == b":RS#" else 2.0), near
 
 
 @pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
-def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float, latency: float) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
-            bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
-            low, _ = await extremes(bridge, 8)
-            assert lowest <= low
-
-    run(program())
+async def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float, latency: float) -> None:
+    async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
+        bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
+        low, _ = await extremes(bridge, 8)
+        assert lowest <= low
 
 
-def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
-            guard = bridge.controller.watch
-            here = await bridge.controller.answer(op.Position())
-            await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
-            guard.check_position(here)
-            await asyncio.sleep(0.3)
-            guard.motion_ended()
-            guard.check_position(op.Equatorial(here.ra, here.dec - 1.5))
-            await asyncio.sleep(0.5)
-            assert notes(bridge) == []
-            await asyncio.sleep(1.0)
-            guard.check_position(op.Equatorial(here.ra, here.dec - 2.5))
-            await asyncio.sleep(0.5)
-            assert ["altitude limit (42.5" in note for note in notes(bridge)] == [True]
-
-    run(program())
+async def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
+    async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
+        guard = bridge.controller.watch
+        here = await bridge.controller.answer(op.Position())
+        await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
+        guard.check_position(here)
+        await asyncio.sleep(0.3)
+        guard.motion_ended()
+        guard.check_position(op.Equatorial(here.ra, here.dec - 1.5))
+        await asyncio.sleep(0.5)
+        assert notes(bridge) == []
+        await asyncio.sleep(1.0)
+        guard.check_position(op.Equatorial(here.ra, here.dec - 2.5))
+        await asyncio.sleep(0.5)
+        assert ["altitude limit (42.5" in note for note in notes(bridge)] == [True]
 
 
 @pytest.mark.parametrize(("latency", "opcode"), [(0.02, 37), (0.2, 37), (0.2, 36)])
-def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
-    async def program() -> None:
-        async with Bridge(
-            "autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS, latency=latency
-        ) as bridge:
-            client = bridge.client()
-            assert await client.ask(bytes((80, 2, 17, opcode, 9, 0, 0, 0))) == b"#"
-            low, high = await extremes(bridge, 25)
-            assert 20.0 <= low <= high <= 80.0
-            assert not bridge.controller.moving
-
-    run(program())
+async def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
+    async with Bridge(
+        "autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS, latency=latency
+    ) as bridge:
+        client = bridge.client()
+        assert await client.ask(bytes((80, 2, 17, opcode, 9, 0, 0, 0))) == b"#"
+        low, high = await extremes(bridge, 25)
+        assert 20.0 <= low <= high <= 80.0
+        assert not bridge.controller.moving
 
 
 def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() -> None:
@@ -102,37 +90,31 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
     run(program("autostar", "lx200"))
 
 
-def test_a_limit_that_a_client_narrowed_holds_for_its_own_motion_alone() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
-            careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            assert await careful.ask(b":So30#") == b"1"
-            careful.tell(b":RM#:Ms#")
-            low, _ = await extremes(bridge, 25)
-            assert 30.0 <= low < 33.0
-            other.tell(b":RM#:Ms#")
-            low, _ = await extremes(bridge, 25)
-            assert 10.0 <= low < 13.0
-
-    run(program())
+async def test_a_limit_that_a_client_narrowed_holds_for_its_own_motion_alone() -> None:
+    async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
+        careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        assert await careful.ask(b":So30#") == b"1"
+        careful.tell(b":RM#:Ms#")
+        low, _ = await extremes(bridge, 25)
+        assert 30.0 <= low < 33.0
+        other.tell(b":RM#:Ms#")
+        low, _ = await extremes(bridge, 25)
+        assert 10.0 <= low < 13.0
 
 
-def test_a_motion_out_of_a_forbidden_place_goes_on() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
-            client = bridge.client()
-            assert await client.ask(b":GA#")
-            client.tell(b":RM#:Ms#")
-            await asyncio.sleep(3)
-            assert altitude(bridge) > 44.9
-            assert "Arrow: Object Below Lower Limit." in notes(bridge)
-            client.tell(b":Mn#")
-            await asyncio.sleep(5)
-            client.tell(b":Qn#")
-            await asyncio.sleep(1)
-            assert altitude(bridge) > 47.0
-
-    run(program())
+async def test_a_motion_out_of_a_forbidden_place_goes_on() -> None:
+    async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
+        client = bridge.client()
+        assert await client.ask(b":GA#")
+        client.tell(b":RM#:Ms#")
+        await asyncio.sleep(3)
+        assert altitude(bridge) > 44.9
+        assert "Arrow: Object Below Lower Limit." in notes(bridge)
+        client.tell(b":Mn#")
+        await asyncio.sleep(5)
+        client.tell(b":Qn#")
+        await asyncio.sleep(1)
+        assert altitude(bridge) > 47.0
 
 
 def test_tracking_below_the_limit_is_switched_off() -> None:
@@ -155,21 +137,18 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
     assert not meade.sim.tracking
 
 
-def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None:
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.GotoHorizontal(270.0, 40.3))
-            for _ in range(1600):
-                await asyncio.sleep(0.25)
-                client.tell(b":GR#")
-            assert altitude(bridge) < 39.9
-            said = [note for note in notes(bridge) if "cannot be switched off" in note]
-            assert len(said) == 1
-            assert bridge.sent().count(b":Q#") == 1
-            assert b":AL#" not in bridge.sent()
-
-    run(program())
+async def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None:
+    async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.GotoHorizontal(270.0, 40.3))
+        for _ in range(1600):
+            await asyncio.sleep(0.25)
+            client.tell(b":GR#")
+        assert altitude(bridge) < 39.9
+        said = [note for note in notes(bridge) if "cannot be switched off" in note]
+        assert len(said) == 1
+        assert bridge.sent().count(b":Q#") == 1
+        assert b":AL#" not in bridge.sent()
 
 
 @pytest.mark.safety_line(3)
@@ -197,52 +176,43 @@ def test_park_home_and_axis_gotos_are_checked() -> None:
     assert len(sent) == 2
 
 
-def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() -> None:
-    async def program() -> None:
-        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"b00000000,E0000000") == b"#"  # south, declination -45: the horizon, allowed
-            await asyncio.sleep(1)
-            assert await client.ask(b"L") == b"1#"
-            await client.ask(b"M")
-            assert await client.ask(b"b00000000,D0000000") == b"#"  # declination -67.5
-            await asyncio.sleep(3)
-            assert await client.ask(b"L") == b"0#"
-            assert "Goto: Object Below Horizon." in notes(bridge)
-
-    run(program())
+async def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() -> None:
+    async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"b00000000,E0000000") == b"#"  # south, declination -45: the horizon, allowed
+        await asyncio.sleep(1)
+        assert await client.ask(b"L") == b"1#"
+        await client.ask(b"M")
+        assert await client.ask(b"b00000000,D0000000") == b"#"  # declination -67.5
+        await asyncio.sleep(3)
+        assert await client.ask(b"L") == b"0#"
+        assert "Goto: Object Below Horizon." in notes(bridge)
 
 
-def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se") as bridge:
-            client = bridge.client()
-            assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", until=b"110") == b"110"
-            now = bridge.clock()
-            bridge.sim.mechanics.goto_axes(now, 90.0, -60.0)
-            low, _ = await extremes(bridge, 40)
-            assert -6.0 < low < 0.0
-            assert not bridge.controller.moving
-            assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
-
-    run(program())
+async def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
+    async with Bridge("6-8se") as bridge:
+        client = bridge.client()
+        assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", until=b"110") == b"110"
+        now = bridge.clock()
+        bridge.sim.mechanics.goto_axes(now, 90.0, -60.0)
+        low, _ = await extremes(bridge, 40)
+        assert -6.0 < low < 0.0
+        assert not bridge.controller.moving
+        assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
-def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
-            client = bridge.client()
-            for _ in range(6):
-                client.tell(b":GR#:RM#:Ms#")
-                await asyncio.sleep(0.7)
-                client.tell(b":Qs#")
-                await asyncio.sleep(2.5)
-                client.tell(b":GR#:RM#:Mn#")
-                await asyncio.sleep(0.7)
-                client.tell(b":Qn#")
-                await asyncio.sleep(2.5)
-            assert [note for note in notes(bridge) if "park" not in note] == []
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
+    async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
+        client = bridge.client()
+        for _ in range(6):
+            client.tell(b":GR#:RM#:Ms#")
+            await asyncio.sleep(0.7)
+            client.tell(b":Qs#")
+            await asyncio.sleep(2.5)
+            client.tell(b":GR#:RM#:Mn#")
+            await asyncio.sleep(0.7)
+            client.tell(b":Qn#")
+            await asyncio.sleep(2.5)
+        assert [note for note in notes(bridge) if "park" not in note] == []
+        assert bridge.sim.tracking

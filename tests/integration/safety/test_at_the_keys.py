@@ -14,7 +14,6 @@ import pytest
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap360
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import Truth, truth_of
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.owner import Owner
@@ -84,58 +83,49 @@ async def goes(bridge: Any, owner: Owner, az: float, alt: float) -> float:
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-def test_a_flip_of_the_owner_s_is_left_alone_and_the_limit_counts_again_after_it(
+async def test_a_flip_of_the_owner_s_is_left_alone_and_the_limit_counts_again_after_it(
     mount: str, version: str | None, site: tuple[float, float], polls: bytes
 ) -> None:
-    async def program() -> None:
-        config = {"hour_angle_limit": 0.5}
-        async with owned(mount, version, site=site, config=config, polls=polls) as (bridge, owner, _):
-            south = 180.0 if site[0] > 0 else 0.0
-            for az in (south - 10.0, south + 20.0, south - 40.0, south + 60.0):
-                assert await goes(bridge, owner, wrap360(az), 50.0) < 0.3
-                assert not owner.ended()
-            await asyncio.sleep(20.0)
-            assert bridge.sim.tracking
-
-    run(program())
+    config = {"hour_angle_limit": 0.5}
+    async with owned(mount, version, site=site, config=config, polls=polls) as (bridge, owner, _):
+        south = 180.0 if site[0] > 0 else 0.0
+        for az in (south - 10.0, south + 20.0, south - 40.0, south + 60.0):
+            assert await goes(bridge, owner, wrap360(az), 50.0) < 0.3
+            assert not owner.ended()
+        await asyncio.sleep(20.0)
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-def test_an_arrow_of_the_owner_s_ends_at_the_hour_angle_limit(
+async def test_an_arrow_of_the_owner_s_ends_at_the_hour_angle_limit(
     mount: str, version: str | None, site: tuple[float, float]
 ) -> None:
-    async def program() -> None:
-        async with owned(mount, version, site=site, config={"hour_angle_limit": 0.5}) as (bridge, owner, seen):
-            south = 180.0 if site[0] > 0 else 0.0
-            assert await goes(bridge, owner, wrap360(south - 20.0), 50.0) < 0.3
-            assert abs(truth_of(bridge.sim).axis1 - 90.0) > 30.0
-            owner.keys("first on" if truth_of(bridge.sim).axis1 > 90.0 else "first back")  # towards the pier
-            await rests(bridge)
-            past = [one.past_meridian for one in seen if one.past_meridian is not None]
-            assert owner.ended()
-            assert past[-1] > -12.0 and max(past) < 7.5 + RUN_ON["nexstar"]
-
-    run(program())
+    async with owned(mount, version, site=site, config={"hour_angle_limit": 0.5}) as (bridge, owner, seen):
+        south = 180.0 if site[0] > 0 else 0.0
+        assert await goes(bridge, owner, wrap360(south - 20.0), 50.0) < 0.3
+        assert abs(truth_of(bridge.sim).axis1 - 90.0) > 30.0
+        owner.keys("first on" if truth_of(bridge.sim).axis1 > 90.0 else "first back")  # towards the pier
+        await rests(bridge)
+        past = [one.past_meridian for one in seen if one.past_meridian is not None]
+        assert owner.ended()
+        assert past[-1] > -12.0 and max(past) < 7.5 + RUN_ON["nexstar"]
 
 
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_limit_ends(
+async def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_limit_ends(
     site: tuple[float, float], polls: bytes
 ) -> None:
-    async def program() -> None:
-        async with owned("6-8se", site=site, config={"hour_angle_limit": 3.0}, polls=polls) as (bridge, owner, _):
-            bridge.sim.feed(b"T\x02" if site[0] > 0 else b"T\x03")
-            await asyncio.sleep(10.0)
-            for az in (90.0, 270.0):
-                assert await goes(bridge, owner, az, 25.0) < 0.3
-                assert abs(truth_of(bridge.sim).hour_angle) > 45.0
-            assert bridge.sim.tracking
-            await asyncio.sleep(25.0)
-            assert not bridge.sim.tracking, "in the west it leads farther beyond the limit"
-
-    run(program())
+    async with owned("6-8se", site=site, config={"hour_angle_limit": 3.0}, polls=polls) as (bridge, owner, _):
+        bridge.sim.feed(b"T\x02" if site[0] > 0 else b"T\x03")
+        await asyncio.sleep(10.0)
+        for az in (90.0, 270.0):
+            assert await goes(bridge, owner, az, 25.0) < 0.3
+            assert abs(truth_of(bridge.sim).hour_angle) > 45.0
+        assert bridge.sim.tracking
+        await asyncio.sleep(25.0)
+        assert not bridge.sim.tracking, "in the west it leads farther beyond the limit"
 
 
 # --- altitude -----------------------------------------------------------------------------------------------------
@@ -145,23 +135,20 @@ def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-def test_limits_that_nobody_wrote_down_do_not_end_an_arrow_of_the_owner_s(
+async def test_limits_that_nobody_wrote_down_do_not_end_an_arrow_of_the_owner_s(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
-    async def program() -> None:
-        async with owned(mount, driven=driven, site=site, polls=polls) as (bridge, owner, _):
-            assert await goes(bridge, owner, 90.0, 15.0) < 0.3
-            owner.keys(sinking_key(bridge, driven))
-            for _ in range(100):
-                await asyncio.sleep(0.2)
-                if altitude(bridge.sim) < -4.0:
-                    break
-                assert truth_of(bridge.sim).moving and not owner.ended()
-            assert altitude(bridge.sim) < -4.0
-            owner.keys("let go", "first let go")
-            await rests(bridge)
-
-    run(program())
+    async with owned(mount, driven=driven, site=site, polls=polls) as (bridge, owner, _):
+        assert await goes(bridge, owner, 90.0, 15.0) < 0.3
+        owner.keys(sinking_key(bridge, driven))
+        for _ in range(100):
+            await asyncio.sleep(0.2)
+            if altitude(bridge.sim) < -4.0:
+                break
+            assert truth_of(bridge.sim).moving and not owner.ended()
+        assert altitude(bridge.sim) < -4.0
+        owner.keys("let go", "first let go")
+        await rests(bridge)
 
 
 def sinking_key(bridge: Any, driven: str) -> str:
@@ -181,21 +168,18 @@ def sinking_key(bridge: Any, driven: str) -> str:
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-def test_limits_that_are_written_down_end_arrows_and_gotos_of_the_owner_s(
+async def test_limits_that_are_written_down_end_arrows_and_gotos_of_the_owner_s(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
-    async def program() -> None:
-        config = {"lowest": 20.0}
-        async with owned(mount, driven=driven, site=site, config=config, polls=polls) as (bridge, owner, seen):
-            for az, alt in ((110.0, 60.0), (115.0, 24.0), (110.0, 21.0), (140.0, 40.0)):
-                assert await goes(bridge, owner, az, alt) < 0.3, "it stays above the limit"
-            assert not owner.ended()
-            assert await goes(bridge, owner, 130.0, 3.0) > 5.0
-            assert min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]
-            assert owner.ended()
-            assert await goes(bridge, owner, 130.0, 45.0) < 0.3
-            owner.keys(sinking_key(bridge, driven))
-            await rests(bridge)
-            assert owner.ended() and min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]
-
-    run(program())
+    config = {"lowest": 20.0}
+    async with owned(mount, driven=driven, site=site, config=config, polls=polls) as (bridge, owner, seen):
+        for az, alt in ((110.0, 60.0), (115.0, 24.0), (110.0, 21.0), (140.0, 40.0)):
+            assert await goes(bridge, owner, az, alt) < 0.3, "it stays above the limit"
+        assert not owner.ended()
+        assert await goes(bridge, owner, 130.0, 3.0) > 5.0
+        assert min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]
+        assert owner.ended()
+        assert await goes(bridge, owner, 130.0, 45.0) < 0.3
+        owner.keys(sinking_key(bridge, driven))
+        await rests(bridge)
+        assert owner.ended() and min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]

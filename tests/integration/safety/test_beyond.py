@@ -13,7 +13,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.looks import notes
@@ -42,134 +41,103 @@ async def standing(mount: str, first: float, second: float, version: str | None 
 
 
 @pytest.mark.parametrize(("azimuth", "tracks"), [(SINKING, False), (RISING, True)])
-def test_tracking_below_the_limit_goes_on_again_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
-    async def program() -> None:
-        async with standing("cpc", azimuth, 30.0, config={"lowest": 35.0}) as bridge:
-            bridge.client().tell(b":AA#")
-            await asyncio.sleep(5.0)
-            assert truth_of(bridge.sim).tracking is tracks
-            assert any("Tracking stays off" in note for note in notes(bridge)) is not tracks
-
-    run(program())
+async def test_tracking_below_the_limit_goes_on_again_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
+    async with standing("cpc", azimuth, 30.0, config={"lowest": 35.0}) as bridge:
+        bridge.client().tell(b":AA#")
+        await asyncio.sleep(5.0)
+        assert truth_of(bridge.sim).tracking is tracks
+        assert any("Tracking stays off" in note for note in notes(bridge)) is not tracks
 
 
-def test_a_nexstar_program_is_told_by_its_next_question() -> None:
+async def test_a_nexstar_program_is_told_by_its_next_question() -> None:
     """``T`` has no way to say no; ``t`` tells."""
-
-    async def program() -> None:
-        async with standing(
-            "cpc", SINKING, 30.0, config={"lowest": 35.0}, presented="nexstar", surface="cpc"
-        ) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\x01") == b"#"
-            await asyncio.sleep(3.0)
-            assert await client.ask(b"t") == b"\x00#"
-            assert not truth_of(bridge.sim).tracking
-
-    run(program())
+    async with standing("cpc", SINKING, 30.0, config={"lowest": 35.0}, presented="nexstar", surface="cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\x01") == b"#"
+        await asyncio.sleep(3.0)
+        assert await client.ask(b"t") == b"\x00#"
+        assert not truth_of(bridge.sim).tracking
 
 
-def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
+async def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
     """Unparking puts tracking on; there it is switched off again."""
-
-    async def program() -> None:
-        async with Bridge("cpc", config={"lowest": 35.0, "park": (SINKING, 30.0)}) as bridge:
-            await bridge.controller.perform(op.Park())
-            await asyncio.sleep(40.0)
-            assert not truth_of(bridge.sim).tracking
-            await bridge.controller.perform(op.Unpark())
-            for _ in range(60):
-                await bridge.controller.read(op.Position())
-                await asyncio.sleep(1.0)
-            assert not truth_of(bridge.sim).tracking
-            assert any("off at the altitude limit" in note for note in notes(bridge))
-
-    run(program())
+    async with Bridge("cpc", config={"lowest": 35.0, "park": (SINKING, 30.0)}) as bridge:
+        await bridge.controller.perform(op.Park())
+        await asyncio.sleep(40.0)
+        assert not truth_of(bridge.sim).tracking
+        await bridge.controller.perform(op.Unpark())
+        for _ in range(60):
+            await bridge.controller.read(op.Position())
+            await asyncio.sleep(1.0)
+        assert not truth_of(bridge.sim).tracking
+        assert any("off at the altitude limit" in note for note in notes(bridge))
 
 
-def test_woken_below_the_limit_it_does_not_sink_on() -> None:
+async def test_woken_below_the_limit_it_does_not_sink_on() -> None:
     """A hand control that wakes tracks."""
-
-    async def program() -> None:
-        async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
-            await bridge.controller.perform(op.Hibernate())
-            await asyncio.sleep(5.0)
-            await bridge.controller.perform(op.Wake())
-            for _ in range(60):
-                await bridge.controller.read(op.Position())
-                await asyncio.sleep(1.0)
-            assert not truth_of(bridge.sim).tracking
-
-    run(program())
+    async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
+        await bridge.controller.perform(op.Hibernate())
+        await asyncio.sleep(5.0)
+        await bridge.controller.perform(op.Wake())
+        for _ in range(60):
+            await bridge.controller.read(op.Position())
+            await asyncio.sleep(1.0)
+        assert not truth_of(bridge.sim).tracking
 
 
 @pytest.mark.parametrize("pulse", [op.Pulse(op.Direction.SOUTH, 2500), op.PulseAxis(2, -1, 2500, 0.5)])
-def test_a_guide_pulse_below_the_limit_leads_up_or_nowhere(pulse: op.Pulse | op.PulseAxis) -> None:
+async def test_a_guide_pulse_below_the_limit_leads_up_or_nowhere(pulse: op.Pulse | op.PulseAxis) -> None:
     """Tracking had been switched off at the limit, and pulses led on past it, a quarter of a degree a minute."""
-
-    async def program() -> None:
-        async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
-            before = truth_of(bridge.sim).altitude
-            with pytest.raises(BelowHorizon):
-                await bridge.controller.perform(pulse)
-            await asyncio.sleep(5.0)
-            assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
-            up = op.Pulse(op.Direction.NORTH, 2500) if isinstance(pulse, op.Pulse) else op.PulseAxis(2, 1, 2500, 0.5)
-            await bridge.controller.perform(up)
-            await asyncio.sleep(5.0)
-            assert truth_of(bridge.sim).altitude > before + 0.001
-
-    run(program())
+    async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
+        before = truth_of(bridge.sim).altitude
+        with pytest.raises(BelowHorizon):
+            await bridge.controller.perform(pulse)
+        await asyncio.sleep(5.0)
+        assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
+        up = op.Pulse(op.Direction.NORTH, 2500) if isinstance(pulse, op.Pulse) else op.PulseAxis(2, 1, 2500, 0.5)
+        await bridge.controller.perform(up)
+        await asyncio.sleep(5.0)
+        assert truth_of(bridge.sim).altitude > before + 0.001
 
 
-def test_an_lx200_guide_pulse_that_is_refused_is_in_the_log() -> None:
-    async def program() -> None:
-        async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
-            before = truth_of(bridge.sim).altitude
-            bridge.client().tell(b":Mgs2500#")
-            await asyncio.sleep(5.0)
-            assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
-            assert "Pulse: Object Below Lower Limit." in notes(bridge)
-
-    run(program())
+async def test_an_lx200_guide_pulse_that_is_refused_is_in_the_log() -> None:
+    async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
+        before = truth_of(bridge.sim).altitude
+        bridge.client().tell(b":Mgs2500#")
+        await asyncio.sleep(5.0)
+        assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
+        assert "Pulse: Object Below Lower Limit." in notes(bridge)
 
 
 @pytest.mark.parametrize("mount", ["cge", "cgx"])
-def test_an_arrow_past_the_hour_angle_limit_leads_back_or_nowhere(mount: str) -> None:
+async def test_an_arrow_past_the_hour_angle_limit_leads_back_or_nowhere(mount: str) -> None:
     """10 degrees past the meridian with a limit of 7.5; pressed again and again an arrow led on, step by step."""
-
-    async def program() -> None:
-        async with standing(mount, 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
-            client = bridge.client()
-            past = truth_of(bridge.sim).past_meridian
-            assert past is not None
-            assert past == pytest.approx(10.0, abs=0.2)
-            for arrow in b"ew":
-                for _ in range(3):
-                    client.tell(b":RC#:M%c#" % arrow)
-                    await asyncio.sleep(0.7)
-                    client.tell(b":Q%c#" % arrow)
-                    await client.ask(b":GR#")
-                    await asyncio.sleep(2.0)
-                    now = truth_of(bridge.sim).past_meridian
-                    assert now is not None and now < past + 0.05
-            assert truth_of(bridge.sim).past_meridian < past - 0.05  # type: ignore[operator]
-            assert any("Beyond the hour angle limit" in note for note in notes(bridge))
-
-    run(program())
+    async with standing(mount, 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
+        client = bridge.client()
+        past = truth_of(bridge.sim).past_meridian
+        assert past is not None
+        assert past == pytest.approx(10.0, abs=0.2)
+        for arrow in b"ew":
+            for _ in range(3):
+                client.tell(b":RC#:M%c#" % arrow)
+                await asyncio.sleep(0.7)
+                client.tell(b":Q%c#" % arrow)
+                await client.ask(b":GR#")
+                await asyncio.sleep(2.0)
+                now = truth_of(bridge.sim).past_meridian
+                assert now is not None and now < past + 0.05
+        assert truth_of(bridge.sim).past_meridian < past - 0.05  # type: ignore[operator]
+        assert any("Beyond the hour angle limit" in note for note in notes(bridge))
 
 
-def test_tracking_past_the_hour_angle_limit_stays_off() -> None:
-    async def program() -> None:
-        async with standing("cge", 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
-            past = truth_of(bridge.sim).past_meridian
-            assert past is not None and past > 9.0
-            bridge.client().tell(b":AP#")
-            for _ in range(30):
-                await bridge.controller.read(op.Position())
-                await asyncio.sleep(1.0)
-            now = truth_of(bridge.sim)
-            if now.tracking:
-                assert now.past_meridian is not None and now.past_meridian < past
-
-    run(program())
+async def test_tracking_past_the_hour_angle_limit_stays_off() -> None:
+    async with standing("cge", 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
+        past = truth_of(bridge.sim).past_meridian
+        assert past is not None and past > 9.0
+        bridge.client().tell(b":AP#")
+        for _ in range(30):
+            await bridge.controller.read(op.Position())
+            await asyncio.sleep(1.0)
+        now = truth_of(bridge.sim)
+        if now.tracking:
+            assert now.past_meridian is not None and now.past_meridian < past

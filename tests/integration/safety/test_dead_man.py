@@ -25,91 +25,71 @@ async def moves_for(bridge: Any, seconds: float) -> float:
 
 @pytest.mark.parametrize(("config", "after"), [({}, 30.0), ({"dead_man": 12.0}, 12.0)])
 @pytest.mark.safety_line(6)
-def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config=config) as bridge:
-            bridge.client(HOST).tell(b":RC#:Mw#")
-            assert after - 1 <= await moves_for(bridge, 60) <= after + 2
-            assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
-            said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
-            assert said == [f"{HOST} has sent nothing for {after:g} s: its motion is stopped"]
-            await asyncio.sleep(3)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> None:
+    async with Bridge("6-8se", config=config) as bridge:
+        bridge.client(HOST).tell(b":RC#:Mw#")
+        assert after - 1 <= await moves_for(bridge, 60) <= after + 2
+        assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
+        said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
+        assert said == [f"{HOST} has sent nothing for {after:g} s: its motion is stopped"]
+        await asyncio.sleep(3)
+        assert bridge.sim.tracking
 
 
-def test_a_nexstar_program_on_a_meade() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-            bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
-            assert 29 <= await moves_for(bridge, 60) <= 32
-            assert b":Qw#" in bridge.sent()
-
-    run(program())
+async def test_a_nexstar_program_on_a_meade() -> None:
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
+        bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
+        assert 29 <= await moves_for(bridge, 60) <= 32
+        assert b":Qw#" in bridge.sent()
 
 
 @pytest.mark.parametrize(("config", "after"), [({}, 5.0), ({"dead_man_closed": 2.0}, 2.0)])
-def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], after: float) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config=config) as bridge:
+async def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], after: float) -> None:
+    async with Bridge("6-8se", config=config) as bridge:
+        client = bridge.client(HOST)
+        client.tell(b":RC#:Mw#")
+        client.close()
+        assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
+        assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
+
+
+async def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> None:
+    async with Bridge("6-8se") as bridge:
+        for turn in range(20):
             client = bridge.client(HOST)
-            client.tell(b":RC#:Mw#")
+            client.tell(b":RC#:Mw#" if not turn else b":GR#")
+            await asyncio.sleep(0.3)
             client.close()
-            assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
-            assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
-
-    run(program())
-
-
-def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se") as bridge:
-            for turn in range(20):
-                client = bridge.client(HOST)
-                client.tell(b":RC#:Mw#" if not turn else b":GR#")
-                await asyncio.sleep(0.3)
-                client.close()
-                await asyncio.sleep(3.5)
-                assert bridge.controller.wanted.axes == {1}, turn
-            assert 1.0 <= await moves_for(bridge, 60) <= 4.0
-
-    run(program())
+            await asyncio.sleep(3.5)
+            assert bridge.controller.wanted.axes == {1}, turn
+        assert 1.0 <= await moves_for(bridge, 60) <= 4.0
 
 
 @pytest.mark.parametrize("who", ["the same connection", "another of its host", "another host"])
-def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str) -> None:
+async def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str) -> None:
     """A joystick and a planetarium that polls run on one laptop: one of them does not hold the other's arrow."""
-
-    async def program() -> None:
-        async with Bridge("6-8se") as bridge:
-            first = bridge.client(HOST)
-            second = bridge.client("10.0.0.2" if who == "another host" else HOST)
-            first.tell(b":RC#:Mw#")
-            for _ in range(240):  # what is answered from what is remembered is life all the same
-                (first if who == "the same connection" else second).tell(b":GR#")
-                await asyncio.sleep(0.25)
-            assert bool(bridge.controller.wanted.axes) is (who == "the same connection")
-
-    run(program())
+    async with Bridge("6-8se") as bridge:
+        first = bridge.client(HOST)
+        second = bridge.client("10.0.0.2" if who == "another host" else HOST)
+        first.tell(b":RC#:Mw#")
+        for _ in range(240):  # what is answered from what is remembered is life all the same
+            (first if who == "the same connection" else second).tell(b":GR#")
+            await asyncio.sleep(0.25)
+        assert bool(bridge.controller.wanted.axes) is (who == "the same connection")
 
 
-def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> None:
+async def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> None:
     """The program that moves the mount crashes; another one on the same computer goes on polling."""
-
-    async def program() -> None:
-        async with Bridge("6-8se") as bridge:
-            other, mover = bridge.client(HOST), bridge.client(HOST)
-            mover.tell(b":RS#:Me#")
-            await asyncio.sleep(1.0)
-            mover.close()
-            for _ in range(14):
-                other.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert not bridge.controller.wanted.axes
-            assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
-
-    run(program())
+    async with Bridge("6-8se") as bridge:
+        other, mover = bridge.client(HOST), bridge.client(HOST)
+        mover.tell(b":RS#:Me#")
+        await asyncio.sleep(1.0)
+        mover.close()
+        for _ in range(14):
+            other.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert not bridge.controller.wanted.axes
+        assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
 
 
 def test_slow_rates_are_somebodys_tracking() -> None:
@@ -124,42 +104,33 @@ def test_slow_rates_are_somebodys_tracking() -> None:
 
 
 @pytest.mark.safety_line(6)
-def test_gotos_and_guide_pulses_end_by_themselves() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", speed=0.1) as bridge:
-            client = bridge.client(HOST)
-            assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
-            client.close()
-            await asyncio.sleep(40)
-            assert bridge.sim.slewing
-
-    run(program())
+async def test_gotos_and_guide_pulses_end_by_themselves() -> None:
+    async with Bridge("6-8se", speed=0.1) as bridge:
+        client = bridge.client(HOST)
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
+        client.close()
+        await asyncio.sleep(40)
+        assert bridge.sim.slewing
 
 
-def test_a_focuser_stops_too() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200") as bridge:
-            client: Visitor = bridge.client(HOST)
-            client.tell(b":F+#")
-            await asyncio.sleep(1)
-            assert b":FQ#" not in bridge.sent()
-            client.close()
-            await asyncio.sleep(7)
-            assert bridge.sent().count(b":FQ#") == 2  # it acknowledges nothing
-
-    run(program())
+async def test_a_focuser_stops_too() -> None:
+    async with Bridge("autostar", driven="lx200") as bridge:
+        client: Visitor = bridge.client(HOST)
+        client.tell(b":F+#")
+        await asyncio.sleep(1)
+        assert b":FQ#" not in bridge.sent()
+        client.close()
+        await asyncio.sleep(7)
+        assert bridge.sent().count(b":FQ#") == 2  # it acknowledges nothing
 
 
-def test_who_stopped_it_himself_is_not_stopped_again() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se") as bridge:
-            client = bridge.client(HOST)
-            client.tell(b":RC#:Mw#:Mn#")
-            await asyncio.sleep(2)
-            client.tell(b":Qw#")
-            await asyncio.sleep(1)
-            client.tell(b":Q#")
-            await asyncio.sleep(40)
-            assert not [entry for entry in bridge.entries if "silent" in entry.note]
-
-    run(program())
+async def test_who_stopped_it_himself_is_not_stopped_again() -> None:
+    async with Bridge("6-8se") as bridge:
+        client = bridge.client(HOST)
+        client.tell(b":RC#:Mw#:Mn#")
+        await asyncio.sleep(2)
+        client.tell(b":Qw#")
+        await asyncio.sleep(1)
+        client.tell(b":Q#")
+        await asyncio.sleep(40)
+        assert not [entry for entry in bridge.entries if "silent" in entry.note]

@@ -27,22 +27,18 @@ DAY = 1782028800.0
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("driven", "mount"), [*GERMANS, ("nexstar", "cpc"), ("lx200", "lx200gps")])
-def test_hamlib_parks_from_anywhere(driven: str, mount: str, site: tuple[float, float]) -> None:
+async def test_hamlib_parks_from_anywhere(driven: str, mount: str, site: tuple[float, float]) -> None:
     """``:MA#`` to azimuth 0, altitude 0: the way of a German mount may pass below the horizon."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, site=site, surface="lx200gps", config={"sun": 0.0}) as bridge:
-            client = bridge.client()
-            for azimuth, height in ((160.0, 30.0), (265.0, 50.0)):
-                goal = bridge.controller.astrometry.equatorial(op.Horizontal(azimuth, height))
-                await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
-                await at_rest(bridge)
-                assert await client.ask(b":Sz000*00#:Sa+00*00#:MA#", until=b"110") == b"110"
-                await at_rest(bridge)
-                there = bridge.controller.astrometry.equatorial(op.Horizontal(0.0, 0.0))
-                assert separation(*bridge.sim.truth(), there.ra, there.dec) < 0.5
-
-    run(program())
+    async with Bridge(mount, driven=driven, site=site, surface="lx200gps", config={"sun": 0.0}) as bridge:
+        client = bridge.client()
+        for azimuth, height in ((160.0, 30.0), (265.0, 50.0)):
+            goal = bridge.controller.astrometry.equatorial(op.Horizontal(azimuth, height))
+            await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
+            await at_rest(bridge)
+            assert await client.ask(b":Sz000*00#:Sa+00*00#:MA#", until=b"110") == b"110"
+            await at_rest(bridge)
+            there = bridge.controller.astrometry.equatorial(op.Horizontal(0.0, 0.0))
+            assert separation(*bridge.sim.truth(), there.ra, there.dec) < 0.5
 
 
 @pytest.mark.parametrize("written", [False, True])
@@ -66,58 +62,46 @@ def test_a_way_below_the_horizon_costs_nothing_where_nobody_wrote_a_limit(writte
     run(program())
 
 
-def test_a_goto_that_sinks_far_below_its_way_is_ended() -> None:
+async def test_a_goto_that_sinks_far_below_its_way_is_ended() -> None:
     """The target was garbled on its way, or the hand control flips the wrong way."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"sun": 0.0}) as bridge:
-            goal = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, 8.0))
-            await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
-            mechanics = bridge.sim.mechanics
-            lost = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, -70.0))
-            mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
-            low, _ = await at_rest(bridge)
-            assert -22.0 < low < -2.0
-            assert any("far below its way" in note for note in notes(bridge))
-
-    run(program())
+    async with Bridge("cge", config={"sun": 0.0}) as bridge:
+        goal = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, 8.0))
+        await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
+        mechanics = bridge.sim.mechanics
+        lost = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, -70.0))
+        mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
+        low, _ = await at_rest(bridge)
+        assert -22.0 < low < -2.0
+        assert any("far below its way" in note for note in notes(bridge))
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "autostar")])
-def test_a_goto_off_its_way_ends_before_a_written_limit(driven: str, mount: str) -> None:
+async def test_a_goto_off_its_way_ends_before_a_written_limit(driven: str, mount: str) -> None:
     """It was sent elsewhere by the mount itself: it is watched like an arrow, with the margin of its speed."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, config={"lowest": 20.0, "sun": 0.0}) as bridge:
-            sky = bridge.controller.astrometry
-            start, goal = (sky.equatorial(op.Horizontal(azimuth, 50.0)) for azimuth in (90.0, 200.0))
-            await bridge.controller.perform(op.Goto(start.ra, start.dec))
-            await at_rest(bridge)
-            await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
-            await asyncio.sleep(0.2)
-            lost = sky.equatorial(op.Horizontal(95.0, -30.0))
-            bridge.sim.mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
-            low, _ = await at_rest(bridge)
-            assert low >= 19.5 and altitude(bridge.sim) < 50.0
-
-    run(program())
+    async with Bridge(mount, driven=driven, config={"lowest": 20.0, "sun": 0.0}) as bridge:
+        sky = bridge.controller.astrometry
+        start, goal = (sky.equatorial(op.Horizontal(azimuth, 50.0)) for azimuth in (90.0, 200.0))
+        await bridge.controller.perform(op.Goto(start.ra, start.dec))
+        await at_rest(bridge)
+        await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
+        await asyncio.sleep(0.2)
+        lost = sky.equatorial(op.Horizontal(95.0, -30.0))
+        bridge.sim.mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
+        low, _ = await at_rest(bridge)
+        assert low >= 19.5 and altitude(bridge.sim) < 50.0
 
 
 @pytest.mark.parametrize("written", [False, True])
-def test_another_clock_votes_on_altitudes_only_where_one_is_written(written: bool) -> None:
+async def test_another_clock_votes_on_altitudes_only_where_one_is_written(written: bool) -> None:
     """This computer is five hours slow: by night, nothing comes of it without a limit. T4 on an alt-az NexStar."""
-
-    async def program() -> None:
-        config = {"lowest": 15.0} if written else {}
-        async with Bridge("cpc", config=config, host_ahead=-5 * 3600.0, start=DAY + 12 * 3600.0) as bridge:
-            goal = bridge.controller.astrometry.equatorial(op.Horizontal(90.0, 30.0))
-            if written:
-                with pytest.raises(Contradicted):
-                    await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
-            else:
+    config = {"lowest": 15.0} if written else {}
+    async with Bridge("cpc", config=config, host_ahead=-5 * 3600.0, start=DAY + 12 * 3600.0) as bridge:
+        goal = bridge.controller.astrometry.equatorial(op.Horizontal(90.0, 30.0))
+        if written:
+            with pytest.raises(Contradicted):
                 await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
-
-    run(program())
+        else:
+            await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
 
 
 async def to_the_sun(bridge: Bridge) -> None:
@@ -173,15 +157,12 @@ def test_the_site_before_counts_however_small_the_steps_were_that_led_away() -> 
     assert known.former_site() == op.Place(45.0, -22.5), "the first one is too old"
 
 
-def test_a_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
-    async def program() -> None:
-        async with Bridge("cpc") as bridge:
-            for height, refused in ((-0.05, False), (-0.2, True)):
-                goal = bridge.controller.astrometry.equatorial(op.Horizontal(120.0, height))
-                if refused:
-                    with pytest.raises(BelowHorizon):
-                        await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))
-                else:
+async def test_a_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
+    async with Bridge("cpc") as bridge:
+        for height, refused in ((-0.05, False), (-0.2, True)):
+            goal = bridge.controller.astrometry.equatorial(op.Horizontal(120.0, height))
+            if refused:
+                with pytest.raises(BelowHorizon):
                     await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))
-
-    run(program())
+            else:
+                await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -31,98 +30,82 @@ def notes(bridge: Any) -> list[str]:
 
 @pytest.mark.parametrize(("version", "owner"), [(None, 0.2), (None, None), ("3.01", 0.2), ("4.10", 0.2)])
 @pytest.mark.safety_line(5)
-def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(version: str | None, owner: float | None) -> None:
+async def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(
+    version: str | None, owner: float | None
+) -> None:
     """Before 4.15 it tells by its declination axis on which side of the pier its tube is. Without a limit of the
     owner's a page sets one while the mount tracks."""
-
-    async def program() -> None:
-        async with Bridge("cge", version, config={"hour_angle_limit": owner}) as bridge:
-            client = bridge.client()
-            assert await client.ask(EAST, until=b"110") == b"110"
+    async with Bridge("cge", version, config={"hour_angle_limit": owner}) as bridge:
+        client = bridge.client()
+        assert await client.ask(EAST, until=b"110") == b"110"
+        await settle(client)
+        if owner is None:
+            bridge.controller.narrow(hour_angle=3.0)
+        assert version is not None or bridge.sim.feed(b"p") == b"W#"
+        await asyncio.sleep(720)  # 9 minutes past it
+        assert bridge.sim.tracking
+        await asyncio.sleep(360)
+        assert not bridge.sim.tracking
+        past = [note for note in notes(bridge) if "hour angle limit (" in note]  # and no word of a drift
+        assert len(past) == 1 and "0.20 hours past the meridian" in past[0]
+        for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
+            assert await client.ask(there, until=b"110") == b"110"
             await settle(client)
-            if owner is None:
-                bridge.controller.narrow(hour_angle=3.0)
-            assert version is not None or bridge.sim.feed(b"p") == b"W#"
-            await asyncio.sleep(720)  # 9 minutes past it
-            assert bridge.sim.tracking
-            await asyncio.sleep(360)
-            assert not bridge.sim.tracking
-            past = [note for note in notes(bridge) if "hour angle limit (" in note]  # and no word of a drift
-            assert len(past) == 1 and "0.20 hours past the meridian" in past[0]
-            for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
-                assert await client.ask(there, until=b"110") == b"110"
-                await settle(client)
-            assert bridge.sim.tracking
-
-    run(program())
+        assert bridge.sim.tracking
 
 
 @pytest.mark.safety_line(5)
-def test_without_the_setting_there_is_no_limit() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            assert await client.ask(EAST, until=b"110") == b"110"
-            await settle(client)
-            await asyncio.sleep(2400)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_without_the_setting_there_is_no_limit() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        assert await client.ask(EAST, until=b"110") == b"110"
+        await settle(client)
+        await asyncio.sleep(2400)
+        assert bridge.sim.tracking
 
 
-def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config={"hour_angle_limit": 4.5}) as bridge:
-            client = bridge.client()
-            bridge.sim.feed(b"T\x02")  # on a wedge, says its hand control
-            await asyncio.sleep(10)
-            assert await client.ask(b"\x06") == b"P"
-            assert await client.ask(FAR_EAST, until=NO) == NO
-            assert await client.ask(WEST, until=b"110") == b"110"
-            await settle(client)
-            await asyncio.sleep(900)
-            assert not bridge.sim.tracking
-            assert any("off at the hour angle limit" in note for note in notes(bridge))
-
-    run(program())
+async def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
+    async with Bridge("6-8se", config={"hour_angle_limit": 4.5}) as bridge:
+        client = bridge.client()
+        bridge.sim.feed(b"T\x02")  # on a wedge, says its hand control
+        await asyncio.sleep(10)
+        assert await client.ask(b"\x06") == b"P"
+        assert await client.ask(FAR_EAST, until=NO) == NO
+        assert await client.ask(WEST, until=b"110") == b"110"
+        await settle(client)
+        await asyncio.sleep(900)
+        assert not bridge.sim.tracking
+        assert any("off at the hour angle limit" in note for note in notes(bridge))
 
 
 @pytest.mark.parametrize("latitude", [45.0, -35.0])
 @pytest.mark.parametrize("version", ["4.10", "5.24", "5.31"])
-def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None:
+async def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None:
     """In the south some versions swap the letters: no letter is neither."""
-
-    async def program() -> None:
-        async with Bridge("cge" if version == "4.10" else "cgem", version, site=(latitude, 10.0)) as bridge:
-            assert bridge.driver.tube_side("") is None
-            assert {bridge.driver.tube_side("E"), bridge.driver.tube_side("W")} == {"E", "W"}
-
-    run(program())
+    async with Bridge("cge" if version == "4.10" else "cgem", version, site=(latitude, 10.0)) as bridge:
+        assert bridge.driver.tube_side("") is None
+        assert {bridge.driver.tube_side("E"), bridge.driver.tube_side("W")} == {"E", "W"}
 
 
 @pytest.mark.parametrize(("mount", "site"), [("cge", (45.0, 10.0)), ("cgx", (-35.0, 10.0))])
 @pytest.mark.parametrize(
     "asked", [b"b%08X,%08X" % (340 * 2**32 // 360, 40 * 2**32 // 360), b"BEAAB,238E", b"P\x04\x10\x02\xea\xaa\xab\x00"]
 )
-def test_axis_gotos_come_no_farther_past_the_meridian_than_allowed(
+async def test_axis_gotos_come_no_farther_past_the_meridian_than_allowed(
     mount: str, site: tuple[float, float], asked: bytes
 ) -> None:
     """340 and 330 degrees of the first axis: the counterweight shaft 20 and 30 degrees above level. AUX 0x02, too."""
-
-    async def program() -> None:
-        config = {"hour_angle_limit": 0.5, "lowest": -90.0, "sun": 0.0}
-        async with Bridge(mount, site=site, presented="nexstar", surface=mount, config=config) as bridge:
-            client = bridge.client()
-            await client.ask(asked, 3.0)
-            worst = -180.0
-            rested = 0
-            for _ in range(120):
-                await asyncio.sleep(0.5)
-                client.tell(b"e")
-                seen = truth_of(bridge.sim)
-                worst, rested = max(worst, seen.past_meridian), 0 if seen.moving else rested + 1
-                if rested == 8:
-                    break
-            assert worst < 7.5 + 0.5, worst
-
-    run(program())
+    config = {"hour_angle_limit": 0.5, "lowest": -90.0, "sun": 0.0}
+    async with Bridge(mount, site=site, presented="nexstar", surface=mount, config=config) as bridge:
+        client = bridge.client()
+        await client.ask(asked, 3.0)
+        worst = -180.0
+        rested = 0
+        for _ in range(120):
+            await asyncio.sleep(0.5)
+            client.tell(b"e")
+            seen = truth_of(bridge.sim)
+            worst, rested = max(worst, seen.past_meridian), 0 if seen.moving else rested + 1
+            if rested == 8:
+                break
+        assert worst < 7.5 + 0.5, worst

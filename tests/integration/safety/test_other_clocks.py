@@ -16,18 +16,15 @@ SLIPS = {"mount": Slip(told=-HOUR), "computer": Slip(computer=HOUR)}
 @pytest.mark.parametrize("wrong", SLIPS)
 @pytest.mark.parametrize("kind", ["cge", "onstep", "autostar", "alpaca polar"])
 @pytest.mark.safety_line(3)
-def test_an_arrow_keeps_a_written_limit_by_every_clock(kind: str, wrong: str) -> None:
-    async def program() -> None:
-        async with World(kind, (45.0, 10.0), EVENING, SLIPS[wrong], {"lowest": 20.0}) as world:
-            assert await goes(world, 255.0, 45.0)
-            for letter in "wsss":
-                await arrow(world, letter, 6.0, "RM" if letter == "w" else "RS")
-                there = world.mechanics.truth(world.now)
-                heights = [altitude_at(world.site, *there, world.now + ahead) for ahead in (0.0, world.slip.computer)]
-                assert min(heights) > 20.0 - LOW
-            assert min(heights) < 30.0
-
-    run(program())
+async def test_an_arrow_keeps_a_written_limit_by_every_clock(kind: str, wrong: str) -> None:
+    async with World(kind, (45.0, 10.0), EVENING, SLIPS[wrong], {"lowest": 20.0}) as world:
+        assert await goes(world, 255.0, 45.0)
+        for letter in "wsss":
+            await arrow(world, letter, 6.0, "RM" if letter == "w" else "RS")
+            there = world.mechanics.truth(world.now)
+            heights = [altitude_at(world.site, *there, world.now + ahead) for ahead in (0.0, world.slip.computer)]
+            assert min(heights) > 20.0 - LOW
+        assert min(heights) < 30.0
 
 
 @pytest.mark.parametrize("kind", ["cge", "teenastro", "lx200gps polar"])

@@ -49,22 +49,18 @@ def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -
 
 
 @pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
-def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
+async def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
     """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
-
-    async def program() -> None:
-        async with Bridge(mount, version) as bridge:
-            client = bridge.client()
-            client.tell(b":hP#")
-            await at_rest(bridge, most=90.0)
-            assert not truth_of(bridge.sim).tracking
-            client.tell(b":hW#")
-            for _ in range(20):
-                await client.ask(b":GR#")
-                await asyncio.sleep(1.0)
-            assert truth_of(bridge.sim).tracking, notes(bridge)
-
-    run(program())
+    async with Bridge(mount, version) as bridge:
+        client = bridge.client()
+        client.tell(b":hP#")
+        await at_rest(bridge, most=90.0)
+        assert not truth_of(bridge.sim).tracking
+        client.tell(b":hW#")
+        for _ in range(20):
+            await client.ask(b":GR#")
+            await asyncio.sleep(1.0)
+        assert truth_of(bridge.sim).tracking, notes(bridge)
 
 
 def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:
@@ -81,20 +77,16 @@ def test_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
     assert any("Write park = [AZ, ALT]" in line for line in said)
 
 
-def test_a_park_that_is_refused_can_be_read_back() -> None:
+async def test_a_park_that_is_refused_can_be_read_back() -> None:
     """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": 50.0}) as bridge:
-            client = bridge.client()
-            client.tell(b":hS#")
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":h?#") == b"1"
-            client.tell(b":hP#")
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":h?#") == b"0"
-
-    run(program())
+    async with Bridge("cge", config={"lowest": 50.0}) as bridge:
+        client = bridge.client()
+        client.tell(b":hS#")
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":h?#") == b"1"
+        client.tell(b":hP#")
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":h?#") == b"0"
 
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])

@@ -15,7 +15,6 @@ from gateway.app.mount_state import mount_state
 from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -76,65 +75,53 @@ GOALS = [(-45.0, 30.0), (15.0, 50.0), (75.0, 40.0), (-3.0, 20.0), (170.0, 75.0),
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(5)
 @pytest.mark.sampled(2)
-def test_arrows_come_no_farther_past_the_meridian_than_allowed(name: str, latitude: float, way: str) -> None:
-    async def program() -> None:
-        async with bridge_to(name, latitude) as bridge:
-            up = 1.0 if latitude > 0 else -1.0
-            begin = {"west": -30.0, "east": 30.0, "under the pole": 150.0}.get(way, 40.0)
-            await goto(bridge, begin, up * 70.0)
-            worst = -90.0
-            if way.startswith("over"):
-                over = NORTH if latitude > 0 else SOUTH
-                worst = max(worst, await hold(bridge, over, seconds=12.0))
-                await asyncio.sleep(3.0)
-            west = way in ("west", "under the pole") or way.endswith("then west")
-            worst = max(worst, await hold(bridge, WEST if west else EAST, seconds=60.0))
-            assert LIMIT - REACHED <= worst <= LIMIT + RUN_ON
-
-    run(program())
+async def test_arrows_come_no_farther_past_the_meridian_than_allowed(name: str, latitude: float, way: str) -> None:
+    async with bridge_to(name, latitude) as bridge:
+        up = 1.0 if latitude > 0 else -1.0
+        begin = {"west": -30.0, "east": 30.0, "under the pole": 150.0}.get(way, 40.0)
+        await goto(bridge, begin, up * 70.0)
+        worst = -90.0
+        if way.startswith("over"):
+            over = NORTH if latitude > 0 else SOUTH
+            worst = max(worst, await hold(bridge, over, seconds=12.0))
+            await asyncio.sleep(3.0)
+        west = way in ("west", "under the pole") or way.endswith("then west")
+        worst = max(worst, await hold(bridge, WEST if west else EAST, seconds=60.0))
+        assert LIMIT - REACHED <= worst <= LIMIT + RUN_ON
 
 
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(5)
 @pytest.mark.sampled(2)
-def test_gotos_go_anywhere_because_the_mount_changes_sides(name: str, latitude: float) -> None:
-    async def program() -> None:
-        async with bridge_to(name, latitude) as bridge:
-            up = 1.0 if latitude > 0 else -1.0
-            for hour_angle, dec in GOALS:
-                await goto(bridge, hour_angle, up * dec)
-                past = truth_of(bridge.sim).past_meridian
-                assert past is not None and past <= LIMIT
-
-    run(program())
+async def test_gotos_go_anywhere_because_the_mount_changes_sides(name: str, latitude: float) -> None:
+    async with bridge_to(name, latitude) as bridge:
+        up = 1.0 if latitude > 0 else -1.0
+        for hour_angle, dec in GOALS:
+            await goto(bridge, hour_angle, up * dec)
+            past = truth_of(bridge.sim).past_meridian
+            assert past is not None and past <= LIMIT
 
 
 @pytest.mark.parametrize(("name", "latitude"), [("onstep", 45.0), ("teenastro", -33.0), ("alpaca", 45.0)])
-def test_tracking_ends_at_the_limit(name: str, latitude: float) -> None:
-    async def program() -> None:
-        async with bridge_to(name, latitude) as bridge:
-            await goto(bridge, -1.0, 20.0)
-            await asyncio.sleep(3600.0)
-            past = truth_of(bridge.sim).past_meridian
-            assert past is not None and LIMIT - 1.0 <= past <= LIMIT + 0.2
-            assert not bridge.sim.tracking
-
-    run(program())
+async def test_tracking_ends_at_the_limit(name: str, latitude: float) -> None:
+    async with bridge_to(name, latitude) as bridge:
+        await goto(bridge, -1.0, 20.0)
+        await asyncio.sleep(3600.0)
+        past = truth_of(bridge.sim).past_meridian
+        assert past is not None and LIMIT - 1.0 <= past <= LIMIT + 0.2
+        assert not bridge.sim.tracking
 
 
-def test_a_side_that_is_no_longer_told_is_the_last_one() -> None:
-    async def program() -> None:
-        async with bridge_to("alpaca", 45.0) as bridge:
-            await goto(bridge, -1.0, 20.0)
-            await asyncio.sleep(20.0)
-            sim: Any = bridge.sim
-            sim.lacks = frozenset({"sideofpier"})
-            await asyncio.sleep(3600.0)
-            past = truth_of(bridge.sim).past_meridian
-            assert past is not None and past <= LIMIT + 0.2
-
-    run(program())
+async def test_a_side_that_is_no_longer_told_is_the_last_one() -> None:
+    async with bridge_to("alpaca", 45.0) as bridge:
+        await goto(bridge, -1.0, 20.0)
+        await asyncio.sleep(20.0)
+        sim: Any = bridge.sim
+        sim.lacks = frozenset({"sideofpier"})
+        await asyncio.sleep(3600.0)
+        past = truth_of(bridge.sim).past_meridian
+        assert past is not None and past <= LIMIT + 0.2
 
 
 @pytest.mark.parametrize(
@@ -144,20 +131,16 @@ def test_a_side_that_is_no_longer_told_is_the_last_one() -> None:
         ("alpaca", "polar", True), ("lx200", "autostar", False), ("alpaca", "german", False),
     ],
 )  # fmt: skip
-def test_a_mount_on_which_the_limit_is_not_kept_is_named(driven: str, model: str, kept: bool) -> None:
+async def test_a_mount_on_which_the_limit_is_not_kept_is_named(driven: str, model: str, kept: bool) -> None:
     """An Autostar on a wedge may be a German mount, and this server tells no side of the pier."""
-
-    async def program() -> None:
-        lacks = {"lacks": frozenset({"sideofpier"})} if model == "german" else {}
-        config = {"hour_angle_limit": HOURS, "sun": 0.0}
-        async with Bridge(model, driven=driven, config=config, simulated=lacks) as bridge:
-            if model == "autostar":
-                bridge.sim.letter = "P"  # type: ignore[attr-defined]
-                bridge.sim.mechanics.rebuild(bridge.clock(), Build.WEDGE)
-                await asyncio.sleep(20.0)
-            controller = bridge.controller
-            at_start = [one.text for one in first_messages(controller, None, None)]
-            for shown in (mount_state(controller).drawn().allowed, at_start):
-                assert bool([words for words in shown if "no effect on this mount" in words]) is not kept
-
-    run(program())
+    lacks = {"lacks": frozenset({"sideofpier"})} if model == "german" else {}
+    config = {"hour_angle_limit": HOURS, "sun": 0.0}
+    async with Bridge(model, driven=driven, config=config, simulated=lacks) as bridge:
+        if model == "autostar":
+            bridge.sim.letter = "P"  # type: ignore[attr-defined]
+            bridge.sim.mechanics.rebuild(bridge.clock(), Build.WEDGE)
+            await asyncio.sleep(20.0)
+        controller = bridge.controller
+        at_start = [one.text for one in first_messages(controller, None, None)]
+        for shown in (mount_state(controller).drawn().allowed, at_start):
+            assert bool([words for words in shown if "no effect on this mount" in words]) is not kept

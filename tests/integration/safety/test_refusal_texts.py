@@ -105,62 +105,51 @@ def test_no_goal_that_is_up_is_said_to_be_low(why: str) -> None:
 
 
 @pytest.mark.parametrize("why", ["another site", "another clock", "the Sun of another clock", "the pier", "the way"])
-def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> None:
+async def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> None:
     mount, config, ahead, start = REFUSING[why]
-
-    async def program() -> None:
-        async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
-            sky, said = bridge.sim.mechanics.sky, set()
-            lowest = config.get("lowest", 0.0)
-            for hour_angle in range(-170, 180, 20):
-                for dec in range(-40, 90, 25):
-                    ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                    up = (bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0] or 0.0) > lowest + 0.1
-                    try:
-                        await bridge.controller.admission.admit(op.Goto(ra, float(dec)))
-                    except Fault as fault:
-                        words = explain(fault, bridge.controller.policy.limits)
-                        if up:
-                            assert "lowest" not in words, words
-                        if "differ by" in words or "says" in words:
-                            assert "Correct the one that is wrong" in words and (" km " in words or "differ" in words)
-                        said.add(type(fault))
-            assert said
-
-    run(program())
+    async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
+        sky, said = bridge.sim.mechanics.sky, set()
+        lowest = config.get("lowest", 0.0)
+        for hour_angle in range(-170, 180, 20):
+            for dec in range(-40, 90, 25):
+                ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
+                up = (bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0] or 0.0) > lowest + 0.1
+                try:
+                    await bridge.controller.admission.admit(op.Goto(ra, float(dec)))
+                except Fault as fault:
+                    words = explain(fault, bridge.controller.policy.limits)
+                    if up:
+                        assert "lowest" not in words, words
+                    if "differ by" in words or "says" in words:
+                        assert "Correct the one that is wrong" in words and (" km " in words or "differ" in words)
+                    said.add(type(fault))
+        assert said
 
 
-def test_the_warning_at_the_start_names_both_values_and_how_to_set_each() -> None:
-    async def program() -> None:
-        async with Bridge("cge", config={"site": (10.0, 80.0)}) as bridge:
-            await asyncio.sleep(2.0)
-            [warning] = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount stands")]
-            for words in ("45.0 N 10.0 E", "10.0 N 80.0 E", "at its hand control", "the key site"):
-                assert words in warning
-
-    run(program())
+async def test_the_warning_at_the_start_names_both_values_and_how_to_set_each() -> None:
+    async with Bridge("cge", config={"site": (10.0, 80.0)}) as bridge:
+        await asyncio.sleep(2.0)
+        [warning] = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount stands")]
+        for words in ("45.0 N 10.0 E", "10.0 N 80.0 E", "at its hand control", "the key site"):
+            assert words in warning
 
 
 @pytest.mark.parametrize("lowest", [None, 15.0])
-def test_a_goal_that_is_low_is_told_with_its_altitude_and_when_it_rises(lowest: float | None) -> None:
+async def test_a_goal_that_is_low_is_told_with_its_altitude_and_when_it_rises(lowest: float | None) -> None:
     """To programs in the form of a Meade, to people with values."""
-
-    async def program() -> None:
-        config = {} if lowest is None else {"lowest": lowest}
-        async with Bridge("cge", config=config) as bridge:
-            sky, height = bridge.controller.astrometry, lowest or 0.0
-            goal = sky.equatorial(op.Horizontal(95.0, height - 6.0))
-            with pytest.raises(errors.BelowHorizon) as refused:
-                await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))
-            told = re.search(rf"\({height - 6.0:.0f}°\)\. It rises at (\d\d):(\d\d)", str(refused.value))
-            assert told is not None and refused.value.brief.startswith("Object Below")
-            minutes = (int(told[1]) * 60 + int(told[2]) - 22 * 60) % 1440
-            place = bridge.controller.astrometry.place()
-            then = bridge.clock() + minutes * 60.0
-            rises = sky.sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, then)[1]
-            assert rises == pytest.approx(height, abs=0.3)
-
-    run(program())
+    config = {} if lowest is None else {"lowest": lowest}
+    async with Bridge("cge", config=config) as bridge:
+        sky, height = bridge.controller.astrometry, lowest or 0.0
+        goal = sky.equatorial(op.Horizontal(95.0, height - 6.0))
+        with pytest.raises(errors.BelowHorizon) as refused:
+            await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))
+        told = re.search(rf"\({height - 6.0:.0f}°\)\. It rises at (\d\d):(\d\d)", str(refused.value))
+        assert told is not None and refused.value.brief.startswith("Object Below")
+        minutes = (int(told[1]) * 60 + int(told[2]) - 22 * 60) % 1440
+        place = bridge.controller.astrometry.place()
+        then = bridge.clock() + minutes * 60.0
+        rises = sky.sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, then)[1]
+        assert rises == pytest.approx(height, abs=0.3)
 
 
 def test_the_terminal_of_run_shows_a_refusal_in_one_line_without_a_log() -> None:

@@ -72,177 +72,149 @@ async def nearest(bridge: Any, seconds: float, done: Callable[[], bool] = lambda
     ],
 )
 @pytest.mark.safety_line(4)
-def test_gotos_of_an_lx200_program_on_a_fork(start: float, config: dict[str, Any], asked: bytes, reply: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=start, config=config) as bridge:
-            assert await bridge.client().ask(asked, until=reply) == reply
-            went = [sent for sent in bridge.sent() if sent[:1] in b"rb"]
-            assert bool(went) == (reply == b"110")
+async def test_gotos_of_an_lx200_program_on_a_fork(
+    start: float, config: dict[str, Any], asked: bytes, reply: bytes
+) -> None:
+    async with Bridge("6-8se", start=start, config=config) as bridge:
+        assert await bridge.client().ask(asked, until=reply) == reply
+        went = [sent for sent in bridge.sent() if sent[:1] in b"rb"]
+        assert bool(went) == (reply == b"110")
 
-    run(program())
+
+async def test_a_nexstar_program_sees_no_motion_and_the_log_says_why() -> None:
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"r40000000,10AA0000") == b"#"  # 6h, +23.4
+        await asyncio.sleep(1)
+        assert await client.ask(b"L") == b"0#"
+        assert "Goto: Too close to the Sun." in notes(bridge)
+        assert b":MS#" not in bridge.sent()
+        assert await client.ask(b"b38E38E00,310F6C00") == b"#"  # azimuth 80, altitude 69
+        await asyncio.sleep(1)
+        assert await client.ask(b"L") == b"0#"
+        assert "way there passes too close" in notes(bridge)
+        assert await client.ask(b"r40000000,01BB0000") == b"#"  # 6h, +2.4
+        await asyncio.sleep(1)
+        assert await client.ask(b"L") == b"1#"
 
 
-def test_a_nexstar_program_sees_no_motion_and_the_log_says_why() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"r40000000,10AA0000") == b"#"  # 6h, +23.4
+async def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
+    async with Bridge("cge", start=JUNE) as bridge:
+        client = bridge.client()
+        east = b":Sr09:38:00#:Sd+23*00:00#:MS#"  # five hours before the meridian
+        assert await client.ask(east, until=b"110") == b"110"
+        while await client.ask(b":D#") == b"\x7f#":
             await asyncio.sleep(1)
-            assert await client.ask(b"L") == b"0#"
-            assert "Goto: Too close to the Sun." in notes(bridge)
-            assert b":MS#" not in bridge.sent()
-            assert await client.ask(b"b38E38E00,310F6C00") == b"#"  # azimuth 80, altitude 69
-            await asyncio.sleep(1)
-            assert await client.ask(b"L") == b"0#"
-            assert "way there passes too close" in notes(bridge)
-            assert await client.ask(b"r40000000,01BB0000") == b"#"  # 6h, +2.4
-            await asyncio.sleep(1)
-            assert await client.ask(b"L") == b"1#"
-
-    run(program())
+        before_meridian = b":Sr04:45:00#:Sd+00*00:00#:MS#"  # on the same side of the pier: past the Sun
+        assert await client.ask(before_meridian, until=NO_WAY) == NO_WAY
+        beyond = b":Sr04:00:00#:Sd+40*00:00#:MS#"  # on the other side: by way of the pole
+        assert await client.ask(beyond, until=b"110") == b"110"
+        assert await nearest(bridge, 120) >= 20.0
 
 
-def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
-    async def program() -> None:
-        async with Bridge("cge", start=JUNE) as bridge:
-            client = bridge.client()
-            east = b":Sr09:38:00#:Sd+23*00:00#:MS#"  # five hours before the meridian
-            assert await client.ask(east, until=b"110") == b"110"
-            while await client.ask(b":D#") == b"\x7f#":
-                await asyncio.sleep(1)
-            before_meridian = b":Sr04:45:00#:Sd+00*00:00#:MS#"  # on the same side of the pier: past the Sun
-            assert await client.ask(before_meridian, until=NO_WAY) == NO_WAY
-            beyond = b":Sr04:00:00#:Sd+40*00:00#:MS#"  # on the other side: by way of the pole
-            assert await client.ask(beyond, until=b"110") == b"110"
-            assert await nearest(bridge, 120) >= 20.0
-
-    run(program())
-
-
-def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_and_can_be_taken_back() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=JUNE, latency=0.05, config={"sun": 0.0}) as bridge:
-            client, controller = bridge.client(), bridge.controller
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(1.0)
-            for wanted in (25.0, None, 25.0):
-                era = controller.suns.era
-                controller.narrow(sun=wanted)
-                assert bool(controller.suns.to_avoid()) is bool(wanted), "at once"
-                assert controller.suns.era != era, "what was measured before is not compared with what comes"
-                await asyncio.sleep(0.8)
-            assert 25.0 <= await nearest(bridge, 60) < 35.0
-            assert not controller.moving
-            controller.narrow()
-            client.tell(b":Me#")
-            assert await nearest(bridge, 10, done=lambda: distance(bridge) < 24.0) < 24.0
-            controller.narrow(sun=25.0)
-            await asyncio.sleep(2.0)
-            assert not controller.moving
-
-    run(program())
+async def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_and_can_be_taken_back() -> None:
+    async with Bridge("6-8se", start=JUNE, latency=0.05, config={"sun": 0.0}) as bridge:
+        client, controller = bridge.client(), bridge.controller
+        client.tell(b":RS#:Me#")
+        await asyncio.sleep(1.0)
+        for wanted in (25.0, None, 25.0):
+            era = controller.suns.era
+            controller.narrow(sun=wanted)
+            assert bool(controller.suns.to_avoid()) is bool(wanted), "at once"
+            assert controller.suns.era != era, "what was measured before is not compared with what comes"
+            await asyncio.sleep(0.8)
+        assert 25.0 <= await nearest(bridge, 60) < 35.0
+        assert not controller.moving
+        controller.narrow()
+        client.tell(b":Me#")
+        assert await nearest(bridge, 10, done=lambda: distance(bridge) < 24.0) < 24.0
+        controller.narrow(sun=25.0)
+        await asyncio.sleep(2.0)
+        assert not controller.moving
 
 
 @pytest.mark.parametrize(("latency", "rate"), [(0.05, b":RS#"), (0.2, b":RS#"), (0.2, b":RM#")])
 @pytest.mark.safety_line(4)
-def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, rate: bytes) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=JUNE, latency=latency) as bridge:
-            client = bridge.client()
-            client.tell(rate + b":Me#")  # azimuth falls, towards the Sun
-            least = await nearest(bridge, 60)
-            assert 20.0 <= least < 20.0 + 2 * 5.0, least
-            assert not bridge.controller.moving
-            client.tell(b":Mw#")
-            await asyncio.sleep(2)
-            assert distance(bridge) > least + 0.3
-            client.tell(b":Q#")
-
-    run(program())
+async def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, rate: bytes) -> None:
+    async with Bridge("6-8se", start=JUNE, latency=latency) as bridge:
+        client = bridge.client()
+        client.tell(rate + b":Me#")  # azimuth falls, towards the Sun
+        least = await nearest(bridge, 60)
+        assert 20.0 <= least < 20.0 + 2 * 5.0, least
+        assert not bridge.controller.moving
+        client.tell(b":Mw#")
+        await asyncio.sleep(2)
+        assert distance(bridge) > least + 0.3
+        client.tell(b":Q#")
 
 
-def test_a_nexstar_program_by_hand_on_a_meade() -> None:
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"
-            least = await nearest(bridge, 30)
-            assert 20.0 <= least < 31.0, least
-            assert b":Q#" in bridge.sent() or "Too close to the Sun" in notes(bridge)
-            assert not bridge.controller.moving
-
-    run(program())
+async def test_a_nexstar_program_by_hand_on_a_meade() -> None:
+    async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"
+        least = await nearest(bridge, 30)
+        assert 20.0 <= least < 31.0, least
+        assert b":Q#" in bridge.sent() or "Too close to the Sun" in notes(bridge)
+        assert not bridge.controller.moving
 
 
-def test_a_hand_control_without_pass_through_takes_no_further_step() -> None:
-    async def program() -> None:
-        config = {"site": (45.0, 10.0), "mode": "alt-az"}
-        async with Bridge("nexstar-gps", "1.2", start=JUNE, config=config) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
-            assert await nearest(bridge, 40) >= 18.0
-            assert not bridge.controller.moving
-            before = len([sent for sent in bridge.sent() if sent[:1] == b"R"])
-            await asyncio.sleep(5)
-            assert len([sent for sent in bridge.sent() if sent[:1] == b"R"]) == before
-
-    run(program())
+async def test_a_hand_control_without_pass_through_takes_no_further_step() -> None:
+    config = {"site": (45.0, 10.0), "mode": "alt-az"}
+    async with Bridge("nexstar-gps", "1.2", start=JUNE, config=config) as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
+        assert await nearest(bridge, 40) >= 18.0
+        assert not bridge.controller.moving
+        before = len([sent for sent in bridge.sent() if sent[:1] == b"R"])
+        await asyncio.sleep(5)
+        assert len([sent for sent in bridge.sent() if sent[:1] == b"R"]) == before
 
 
 @pytest.mark.safety_line(4)
-def test_motion_at_the_keypad_is_stopped_while_somebody_polls() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=JUNE, latency=0.1) as bridge:
-            client = bridge.client()
-            for turn in range(60):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.25)
-                if turn == 8:
-                    bridge.sim.mechanics.set_rate(bridge.clock(), 1, -4.0)
-                assert distance(bridge) >= 19.5
-            assert "stopped at the Sun" in notes(bridge)
-
-    run(program())
+async def test_motion_at_the_keypad_is_stopped_while_somebody_polls() -> None:
+    async with Bridge("6-8se", start=JUNE, latency=0.1) as bridge:
+        client = bridge.client()
+        for turn in range(60):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.25)
+            if turn == 8:
+                bridge.sim.mechanics.set_rate(bridge.clock(), 1, -4.0)
+            assert distance(bridge) >= 19.5
+        assert "stopped at the Sun" in notes(bridge)
 
 
-def test_who_is_inside_the_circle_can_get_out_and_not_nearer() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=MARCH) as bridge:
-            client = bridge.client()
-            await client.ask(b":GR#")
-            assert distance(bridge) < 1.0
-            client.tell(b":RM#:Ms#")
-            await asyncio.sleep(8)
-            client.tell(b":Qs#")
-            await asyncio.sleep(1)
-            out = distance(bridge)
-            assert 5.0 < out < 20.0
-            client.tell(b":Mn#")
-            assert await nearest(bridge, 10) > out - 2.0
-            assert not bridge.controller.moving
-            reply = await client.ask(b":Sr21:30:00#:Sd+00*00:00#:MS#", until=b"110")
-            assert reply == b"110"
-            while await client.ask(b":D#") == b"\x7f#":
-                assert distance(bridge) > out - 1.0
-                await asyncio.sleep(0.5)
-            assert distance(bridge) > 30.0
-
-    run(program())
-
-
-def test_a_goto_that_takes_another_way_is_stopped_too() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", start=JUNE) as bridge:
-            client = bridge.client()
-            assert await client.ask(FAR_ENOUGH, until=b"110") == b"110"
+async def test_who_is_inside_the_circle_can_get_out_and_not_nearer() -> None:
+    async with Bridge("6-8se", start=MARCH) as bridge:
+        client = bridge.client()
+        await client.ask(b":GR#")
+        assert distance(bridge) < 1.0
+        client.tell(b":RM#:Ms#")
+        await asyncio.sleep(8)
+        client.tell(b":Qs#")
+        await asyncio.sleep(1)
+        out = distance(bridge)
+        assert 5.0 < out < 20.0
+        client.tell(b":Mn#")
+        assert await nearest(bridge, 10) > out - 2.0
+        assert not bridge.controller.moving
+        reply = await client.ask(b":Sr21:30:00#:Sd+00*00:00#:MS#", until=b"110")
+        assert reply == b"110"
+        while await client.ask(b":D#") == b"\x7f#":
+            assert distance(bridge) > out - 1.0
             await asyncio.sleep(0.5)
-            now = bridge.clock()
-            bridge.sim.mechanics.goto_sky(now, *SKY.sun(now))  # as if the cable were wrapped round the other way
-            assert await nearest(bridge, 60) > 14.0
-            assert not bridge.controller.moving
-            assert "stopped at the Sun" in notes(bridge)
+        assert distance(bridge) > 30.0
 
-    run(program())
+
+async def test_a_goto_that_takes_another_way_is_stopped_too() -> None:
+    async with Bridge("6-8se", start=JUNE) as bridge:
+        client = bridge.client()
+        assert await client.ask(FAR_ENOUGH, until=b"110") == b"110"
+        await asyncio.sleep(0.5)
+        now = bridge.clock()
+        bridge.sim.mechanics.goto_sky(now, *SKY.sun(now))  # as if the cable were wrapped round the other way
+        assert await nearest(bridge, 60) > 14.0
+        assert not bridge.controller.moving
+        assert "stopped at the Sun" in notes(bridge)
 
 
 def test_both_suns_count_when_the_dates_differ() -> None:
@@ -262,64 +234,49 @@ def test_both_suns_count_when_the_dates_differ() -> None:
     assert EVENING < MARCH < JUNE
 
 
-def test_without_a_date_the_log_warns_once() -> None:
-    async def program() -> None:
-        async with Bridge("gt", "104.0", start=JUNE, config={"site": (45.0, 10.0), "mode": "alt-az"}) as bridge:
-            bridge.site_clock.mount_clock = None
-            client = bridge.client()
-            for _ in range(2):
-                assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
-            assert notes(bridge).count("WARNING: the mount has reported no date") == 1
-
-    run(program())
+async def test_without_a_date_the_log_warns_once() -> None:
+    async with Bridge("gt", "104.0", start=JUNE, config={"site": (45.0, 10.0), "mode": "alt-az"}) as bridge:
+        bridge.site_clock.mount_clock = None
+        client = bridge.client()
+        for _ in range(2):
+            assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
+        assert notes(bridge).count("WARNING: the mount has reported no date") == 1
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "evolution"), ("lx200", "lx200gps")])
-def test_the_way_to_the_zenith_is_the_way_of_the_axes(driven: str, model: str) -> None:
+async def test_the_way_to_the_zenith_is_the_way_of_the_axes(driven: str, model: str) -> None:
     """The azimuth that was asked for counts, though every azimuth is the same place there."""
-
-    async def program() -> None:
-        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", start=JUNE) as bridge:
-            await bridge.client().ask(b"b6D82D800,40000000")  # azimuth 154, the zenith
-            await asyncio.sleep(1.0)
-            assert "way there passes too close" in notes(bridge)
-            assert await nearest(bridge, 12.0) > 25.0
-
-    run(program())
+    async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", start=JUNE) as bridge:
+        await bridge.client().ask(b"b6D82D800,40000000")  # azimuth 154, the zenith
+        await asyncio.sleep(1.0)
+        assert "way there passes too close" in notes(bridge)
+        assert await nearest(bridge, 12.0) > 25.0
 
 
-def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_there() -> None:
+async def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_there() -> None:
     """Its hand control tells the side by the goal; a newer goto begins where the tube is."""
-
-    async def program() -> None:
-        config = {"mode": "eq-north"}
-        async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:
-            controller = bridge.controller
-            await controller.perform(op.Goto(355.2, 64.0))
-            while controller.slewing:
-                await asyncio.sleep(0.5)
-            await controller.perform(op.Goto(143.9, 14.0))
-            await asyncio.sleep(5.0)
-            with pytest.raises(NearSun):
-                await controller.perform(op.Goto(96.5, -41.3))
-
-    run(program())
+    config = {"mode": "eq-north"}
+    async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:
+        controller = bridge.controller
+        await controller.perform(op.Goto(355.2, 64.0))
+        while controller.slewing:
+            await asyncio.sleep(0.5)
+        await controller.perform(op.Goto(143.9, 14.0))
+        await asyncio.sleep(5.0)
+        with pytest.raises(NearSun):
+            await controller.perform(op.Goto(96.5, -41.3))
 
 
 @pytest.mark.parametrize("latency", [0.05, 0.2])
-def test_a_goto_whose_first_axis_was_ended_goes_no_nearer_to_the_sun(latency: float) -> None:
+async def test_a_goto_whose_first_axis_was_ended_goes_no_nearer_to_the_sun(latency: float) -> None:
     """The second axis alone would take another way than the one that was checked: it is ended as well."""
-
-    async def program() -> None:
-        async with Bridge("evolution", start=JUNE, latency=latency) as bridge:
-            controller, client = bridge.controller, bridge.client()
-            await controller.perform(op.GotoHorizontal(165.3, 35.6))
-            while controller.slewing:
-                await asyncio.sleep(0.5)
-            await controller.perform(op.GotoHorizontal(288.0, 60.0))
+    async with Bridge("evolution", start=JUNE, latency=latency) as bridge:
+        controller, client = bridge.controller, bridge.client()
+        await controller.perform(op.GotoHorizontal(165.3, 35.6))
+        while controller.slewing:
             await asyncio.sleep(0.5)
-            client.tell(b":Qe#")
-            assert await nearest(bridge, 12.0) >= 20.0
-            assert not bridge.sim.slewing
-
-    run(program())
+        await controller.perform(op.GotoHorizontal(288.0, 60.0))
+        await asyncio.sleep(0.5)
+        client.tell(b":Qe#")
+        assert await nearest(bridge, 12.0) >= 20.0
+        assert not bridge.sim.slewing

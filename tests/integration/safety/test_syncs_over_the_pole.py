@@ -96,110 +96,92 @@ async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float
 
 @pytest.mark.parametrize(("mount", "driven", "build"), FORKS)
 @pytest.mark.safety_line(8)
-def test_of_a_fork_both_ways_count(mount: str, driven: str, build: Build) -> None:
-    async def program() -> None:
-        async with standing(mount, driven=driven, start=DAY) as bridge:
-            await near_the_pole(bridge, driven, build, 80.0)
-            await over(bridge, 5.0)
-            why, turned = await synced(bridge, 4.0)
-            assert not why
-            assert counted(bridge, turned, 1.0)
-            assert len(bridge.controller.synced.value.axes) == 2
-
-    run(program())
+async def test_of_a_fork_both_ways_count(mount: str, driven: str, build: Build) -> None:
+    async with standing(mount, driven=driven, start=DAY) as bridge:
+        await near_the_pole(bridge, driven, build, 80.0)
+        await over(bridge, 5.0)
+        why, turned = await synced(bridge, 4.0)
+        assert not why
+        assert counted(bridge, turned, 1.0)
+        assert len(bridge.controller.synced.value.axes) == 2
 
 
 @pytest.mark.parametrize("by", [b":RS#", b":RM#", b"guide pulse"])
 @pytest.mark.parametrize(("mount", "build"), [
     ("lx200gps", Build.WEDGE), ("lx200", Build.WEDGE), ("autostar", Build.GERMAN),
 ])  # fmt: skip
-def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, build: Build, by: bytes) -> None:
+async def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, build: Build, by: bytes) -> None:
     """It does not tell its axes; its right ascension is another by half a circle then, and back when it is back."""
-
-    async def program() -> None:
-        async with standing(mount, driven="lx200", start=DAY) as bridge:
-            client, mechanics = bridge.client(), bridge.sim.mechanics
-            await near_the_pole(bridge, "lx200", build, 89.995 if by == b"guide pulse" else 80.0)
-            if by == b"guide pulse":
-                client.tell(b":Mgn4300#")
-                await asyncio.sleep(8.0)
-            else:
-                await over(bridge, 0.02, by)
-            assert mechanics.axes(bridge.clock())[1] > 90.005
-            assert not bridge.controller.watch.observed.upright
-            client.tell(by + b":Ms#" if by != b"guide pulse" else b":Mgs9000#")
-            for _ in range(60):
-                client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] > 89.98 else b":Q#:GR#")
-                await asyncio.sleep(0.25)
-            assert mechanics.axes(bridge.clock())[1] < 89.995
-            why, turned = await synced(bridge, 8.0)
-            assert not why
-            assert counted(bridge, turned)
-
-    run(program())
+    async with standing(mount, driven="lx200", start=DAY) as bridge:
+        client, mechanics = bridge.client(), bridge.sim.mechanics
+        await near_the_pole(bridge, "lx200", build, 89.995 if by == b"guide pulse" else 80.0)
+        if by == b"guide pulse":
+            client.tell(b":Mgn4300#")
+            await asyncio.sleep(8.0)
+        else:
+            await over(bridge, 0.02, by)
+        assert mechanics.axes(bridge.clock())[1] > 90.005
+        assert not bridge.controller.watch.observed.upright
+        client.tell(by + b":Ms#" if by != b"guide pulse" else b":Mgs9000#")
+        for _ in range(60):
+            client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] > 89.98 else b":Q#:GR#")
+            await asyncio.sleep(0.25)
+        assert mechanics.axes(bridge.clock())[1] < 89.995
+        why, turned = await synced(bridge, 8.0)
+        assert not why
+        assert counted(bridge, turned)
 
 
 @pytest.mark.parametrize("tracks", [True, False])
 @pytest.mark.parametrize("rate", [b":RS#", b":RM#"])
 @pytest.mark.parametrize(("mount", "driven"), [("lx200gps", "lx200"), ("autostar", "lx200"), ("cpc", "nexstar")])
-def test_over_the_zenith_both_ways_count(mount: str, driven: str, rate: bytes, tracks: bool) -> None:
+async def test_over_the_zenith_both_ways_count(mount: str, driven: str, rate: bytes, tracks: bool) -> None:
     """Lower at its azimuth: a mount that tracks keeps the way in which it points, one that does not turns around."""
-
-    async def program() -> None:
-        async with standing(mount, driven=driven, start=EVENING) as bridge:
-            controller, mechanics = bridge.controller, bridge.sim.mechanics
-            await near_the_pole(bridge, driven, Build.ALTAZ, 80.0)
-            if not tracks:
-                await controller.perform(op.SetTracking(on=False))
-            await over(bridge, 0.02, rate)
-            here = controller.astrometry.horizon(await controller.read_now(op.Position()))
-            lower = controller.astrometry.equatorial(op.Horizontal(here.az, here.alt - 8.0))
-            before = mechanics.correction
-            await controller.perform(op.Sync(lower.ra, lower.dec))
-            first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
-            assert (abs(first) < 1.0) is tracks
-            assert counted(bridge, (first, second), 1.0)
-
-    run(program())
+    async with standing(mount, driven=driven, start=EVENING) as bridge:
+        controller, mechanics = bridge.controller, bridge.sim.mechanics
+        await near_the_pole(bridge, driven, Build.ALTAZ, 80.0)
+        if not tracks:
+            await controller.perform(op.SetTracking(on=False))
+        await over(bridge, 0.02, rate)
+        here = controller.astrometry.horizon(await controller.read_now(op.Position()))
+        lower = controller.astrometry.equatorial(op.Horizontal(here.az, here.alt - 8.0))
+        before = mechanics.correction
+        await controller.perform(op.Sync(lower.ra, lower.dec))
+        first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
+        assert (abs(first) < 1.0) is tracks
+        assert counted(bridge, (first, second), 1.0)
 
 
 @pytest.mark.parametrize("start", [EVENING, DAY])
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize(("mount", "version"), GERMANS)
 @pytest.mark.safety_line(8)
-def test_it_is_taken_and_both_ways_count(mount: str, version: str | None, latitude: float, start: float) -> None:
+async def test_it_is_taken_and_both_ways_count(mount: str, version: str | None, latitude: float, start: float) -> None:
     """For plate solvers at the pole. After it the limits hold whichever way the mount has turned."""
-
-    async def program() -> None:
-        async with standing(mount, version, latitude, start=start) as bridge:
-            await asyncio.sleep(1.0)
-            await over(bridge, 3.0)
-            why, turned = await synced(bridge, 0.9)
-            assert not why
-            assert counted(bridge, turned)
-            assert len(bridge.controller.synced.value.axes) == 2
-            why, again = await synced(bridge, 0.9)
-            assert not why
-            assert counted(bridge, (turned[0] + again[0], turned[1] + again[1]), 2.0)
-            assert len(bridge.controller.synced.value.axes) == 2, "they do not become ever more"
-
-    run(program())
+    async with standing(mount, version, latitude, start=start) as bridge:
+        await asyncio.sleep(1.0)
+        await over(bridge, 3.0)
+        why, turned = await synced(bridge, 0.9)
+        assert not why
+        assert counted(bridge, turned)
+        assert len(bridge.controller.synced.value.axes) == 2
+        why, again = await synced(bridge, 0.9)
+        assert not why
+        assert counted(bridge, (turned[0] + again[0], turned[1] + again[1]), 2.0)
+        assert len(bridge.controller.synced.value.axes) == 2, "they do not become ever more"
 
 
 @pytest.mark.parametrize("arrows", [b":Mw#:Ms#", b":Me#:Mn#", b":Ms#", b":Mn#"])
 @pytest.mark.parametrize(("mount", "version"), GERMANS[:4])
-def test_after_that_no_arrow_leads_below_the_limit(mount: str, version: str | None, arrows: bytes) -> None:
-    async def program() -> None:
-        config = {"lowest": 15.0, "sun": 0.0}
-        async with Bridge(mount, version, config=config, start=EVENING) as bridge:
-            await asyncio.sleep(1.0)
-            await over(bridge, 3.0)
-            assert not (await synced(bridge, 0.9))[0]
-            client, low = bridge.client(), 90.0
-            client.tell(b":RS#" + arrows)
-            for _ in range(120):
-                client.tell(b":GR#")
-                low = min(low, (await extremes(bridge, 0.5))[0])
-            assert low > 14.0
-
-    run(program())
+async def test_after_that_no_arrow_leads_below_the_limit(mount: str, version: str | None, arrows: bytes) -> None:
+    config = {"lowest": 15.0, "sun": 0.0}
+    async with Bridge(mount, version, config=config, start=EVENING) as bridge:
+        await asyncio.sleep(1.0)
+        await over(bridge, 3.0)
+        assert not (await synced(bridge, 0.9))[0]
+        client, low = bridge.client(), 90.0
+        client.tell(b":RS#" + arrows)
+        for _ in range(120):
+            client.tell(b":GR#")
+            low = min(low, (await extremes(bridge, 0.5))[0])
+        assert low > 14.0

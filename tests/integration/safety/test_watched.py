@@ -22,24 +22,20 @@ from tests.support.looks import altitude, extremes, notes
 from tests.support.sampling import as_a_rule
 
 
-def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:
+async def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:
     """What was seen before it still counts, and from when it was seen."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
-            client = bridge.client()
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RS#:Ms#")
-            await asyncio.sleep(1.0)
-            while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
-                await asyncio.sleep(0.01)
-            bridge.controller.watch.began(bridge.controller.wanted.by_hand[2])
-            ra, dec = bridge.sim.mechanics.truth(bridge.clock())
-            await asyncio.sleep(0.02)
-            bridge.controller.watch.check_position(op.Equatorial(ra, dec - 20.0))
-            assert any("stopped at the altitude limit" in note for note in notes(bridge))
-
-    run(program())
+    async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
+        client = bridge.client()
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RS#:Ms#")
+        await asyncio.sleep(1.0)
+        while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
+            await asyncio.sleep(0.01)
+        bridge.controller.watch.began(bridge.controller.wanted.by_hand[2])
+        ra, dec = bridge.sim.mechanics.truth(bridge.clock())
+        await asyncio.sleep(0.02)
+        bridge.controller.watch.check_position(op.Equatorial(ra, dec - 20.0))
+        assert any("stopped at the altitude limit" in note for note in notes(bridge))
 
 
 @pytest.mark.parametrize(("latency", "arrows", "height"), [
@@ -67,201 +63,169 @@ def test_the_first_look_comes_in_time_wherever_a_motion_begins(
 
 
 @pytest.mark.parametrize("early", [0.2, 0.8, 1.5])
-def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
+async def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
     """Three questions more on a slow line would be most of a second without a position."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
-            client = bridge.client()
-            said = bridge.site_clock.mount_clock
-            assert said is not None
-            while bridge.controller.now() < said[1] + OWN_AGE - early - 0.5:
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            await asyncio.sleep(said[1] + OWN_AGE - early - bridge.controller.now())
-            began = bridge.clock()
-            client.tell(b":RS#:Mn#")
-            for _ in range(10):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            seen = [
-                entry.time
-                for entry in bridge.entries
-                if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began
-            ]
-            gaps = [second - first for first, second in pairwise([began, *seen])]
-            assert max(gaps) < 1.1, gaps
-            client.tell(b":Q#")
-            for _ in range(16):  # one that is seen to run on is watched for three seconds more
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert bridge.controller.now() - bridge.site_clock.mount_clock[1] < 10.0  # but it is read when it rests
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+        client = bridge.client()
+        said = bridge.site_clock.mount_clock
+        assert said is not None
+        while bridge.controller.now() < said[1] + OWN_AGE - early - 0.5:
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(said[1] + OWN_AGE - early - bridge.controller.now())
+        began = bridge.clock()
+        client.tell(b":RS#:Mn#")
+        for _ in range(10):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        seen = [
+            entry.time
+            for entry in bridge.entries
+            if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began
+        ]
+        gaps = [second - first for first, second in pairwise([began, *seen])]
+        assert max(gaps) < 1.1, gaps
+        client.tell(b":Q#")
+        for _ in range(16):  # one that is seen to run on is watched for three seconds more
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert bridge.controller.now() - bridge.site_clock.mount_clock[1] < 10.0  # but it is read when it rests
 
 
-def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the_pole() -> None:
+async def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the_pole() -> None:
     """A Meade does not tell on which side its tube is: it stays where it was last seen to be."""
-
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
-            client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RS#:Mn#")
-            await polled(bridge, client, b":GR#", 8.0)
-            client.tell(b":Qn#")
-            await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.observed.upright
-            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
-            await asyncio.sleep(0.9)
-            while bridge.controller.reader._sharing:
-                await asyncio.sleep(0.001)
-            bridge.controller.begin_stop()
-            while bridge.driver.goto is not None:
-                await asyncio.sleep(0.001)
-            assert bridge.controller.slewing
-            await bridge.controller.reader.shared(
-                op.Slewing()
-            )  # the end of the goto is seen while the stop is on its way
-            await asyncio.sleep(2.0)
-            assert not bridge.controller.watch.observed.upright
-            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
-            await ready(bridge, client, b":GR#")
-            assert bridge.controller.watch.observed.upright
-
-    run(program())
+    async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RS#:Mn#")
+        await polled(bridge, client, b":GR#", 8.0)
+        client.tell(b":Qn#")
+        await asyncio.sleep(2.0)
+        assert not bridge.controller.watch.observed.upright
+        await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
+        await asyncio.sleep(0.9)
+        while bridge.controller.reader._sharing:
+            await asyncio.sleep(0.001)
+        bridge.controller.begin_stop()
+        while bridge.driver.goto is not None:
+            await asyncio.sleep(0.001)
+        assert bridge.controller.slewing
+        await bridge.controller.reader.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
+        await asyncio.sleep(2.0)
+        assert not bridge.controller.watch.observed.upright
+        await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
+        await ready(bridge, client, b":GR#")
+        assert bridge.controller.watch.observed.upright
 
 
-def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None:
+async def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None:
     """How long a stop takes to come is reckoned from how long answers take."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
-            for _ in range(20):
-                await bridge.controller.reader.shared(op.Position())
-            for _ in range(8):
-                await bridge.controller.perform(op.StopAxis(2))
-            assert bridge.controller.line.typical_rtt > 0.19
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+        for _ in range(20):
+            await bridge.controller.reader.shared(op.Position())
+        for _ in range(8):
+            await bridge.controller.perform(op.StopAxis(2))
+        assert bridge.controller.line.typical_rtt > 0.19
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("nexstar", "cpc")])
-def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -> None:
+async def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -> None:
     """Where it would end, on the other side, it is low enough again."""
-
-    async def program() -> None:
-        async with Bridge(
-            model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0}, latency=0.2
-        ) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.GotoHorizontal(180.0, 87.0))
-            await ready(bridge, client, b"e")
-            assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
-            client.tell(UP)
-            _, high = await extremes(bridge, 3.0)
-            assert high <= 88.0
-            assert any("Object Above" in note for note in notes(bridge))
-
-    run(program())
+    async with Bridge(
+        model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0}, latency=0.2
+    ) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.GotoHorizontal(180.0, 87.0))
+        await ready(bridge, client, b"e")
+        assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
+        client.tell(UP)
+        _, high = await extremes(bridge, 3.0)
+        assert high <= 88.0
+        assert any("Object Above" in note for note in notes(bridge))
 
 
 @pytest.mark.parametrize("arrow", [b":Me#", b":Mw#"])
-def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_the_second_comes(arrow: bytes) -> None:
+async def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_the_second_comes(
+    arrow: bytes,
+) -> None:
     """Round the horizon at full speed, slowly sinking: right ascension is old when declination is told."""
-
-    async def program() -> None:
-        async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.GotoHorizontal(90.0, 30.6))
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RC#:Ms#")
-            await asyncio.sleep(0.3)
-            client.tell(b":RS#" + arrow)
-            low = 90.0
-            for _ in range(40):
-                client.tell(b":GR#")
-                low = min(low, (await extremes(bridge, 0.5))[0])
-            assert low >= 29.99
-            assert notes(bridge)
-
-    run(program())
+    async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.GotoHorizontal(90.0, 30.6))
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RC#:Ms#")
+        await asyncio.sleep(0.3)
+        client.tell(b":RS#" + arrow)
+        low = 90.0
+        for _ in range(40):
+            client.tell(b":GR#")
+            low = min(low, (await extremes(bridge, 0.5))[0])
+        assert low >= 29.99
+        assert notes(bridge)
 
 
 @pytest.mark.parametrize(("height", "stopped"), [(21.5, True), (26.0, False)])
-def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(height: float, stopped: bool) -> None:
+async def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(
+    height: float, stopped: bool
+) -> None:
     """Together they keep the altitude nearly; a stop ends them one after the other."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
-            await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
-            await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
-            look = bridge.controller.watch.check_position
-            bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
-            bridge.controller.watch.observed = Observed()
-            for step in range(3):
-                seen = bridge.controller.astrometry.equatorial(
-                    op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step)
-                )
-                look(op.Equatorial(seen.ra, seen.dec))
-                await asyncio.sleep(0.5)
-            assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
-
-    run(program())
+    async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
+        await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
+        await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
+        look = bridge.controller.watch.check_position
+        bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
+        bridge.controller.watch.observed = Observed()
+        for step in range(3):
+            seen = bridge.controller.astrometry.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+            look(op.Equatorial(seen.ra, seen.dec))
+            await asyncio.sleep(0.5)
+        assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
 
 
-def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() -> None:
+async def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() -> None:
     """The halt of the other axis came between: the mount had been told to move already."""
-
-    async def program() -> None:
-        south = (-35.0, 150.0)
-        async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
-            client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(0.3)
-            client.tell(b":Me#")
-            while b":Me#" not in bridge.sent():
-                await asyncio.sleep(0.001)
-            bridge.controller.context.policy = replace(
-                bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1)
-            )
-            client.tell(b":Qn#")
-            await asyncio.sleep(0.3)
-            assert any("Object Above" in note for note in notes(bridge))
-            before = bridge.sim.mechanics.axes(bridge.clock())
-            await asyncio.sleep(1.0)
-            assert bridge.sim.mechanics.axes(bridge.clock()) == pytest.approx(before, abs=0.01)
-            assert not bridge.controller.moving
-
-    run(program())
+    south = (-35.0, 150.0)
+    async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
+        client = bridge.client()
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(0.3)
+        client.tell(b":Me#")
+        while b":Me#" not in bridge.sent():
+            await asyncio.sleep(0.001)
+        bridge.controller.context.policy = replace(
+            bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1)
+        )
+        client.tell(b":Qn#")
+        await asyncio.sleep(0.3)
+        assert any("Object Above" in note for note in notes(bridge))
+        before = bridge.sim.mechanics.axes(bridge.clock())
+        await asyncio.sleep(1.0)
+        assert bridge.sim.mechanics.axes(bridge.clock()) == pytest.approx(before, abs=0.01)
+        assert not bridge.controller.moving
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
-def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driven: str, model: str) -> None:
+async def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driven: str, model: str) -> None:
     """North lifts the tube there as fast as west lowers it."""
-
-    async def program() -> None:
-        async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
-            client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RS#:Mn#:Mw#")
-            lows = []
-            for _ in range(8):
-                lows.append((await extremes(bridge, 0.05))[0])
-            bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
-            client.tell(b":Qn#")
-            low, _ = await extremes(bridge, 3.0)
-            assert low >= lows[-1] - 0.4
-            assert not bridge.controller.moving
-
-    run(program())
+    async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
+        client = bridge.client()
+        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RS#:Mn#:Mw#")
+        lows = []
+        for _ in range(8):
+            lows.append((await extremes(bridge, 0.05))[0])
+        bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
+        client.tell(b":Qn#")
+        low, _ = await extremes(bridge, 3.0)
+        assert low >= lows[-1] - 0.4
+        assert not bridge.controller.moving
 
 
 def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position() -> None:
@@ -327,31 +291,25 @@ def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven:
         run(program(3.0 + 0.13 * step))
 
 
-def test_an_hour_angle_that_a_page_narrows_holds_for_the_motion_under_way() -> None:
-    async def program() -> None:
-        async with Bridge("cge", config={"hour_angle_limit": 4.0}, latency=0.02) as bridge:
-            client = bridge.client()
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(1.0)
-            bridge.controller.narrow(hour_angle=20.0)
-            await asyncio.sleep(30.0)  # it began 90 degrees before the meridian, with 4.5 degrees a second
-            assert any("stopped at the hour angle limit" in note for note in notes(bridge))
-
-    run(program())
+async def test_an_hour_angle_that_a_page_narrows_holds_for_the_motion_under_way() -> None:
+    async with Bridge("cge", config={"hour_angle_limit": 4.0}, latency=0.02) as bridge:
+        client = bridge.client()
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(1.0)
+        bridge.controller.narrow(hour_angle=20.0)
+        await asyncio.sleep(30.0)  # it began 90 degrees before the meridian, with 4.5 degrees a second
+        assert any("stopped at the hour angle limit" in note for note in notes(bridge))
 
 
-def test_limits_that_a_page_narrows_hold_for_the_motion_under_way() -> None:
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": 10.0}, latency=0.02) as bridge:
-            client = bridge.client()
-            await ready(bridge, client, b":GR#")
-            client.tell(b":RS#:Ms#")
-            await asyncio.sleep(1.0)
-            lowest = altitude(bridge) - 4.0
-            bridge.controller.narrow(lowest=lowest)
-            await asyncio.sleep(10.0)
-            assert any("stopped at the altitude limit" in note for note in notes(bridge))
-            assert altitude(bridge) > lowest - 1.5 > 11.0
-
-    run(program())
+async def test_limits_that_a_page_narrows_hold_for_the_motion_under_way() -> None:
+    async with Bridge("cge", config={"lowest": 10.0}, latency=0.02) as bridge:
+        client = bridge.client()
+        await ready(bridge, client, b":GR#")
+        client.tell(b":RS#:Ms#")
+        await asyncio.sleep(1.0)
+        lowest = altitude(bridge) - 4.0
+        bridge.controller.narrow(lowest=lowest)
+        await asyncio.sleep(10.0)
+        assert any("stopped at the altitude limit" in note for note in notes(bridge))
+        assert altitude(bridge) > lowest - 1.5 > 11.0

@@ -64,7 +64,7 @@ async def followed(bridge: Bridge, goal: op.Equatorial, most: int = 4) -> tuple[
 
 
 @pytest.mark.parametrize(("mount", "driven", "latitude", "lowest", "highest", "here", "there"), JOURNEYS)
-def test_who_follows_the_refusal_arrives(
+async def test_who_follows_the_refusal_arrives(
     mount: str,
     driven: str,
     latitude: float,
@@ -73,54 +73,43 @@ def test_who_follows_the_refusal_arrives(
     here: tuple[float, float],
     there: tuple[float, float],
 ) -> None:
-    async def program() -> None:
-        site = (latitude, 10.0)
-        config = {"lowest": lowest, "highest": highest, "site": site, "sun": 0.0}
-        async with Bridge(mount, driven=driven, site=site, config=config) as bridge:
-            await pointed(bridge, *here)
-            before = len(notes(bridge))
-            goal = op.Equatorial((bridge.sim.mechanics.sky.sidereal(bridge.clock()) - there[0]) % 360.0, there[1])
-            asked, low, high = await followed(bridge, goal)
-            assert len(asked) == 1
-            assert separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1
-            assert lowest <= low and high <= highest
-            assert not any("stopped at" in note for note in notes(bridge)[before:])
-
-    run(program())
+    site = (latitude, 10.0)
+    config = {"lowest": lowest, "highest": highest, "site": site, "sun": 0.0}
+    async with Bridge(mount, driven=driven, site=site, config=config) as bridge:
+        await pointed(bridge, *here)
+        before = len(notes(bridge))
+        goal = op.Equatorial((bridge.sim.mechanics.sky.sidereal(bridge.clock()) - there[0]) % 360.0, there[1])
+        asked, low, high = await followed(bridge, goal)
+        assert len(asked) == 1
+        assert separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1
+        assert lowest <= low and high <= highest
+        assert not any("stopped at" in note for note in notes(bridge)[before:])
 
 
-def test_programs_read_it_as_the_answer_for_what_is_up() -> None:
+async def test_programs_read_it_as_the_answer_for_what_is_up() -> None:
     """Never "1": the object stands high. Not longer than a hand control's lines."""
-
-    async def program() -> None:
-        site = (20.0, 10.0)
-        config = {"lowest": 15.0, "site": site, "sun": 0.0}
-        async with Bridge("cge", site=site, config=config) as bridge:
-            await pointed(bridge, -62.0, 14.0)
-            hours = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 16.0) % 360.0 / 15.0
-            target = f":Sr{int(hours):02}:{int(hours % 1 * 60):02}:00#:Sd+68*00:00#:MS#".encode()
-            said = await bridge.client().ask(target, until=b".#")
-            assert said.startswith(b"112The way is too low. Send it first")
-            assert len(said) <= 2 + 1 + 60 + 1
-
-    run(program())
+    site = (20.0, 10.0)
+    config = {"lowest": 15.0, "site": site, "sun": 0.0}
+    async with Bridge("cge", site=site, config=config) as bridge:
+        await pointed(bridge, -62.0, 14.0)
+        hours = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 16.0) % 360.0 / 15.0
+        target = f":Sr{int(hours):02}:{int(hours % 1 * 60):02}:00#:Sd+68*00:00#:MS#".encode()
+        said = await bridge.client().ask(target, until=b".#")
+        assert said.startswith(b"112The way is too low. Send it first")
+        assert len(said) <= 2 + 1 + 60 + 1
 
 
-def test_where_no_place_helps_the_arrows_do() -> None:
+async def test_where_no_place_helps_the_arrows_do() -> None:
     """It stands below the limit, and every way leads deeper at first."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": 0.0, "sun": 0.0}) as bridge:
-            mechanics = bridge.sim.mechanics
-            mechanics.speed = 1000.0
-            mechanics.goto_axes(bridge.clock(), -100.0, -30.0)
-            await asyncio.sleep(5.0)
-            mechanics.speed, sidereal = 1.0, mechanics.sky.sidereal(bridge.clock())
-            with pytest.raises(WayBlocked, match="Raise the tube with the arrows") as said:
-                await bridge.controller.perform(op.Goto((sidereal - 10.0) % 360.0, 40.0))
-            assert len(str(said.value)) <= 60
-
-    run(program())
+    async with Bridge("cge", config={"lowest": 0.0, "sun": 0.0}) as bridge:
+        mechanics = bridge.sim.mechanics
+        mechanics.speed = 1000.0
+        mechanics.goto_axes(bridge.clock(), -100.0, -30.0)
+        await asyncio.sleep(5.0)
+        mechanics.speed, sidereal = 1.0, mechanics.sky.sidereal(bridge.clock())
+        with pytest.raises(WayBlocked, match="Raise the tube with the arrows") as said:
+            await bridge.controller.perform(op.Goto((sidereal - 10.0) % 360.0, 40.0))
+        assert len(str(said.value)) <= 60
 
 
 @pytest.mark.parametrize("hour_angle", [-1.5, -0.5, 0.5, 1.5])
@@ -143,46 +132,38 @@ def test_near_the_meridian_both_sides_of_the_pier_count(hour_angle: float) -> No
     run(program())
 
 
-def test_a_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> None:
+async def test_a_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> None:
     """Driven by arrows under the pole, a hand control may still tell the side of its last goto."""
-
-    async def program() -> None:
-        async with Bridge("cge-pro", "4.21", config={"lowest": 10.0, "sun": 0.0}) as bridge:
-            mechanics = bridge.sim.mechanics
-            await pointed(bridge, 178.6, 57.4)
-            mechanics.flipped = True
-            sidereal = mechanics.sky.sidereal(bridge.clock())
-            with contextlib.suppress(WayBlocked):
-                await bridge.controller.perform(op.Goto((sidereal - 1.07) % 360.0, 43.6))
-            low, _ = await at_rest(bridge)
-            assert low >= 9.5
-
-    run(program())
+    async with Bridge("cge-pro", "4.21", config={"lowest": 10.0, "sun": 0.0}) as bridge:
+        mechanics = bridge.sim.mechanics
+        await pointed(bridge, 178.6, 57.4)
+        mechanics.flipped = True
+        sidereal = mechanics.sky.sidereal(bridge.clock())
+        with contextlib.suppress(WayBlocked):
+            await bridge.controller.perform(op.Goto((sidereal - 1.07) % 360.0, 43.6))
+        low, _ = await at_rest(bridge)
+        assert low >= 9.5
 
 
 @pytest.mark.parametrize("latitude", [45.0, -33.0, 20.0])
 @pytest.mark.parametrize("mount", ["cge", "cgem"])
-def test_from_anywhere_to_anywhere(mount: str, latitude: float) -> None:
+async def test_from_anywhere_to_anywhere(mount: str, latitude: float) -> None:
     """No goto passes a limit; each arrives, in a few steps, and one that is refused names the next."""
-
-    async def program() -> None:
-        site, lowest = (latitude, 10.0), 15.0
-        config = {"lowest": lowest, "site": site, "sun": 0.0}
-        async with Bridge(mount, site=site, config=config) as bridge:
-            number = 0
-            for hour_angle in range(-170, 190, as_a_rule(50, whole=20)):
-                dec = (number * 37) % 170 - 85.0
-                number += 1
-                if hour_angle_to_horizon(hour_angle, dec, latitude)[1] < lowest + 4.0:
-                    continue
-                sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-                goal = op.Equatorial((sidereal - hour_angle) % 360.0, dec)
-                for _ in range(4):  # one of which some ways leave the limits may end short
-                    _, low, _ = await followed(bridge, goal)
-                    assert low >= lowest
-                    if separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1:
-                        break
-                else:
-                    raise AssertionError(f"{hour_angle} {dec}: {notes(bridge)[-4:]}")
-
-    run(program())
+    site, lowest = (latitude, 10.0), 15.0
+    config = {"lowest": lowest, "site": site, "sun": 0.0}
+    async with Bridge(mount, site=site, config=config) as bridge:
+        number = 0
+        for hour_angle in range(-170, 190, as_a_rule(50, whole=20)):
+            dec = (number * 37) % 170 - 85.0
+            number += 1
+            if hour_angle_to_horizon(hour_angle, dec, latitude)[1] < lowest + 4.0:
+                continue
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            goal = op.Equatorial((sidereal - hour_angle) % 360.0, dec)
+            for _ in range(4):  # one of which some ways leave the limits may end short
+                _, low, _ = await followed(bridge, goal)
+                assert low >= lowest
+                if separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1:
+                    break
+            else:
+                raise AssertionError(f"{hour_angle} {dec}: {notes(bridge)[-4:]}")

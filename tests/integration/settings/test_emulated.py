@@ -17,7 +17,6 @@ import pytest
 from gateway.app.mount_state import mount_state
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
-from gateway.diagnostics.virtual_time import run
 from tests.support.cable import Cable
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -120,36 +119,32 @@ async def happens(bridge: Bridge, event: str, state: Path) -> Bridge:
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("name", VALUES)
-def test_a_value_and_what_is_told_of_it_live_and_die_together(name: str, event: str, tmp_path: Path) -> None:
+async def test_a_value_and_what_is_told_of_it_live_and_die_together(name: str, event: str, tmp_path: Path) -> None:
     value = VALUES[name]
     if name == "corrections" and event in ("a night", "moved"):
         pytest.skip("nothing tells whether a toggle was reset")
-
-    async def nights() -> None:
-        bridge = Bridge(value.model, value.version, driven=value.driven, state=tmp_path, config=OPEN)
-        for data in value.first:
-            bridge.sim.feed(data)
-        await bridge.__aenter__()
-        await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
-        await asyncio.sleep(60.0)
-        fresh = await value.told(bridge) if value.told is not corrects else False
-        await bridge.controller.perform(value.set)
-        await asyncio.sleep(90.0)
-        told = await value.told(bridge)
-        assert told != fresh
-        bridge = await happens(bridge, event, tmp_path)
-        await asyncio.sleep(8.0)
-        now = await value.told(bridge)
-        assert now == (told if event in value.survives or value.told is corrects else fresh)
-        if value.true is drifts or value.true is pulse:
-            assert await value.true(bridge) == pytest.approx(now, abs=0.03)
-        elif value.true(bridge) is not None:
-            assert value.true(bridge) is now
-        if event not in value.survives and value.told is drive_rate:
-            assert any("may have been switched off" in entry.note for entry in bridge.entries)
-        await bridge.__aexit__()
-
-    run(nights())
+    bridge = Bridge(value.model, value.version, driven=value.driven, state=tmp_path, config=OPEN)
+    for data in value.first:
+        bridge.sim.feed(data)
+    await bridge.__aenter__()
+    await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
+    await asyncio.sleep(60.0)
+    fresh = await value.told(bridge) if value.told is not corrects else False
+    await bridge.controller.perform(value.set)
+    await asyncio.sleep(90.0)
+    told = await value.told(bridge)
+    assert told != fresh
+    bridge = await happens(bridge, event, tmp_path)
+    await asyncio.sleep(8.0)
+    now = await value.told(bridge)
+    assert now == (told if event in value.survives or value.told is corrects else fresh)
+    if value.true is drifts or value.true is pulse:
+        assert await value.true(bridge) == pytest.approx(now, abs=0.03)
+    elif value.true(bridge) is not None:
+        assert value.true(bridge) is now
+    if event not in value.survives and value.told is drive_rate:
+        assert any("may have been switched off" in entry.note for entry in bridge.entries)
+    await bridge.__aexit__()
 
 
 # --- the offset that stands for syncs ----------------------------------------------------------------------------
@@ -157,53 +152,46 @@ def test_a_value_and_what_is_told_of_it_live_and_die_together(name: str, event: 
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("version", ["3.04", "2.3"])
-def test_syncs_of_a_hand_control_without_sync_survive_only_if_all_agrees(
+async def test_syncs_of_a_hand_control_without_sync_survive_only_if_all_agrees(
     event: str, version: str, tmp_path: Path
 ) -> None:
-    async def nights() -> None:
-        bridge = Bridge("cge", version, state=tmp_path, config=OPEN)
-        await bridge.__aenter__()
-        ask = bridge.controller.perform
-        await ask(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
-        await asyncio.sleep(60.0)
-        here = await ask(op.Position())
-        await ask(op.Sync(here.ra, here.dec + 6.0))
-        await asyncio.sleep(20.0)
-        bridge = await happens(bridge, event, tmp_path)
-        ask, stays = bridge.controller.perform, event in SHORT
-        there = await ask(op.Position())
-        if event not in ("power cycle", "moved"):
-            assert there.dec == pytest.approx(here.dec + 6.0 * stays, abs=0.01)
-        assert bridge.controller.synced.value.north == pytest.approx(6.0 * stays, abs=0.01)
-        said = [entry.note for entry in bridge.entries if "sync again" in entry.note]
-        status = [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
-        assert bool(said) is bool(status) is not stays
-        done = 0
-        with suppress(SyncTooFar):
-            while done < 3:
-                there = await ask(op.Position())
-                await ask(op.Sync(there.ra, there.dec + 6.0))
-                await asyncio.sleep(3.0)
-                done += 1
-        assert done == (1 if stays else 2)
-        assert not [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
-        await bridge.__aexit__()
-
-    run(nights())
+    bridge = Bridge("cge", version, state=tmp_path, config=OPEN)
+    await bridge.__aenter__()
+    ask = bridge.controller.perform
+    await ask(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
+    await asyncio.sleep(60.0)
+    here = await ask(op.Position())
+    await ask(op.Sync(here.ra, here.dec + 6.0))
+    await asyncio.sleep(20.0)
+    bridge = await happens(bridge, event, tmp_path)
+    ask, stays = bridge.controller.perform, event in SHORT
+    there = await ask(op.Position())
+    if event not in ("power cycle", "moved"):
+        assert there.dec == pytest.approx(here.dec + 6.0 * stays, abs=0.01)
+    assert bridge.controller.synced.value.north == pytest.approx(6.0 * stays, abs=0.01)
+    said = [entry.note for entry in bridge.entries if "sync again" in entry.note]
+    status = [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
+    assert bool(said) is bool(status) is not stays
+    done = 0
+    with suppress(SyncTooFar):
+        while done < 3:
+            there = await ask(op.Position())
+            await ask(op.Sync(there.ra, there.dec + 6.0))
+            await asyncio.sleep(3.0)
+            done += 1
+    assert done == (1 if stays else 2)
+    assert not [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
+    await bridge.__aexit__()
 
 
-def test_a_fork_on_a_wedge_that_is_parked_is_unparked_as_one(tmp_path: Path) -> None:
+async def test_a_fork_on_a_wedge_that_is_parked_is_unparked_as_one(tmp_path: Path) -> None:
     """While it does not track, no hand control tells that it stands on a wedge."""
-
-    async def nights() -> None:
-        bridge = Bridge("cpc", "4.21", state=tmp_path, config=OPEN, simulated={"wedge": True})
-        await bridge.__aenter__()
-        await bridge.controller.perform(op.Park())
-        await asyncio.sleep(90.0)
-        bridge = await happens(bridge, "restart", tmp_path)
-        await bridge.controller.perform(op.Unpark())
-        await asyncio.sleep(5.0)
-        assert bridge.sim.feed(b"t") == b"\2#"
-        await bridge.__aexit__()
-
-    run(nights())
+    bridge = Bridge("cpc", "4.21", state=tmp_path, config=OPEN, simulated={"wedge": True})
+    await bridge.__aenter__()
+    await bridge.controller.perform(op.Park())
+    await asyncio.sleep(90.0)
+    bridge = await happens(bridge, "restart", tmp_path)
+    await bridge.controller.perform(op.Unpark())
+    await asyncio.sleep(5.0)
+    assert bridge.sim.feed(b"t") == b"\2#"
+    await bridge.__aexit__()

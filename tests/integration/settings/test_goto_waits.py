@@ -15,7 +15,6 @@ import pytest
 from gateway.astro.spherical import horizon_to_hour_angle
 from gateway.core import operations as op
 from gateway.core.errors import Busy
-from gateway.diagnostics.virtual_time import run
 from tests.support import truth
 from tests.support.in_process_gateway import Bridge
 from tests.unit.mount.site.test_sources import as_lx200
@@ -63,89 +62,72 @@ async def lowest_of(bridge: Bridge, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("together", [True, False])
-def test_a_goto_in_one_packet_with_a_clock_is_judged_by_that_clock(together: bool) -> None:
+async def test_a_goto_in_one_packet_with_a_clock_is_judged_by_that_clock(together: bool) -> None:
     """By the clock before it stands 25 degrees high, by the clock that was set 6 degrees below the horizon or so."""
-
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
-            if together:
-                reply = await client.ask(SLOW + target, until=b"#")
-            else:
-                await client.ask(SLOW)
-                await asyncio.sleep(0.1)
-                reply = await client.ask(target, until=b"#")
-            assert b"Below" in reply, reply
-            assert order(bridge) == ["set"]
-            assert await lowest_of(bridge, 30.0) > LOWEST
-
-    run(program())
+    async with meade() as bridge:
+        client = bridge.client()
+        target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
+        if together:
+            reply = await client.ask(SLOW + target, until=b"#")
+        else:
+            await client.ask(SLOW)
+            await asyncio.sleep(0.1)
+            reply = await client.ask(target, until=b"#")
+        assert b"Below" in reply, reply
+        assert order(bridge) == ["set"]
+        assert await lowest_of(bridge, 30.0) > LOWEST
 
 
-def test_a_goto_that_the_new_clock_allows_is_done_after_it_has_arrived() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            target = as_lx200(*at_altitude(bridge, 180.0, 50.0, 0.5))
-            assert (await client.ask(b":SL21:30:00#" + target, until=b"0")).endswith(b"0")
-            assert order(bridge) == ["set", "goto"]
-
-    run(program())
+async def test_a_goto_that_the_new_clock_allows_is_done_after_it_has_arrived() -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        target = as_lx200(*at_altitude(bridge, 180.0, 50.0, 0.5))
+        assert (await client.ask(b":SL21:30:00#" + target, until=b"0")).endswith(b"0")
+        assert order(bridge) == ["set", "goto"]
 
 
 @pytest.mark.parametrize(
     "said", [b":SL18:30:00#", b":Sg030*00#", b":SG+00#:SL18:30:00#:SC01/15/26#", b":St+40*00#:Sg030*00#"]
 )
-def test_no_site_and_no_clock_goes_to_a_mount_that_slews(said: bytes) -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            assert (await client.ask(as_lx200(*at_altitude(bridge, 180.0, 40.0)), until=b"0")).endswith(b"0")
-            await asyncio.sleep(0.6)
-            await client.ask(said)
-            while truth.moving(bridge.sim):
-                assert order(bridge) == ["goto"]
-                await asyncio.sleep(0.2)
-            await asyncio.sleep(5.0)
-            assert order(bridge) == ["goto", "set"]
-
-    run(program())
+async def test_no_site_and_no_clock_goes_to_a_mount_that_slews(said: bytes) -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        assert (await client.ask(as_lx200(*at_altitude(bridge, 180.0, 40.0)), until=b"0")).endswith(b"0")
+        await asyncio.sleep(0.6)
+        await client.ask(said)
+        while truth.moving(bridge.sim):
+            assert order(bridge) == ["goto"]
+            await asyncio.sleep(0.2)
+        await asyncio.sleep(5.0)
+        assert order(bridge) == ["goto", "set"]
 
 
-def test_no_clock_goes_to_a_mount_that_is_moved_by_hand() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(1.0)
-            await client.ask(SLOW)
-            for _ in range(20):
-                await client.ask(b":GR#")
-                await asyncio.sleep(0.2)
-            assert order(bridge) == []
-            client.tell(b":Qn#")
-            await asyncio.sleep(6.0)
-            assert order(bridge) == ["set"]
-
-    run(program())
+async def test_no_clock_goes_to_a_mount_that_is_moved_by_hand() -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(1.0)
+        await client.ask(SLOW)
+        for _ in range(20):
+            await client.ask(b":GR#")
+            await asyncio.sleep(0.2)
+        assert order(bridge) == []
+        client.tell(b":Qn#")
+        await asyncio.sleep(6.0)
+        assert order(bridge) == ["set"]
 
 
-def test_the_protocol_that_can_refuse_names_the_seconds() -> None:
+async def test_the_protocol_that_can_refuse_names_the_seconds() -> None:
     """A classic works for ten seconds on a new date."""
-
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            client = bridge.client()
-            await client.ask(b":SG+00#:SL22:00:30#:SC01/16/26#", until=b"#")
-            reply = await client.ask(as_lx200(*at_altitude(bridge, 180.0, 50.0)), until=b"#")
-            words = reply.removeprefix(b"11")
-            assert words[1:].startswith(b"The mount is taking a new clock"), reply
-            assert words.endswith(b" seconds.#")
-            assert len(words) <= 62
-            assert order(bridge) == ["set"]
-
-    run(program())
+    async with meade("lx200") as bridge:
+        client = bridge.client()
+        await client.ask(b":SG+00#:SL22:00:30#:SC01/16/26#", until=b"#")
+        reply = await client.ask(as_lx200(*at_altitude(bridge, 180.0, 50.0)), until=b"#")
+        words = reply.removeprefix(b"11")
+        assert words[1:].startswith(b"The mount is taking a new clock"), reply
+        assert words.endswith(b" seconds.#")
+        assert len(words) <= 62
+        assert order(bridge) == ["set"]
 
 
 def nexstar_client_on_meade(mount: str = "lx200") -> Bridge:
@@ -155,126 +137,99 @@ def nexstar_client_on_meade(mount: str = "lx200") -> Bridge:
     )  # fmt: skip
 
 
-def test_the_protocol_that_cannot_refuse_has_its_goto_when_the_clock_is_in() -> None:
-    async def program() -> None:
-        async with nexstar_client_on_meade() as bridge:
-            client = bridge.client()
-            assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
-            assert await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0))) == b"#"
-            assert await client.ask(b"L") == b"1#"
-            await asyncio.sleep(20.0)
-            assert order(bridge) == ["set", "goto"]
-
-    run(program())
+async def test_the_protocol_that_cannot_refuse_has_its_goto_when_the_clock_is_in() -> None:
+    async with nexstar_client_on_meade() as bridge:
+        client = bridge.client()
+        assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
+        assert await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0))) == b"#"
+        assert await client.ask(b"L") == b"1#"
+        await asyncio.sleep(20.0)
+        assert order(bridge) == ["set", "goto"]
 
 
-def test_it_is_judged_by_that_clock() -> None:
-    async def program() -> None:
-        async with nexstar_client_on_meade("lx200gps") as bridge:
-            client = bridge.client()
-            assert await client.ask(SLOW_H) == b"#"
-            assert await client.ask(as_nexstar(*at_altitude(bridge, 100.0, 25.0))) == b"#"
-            assert await lowest_of(bridge, 30.0) > LOWEST
-            assert order(bridge) == ["set"]
-
-    run(program())
+async def test_it_is_judged_by_that_clock() -> None:
+    async with nexstar_client_on_meade("lx200gps") as bridge:
+        client = bridge.client()
+        assert await client.ask(SLOW_H) == b"#"
+        assert await client.ask(as_nexstar(*at_altitude(bridge, 100.0, 25.0))) == b"#"
+        assert await lowest_of(bridge, 30.0) > LOWEST
+        assert order(bridge) == ["set"]
 
 
 @pytest.mark.parametrize("by", ["stop of another", "arrow", "hold", "client gone"])
-def test_what_cancels_a_goto_that_waits(by: str) -> None:
-    async def program() -> None:
-        async with nexstar_client_on_meade() as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.9")
-            assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
-            assert await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0))) == b"#"
-            if by == "stop of another":
-                bridge.controller.begin_stop()
-            elif by == "arrow":
-                with suppress(Busy):  # the mount calculates
-                    await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=2)), patience=1.0)
-            elif by == "hold":
-                bridge.controller.hold.on = True
-                bridge.controller.begin_stop()
-                bridge.controller.hold.on = False
-            else:
-                client.close()
-            await asyncio.sleep(1.0)
+async def test_what_cancels_a_goto_that_waits(by: str) -> None:
+    async with nexstar_client_on_meade() as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.9")
+        assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
+        assert await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0))) == b"#"
+        if by == "stop of another":
             bridge.controller.begin_stop()
-            await asyncio.sleep(25.0)
-            assert order(bridge) == ["set"]
-            assert (await other.ask(b"L")) == b"0#"
-
-    run(program())
-
-
-def test_another_goto_takes_its_place() -> None:
-    async def program() -> None:
-        async with nexstar_client_on_meade() as bridge:
-            client = bridge.client()
-            assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
-            await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0)))
-            await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 60.0)))
-            await asyncio.sleep(30.0)
-            assert sum(one.startswith(b":MS") for one in bridge.sent()) == 1
-            assert truth.altitude(bridge.sim) == pytest.approx(60.0, abs=1.0)
-
-    run(program())
+        elif by == "arrow":
+            with suppress(Busy):  # the mount calculates
+                await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=2)), patience=1.0)
+        elif by == "hold":
+            bridge.controller.hold.on = True
+            bridge.controller.begin_stop()
+            bridge.controller.hold.on = False
+        else:
+            client.close()
+        await asyncio.sleep(1.0)
+        bridge.controller.begin_stop()
+        await asyncio.sleep(25.0)
+        assert order(bridge) == ["set"]
+        assert (await other.ask(b"L")) == b"0#"
 
 
-def test_half_a_site_that_never_gets_its_other_half_holds_nothing_up() -> None:
+async def test_another_goto_takes_its_place() -> None:
+    async with nexstar_client_on_meade() as bridge:
+        client = bridge.client()
+        assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
+        await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0)))
+        await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 60.0)))
+        await asyncio.sleep(30.0)
+        assert sum(one.startswith(b":MS") for one in bridge.sent()) == 1
+        assert truth.altitude(bridge.sim) == pytest.approx(60.0, abs=1.0)
+
+
+async def test_half_a_site_that_never_gets_its_other_half_holds_nothing_up() -> None:
     """The classic hand control of the first kind tells no site."""
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", "1.2", surface="lx200gps", config={"sun": 0.0}) as bridge:
-            client = bridge.client()
-            assert await client.ask(b":St+45*00#") == b"1"
-            before = bridge.clock()
-            assert (await client.ask(b":Sr06:00:00#:Sd+50*00:00#:MS#", until=b"0")).endswith(b"0")
-            assert bridge.clock() - before < 1.0
-
-    run(program())
+    async with Bridge("nexstar-gps", "1.2", surface="lx200gps", config={"sun": 0.0}) as bridge:
+        client = bridge.client()
+        assert await client.ask(b":St+45*00#") == b"1"
+        before = bridge.clock()
+        assert (await client.ask(b":Sr06:00:00#:Sd+50*00:00#:MS#", until=b"0")).endswith(b"0")
+        assert bridge.clock() - before < 1.0
 
 
-def test_a_goto_waits_for_the_time_that_another_program_is_still_writing() -> None:
+async def test_a_goto_waits_for_the_time_that_another_program_is_still_writing() -> None:
     """The time of day was acknowledged, and goes to the mount two seconds later."""
-
-    async def program() -> None:
-        async with meade() as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.9")
-            assert await client.ask(SLOW) == b"1"
-            target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
-            reply = await other.ask(target, until=b"#")
-            assert b"Below" in reply, reply
-            assert order(bridge) == ["set"]
-
-    run(program())
+    async with meade() as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.9")
+        assert await client.ask(SLOW) == b"1"
+        target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
+        reply = await other.ask(target, until=b"#")
+        assert b"Below" in reply, reply
+        assert order(bridge) == ["set"]
 
 
-def test_an_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
-    async def program() -> None:
-        async with meade() as bridge:
-            client = bridge.client()
-            await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", until=b"#")
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2.0)
-            heard = [one for one in bridge.sent() if one.startswith((*SETS["lx200"], b":Mn"))]
-            assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
-
-    run(program())
+async def test_an_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
+    async with meade() as bridge:
+        client = bridge.client()
+        await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", until=b"#")
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2.0)
+        heard = [one for one in bridge.sent() if one.startswith((*SETS["lx200"], b":Mn"))]
+        assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
 
 
-def test_stellarium_has_its_goto_when_the_clock_is_in() -> None:
+async def test_stellarium_has_its_goto_when_the_clock_is_in() -> None:
     """Its message has no reply: it is not refused while the mount takes a clock for ten seconds."""
-
-    async def program() -> None:
-        config = {"lowest": LOWEST, "sun": 0.0}
-        async with Bridge("lx200", driven="lx200", presented="stellarium", surface=None, config=config) as bridge:
-            client = bridge.client()
-            await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0 + 30.0, 0.0))
-            ra, dec = at_altitude(bridge, 180.0, 50.0)
-            place = struct.pack("<Ii", int(ra / 360.0 * 2**32), int(dec / 90.0 * 2**30))
-            client.tell(struct.pack("<HHQ", 20, 0, 0) + place)
-            await asyncio.sleep(25.0)
-            assert order(bridge) == ["set", "goto"]
-
-    run(program())
+    config = {"lowest": LOWEST, "sun": 0.0}
+    async with Bridge("lx200", driven="lx200", presented="stellarium", surface=None, config=config) as bridge:
+        client = bridge.client()
+        await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0 + 30.0, 0.0))
+        ra, dec = at_altitude(bridge, 180.0, 50.0)
+        place = struct.pack("<Ii", int(ra / 360.0 * 2**32), int(dec / 90.0 * 2**30))
+        client.tell(struct.pack("<HHQ", 20, 0, 0) + place)
+        await asyncio.sleep(25.0)
+        assert order(bridge) == ["set", "goto"]

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS
 from tests.support.in_process_gateway import Bridge, Visitor
 
@@ -15,49 +14,38 @@ async def site(program: Visitor) -> tuple[bytes, ...]:
     return tuple([await program.ask(question, 5.0, until=b"#") for question in (b":Gt#", b":Gg#", b":GS#")])
 
 
-def test_a_site_that_one_program_has_set_is_told_to_all_that_ask() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", "2.2") as bridge:
-            phone, other = bridge.client("192.168.1.7"), bridge.client()
-            assert await site(other) == (b"", b"", b"")
-            assert await phone.ask(b":St+45*30#") + await phone.ask(b":Sg350*00#") == b"11"
-            await asyncio.sleep(5.0)
-            latitude, longitude, sidereal = await site(other)
-            assert (latitude, longitude) == (b"+45*30#", b"-010*00#")
-            assert sidereal.startswith(b"06:2")
-
-    run(program())
+async def test_a_site_that_one_program_has_set_is_told_to_all_that_ask() -> None:
+    async with Bridge("6-8se", "2.2") as bridge:
+        phone, other = bridge.client("192.168.1.7"), bridge.client()
+        assert await site(other) == (b"", b"", b"")
+        assert await phone.ask(b":St+45*30#") + await phone.ask(b":Sg350*00#") == b"11"
+        await asyncio.sleep(5.0)
+        latitude, longitude, sidereal = await site(other)
+        assert (latitude, longitude) == (b"+45*30#", b"-010*00#")
+        assert sidereal.startswith(b"06:2")
 
 
-def test_a_gps_that_finds_its_satellites_after_the_start_tells_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_gps_that_finds_its_satellites_after_the_start_tells_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
     linked = {"linked": 0}
     monkeypatch.setitem(HANDLERS, "gps_linked", lambda sim, _: linked)
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", "1.6") as bridge:
-            client = bridge.client()
-            assert await site(client) == (b"", b"", b"")
-            linked["linked"] = 1
-            await asyncio.sleep(60.0)
-            latitude, longitude, sidereal = await site(client)
-            assert (latitude, longitude) == (b"+45*00#", b"-010*00#")
-            assert sidereal.startswith(b"06:2")
-
-    run(program())
+    async with Bridge("nexstar-gps", "1.6") as bridge:
+        client = bridge.client()
+        assert await site(client) == (b"", b"", b"")
+        linked["linked"] = 1
+        await asyncio.sleep(60.0)
+        latitude, longitude, sidereal = await site(client)
+        assert (latitude, longitude) == (b"+45*00#", b"-010*00#")
+        assert sidereal.startswith(b"06:2")
 
 
-def test_a_mount_that_knows_no_site_is_not_asked_for_it_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_mount_that_knows_no_site_is_not_asked_for_it_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program may poll; the receiver needs minutes."""
     asked: list[int] = []
     monkeypatch.setitem(HANDLERS, "gps_linked", lambda sim, _: asked.append(1) or {"linked": 0})
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", "1.6") as bridge:
-            client = bridge.client()
+    async with Bridge("nexstar-gps", "1.6") as bridge:
+        client = bridge.client()
+        await client.ask(b":Gt#", 1.0)
+        before = len(asked)
+        for _ in range(20):
             await client.ask(b":Gt#", 1.0)
-            before = len(asked)
-            for _ in range(20):
-                await client.ask(b":Gt#", 1.0)
-            assert len(asked) <= before + 1
-
-    run(program())
+        assert len(asked) <= before + 1

@@ -54,23 +54,20 @@ def test_one_wrong_program_among_three_is_wrong_for_itself_alone(mount: str, wro
 
 
 @pytest.mark.parametrize("wrong", PROTOCOLS)
-def test_what_a_mount_takes_is_everyones_and_the_log_names_who_set_it(wrong: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        async with ThreePrograms("lx200gps", driven="lx200", config={"sun": 0.0, "site": (45.0, 10.0)}) as three:
-            await three.sets(wrong, LATITUDE, LONGITUDE)
-            await asyncio.sleep(5.0)
-            for who in PROTOCOLS:
-                assert (await three.reading(who))[:2] == pytest.approx((LATITUDE, LONGITUDE), abs=0.1)
-            notes = [entry.note for entry in three.entries if entry.note]
-            host = f"10.0.0.{1 + PROTOCOLS.index(wrong)}"
-            assert any(host in note and "has set the mount's site" in note for note in notes), notes
-            assert any(note.startswith("WARNING") and "the configuration says 45.0 N 10.0 E" in note for note in notes)
-            state = three.gateway.request_handler.state()
-            assert host in state.site and "the configuration says 45.0 N 10.0 E" in state.site
-            reply = await three.lx200("10.0.0.9").ask(as_lx200(*below(three)), 3, b"#")
-            assert reply == b"111Object Below Horizon.#"  # the mount's own site judges
-
-    run(program())
+async def test_what_a_mount_takes_is_everyones_and_the_log_names_who_set_it(wrong: str, tmp_path: Path) -> None:
+    async with ThreePrograms("lx200gps", driven="lx200", config={"sun": 0.0, "site": (45.0, 10.0)}) as three:
+        await three.sets(wrong, LATITUDE, LONGITUDE)
+        await asyncio.sleep(5.0)
+        for who in PROTOCOLS:
+            assert (await three.reading(who))[:2] == pytest.approx((LATITUDE, LONGITUDE), abs=0.1)
+        notes = [entry.note for entry in three.entries if entry.note]
+        host = f"10.0.0.{1 + PROTOCOLS.index(wrong)}"
+        assert any(host in note and "has set the mount's site" in note for note in notes), notes
+        assert any(note.startswith("WARNING") and "the configuration says 45.0 N 10.0 E" in note for note in notes)
+        state = three.gateway.request_handler.state()
+        assert host in state.site and "the configuration says 45.0 N 10.0 E" in state.site
+        reply = await three.lx200("10.0.0.9").ask(as_lx200(*below(three)), 3, b"#")
+        assert reply == b"111Object Below Horizon.#"  # the mount's own site judges
 
 
 def below(bridge: Bridge) -> tuple[float, float]:
@@ -82,99 +79,78 @@ def below(bridge: Bridge) -> tuple[float, float]:
 @pytest.mark.parametrize(
     "said", [b":St10*00#:Sg120*30#", b":St-33*52#:Sg208*48#:SG-10#", b":SL12:00:00#:SC01/02/27#:SG+03#"]
 )
-def test_a_wrong_program_refuses_nobodys_gotos(mount: str, said: bytes, tmp_path: Path) -> None:
+async def test_a_wrong_program_refuses_nobodys_gotos(mount: str, said: bytes, tmp_path: Path) -> None:
     """Not its own either; not after a restart."""
-
-    async def program() -> None:
-        async with ThreePrograms(mount, state=tmp_path, config={"sun": 0.0}) as three:
-            await three.lx200("10.0.0.7").ask(said, 3, b"", 2.0)
-            await asyncio.sleep(4.0)
-            for host in ("10.0.0.7", "10.0.0.8"):
-                reply = await three.lx200(host).ask(as_lx200(*below(three)), 3, b"0")
-                assert reply == b"110", reply
-                three.controller.begin_stop()
-                await asyncio.sleep(3.0)
-        async with ThreePrograms(mount, state=tmp_path, config={"sun": 0.0}, on=three) as again:
-            assert await again.lx200("10.0.0.8").ask(as_lx200(*below(again)), 3, b"0") == b"110"
-
-    run(program())
+    async with ThreePrograms(mount, state=tmp_path, config={"sun": 0.0}) as three:
+        await three.lx200("10.0.0.7").ask(said, 3, b"", 2.0)
+        await asyncio.sleep(4.0)
+        for host in ("10.0.0.7", "10.0.0.8"):
+            reply = await three.lx200(host).ask(as_lx200(*below(three)), 3, b"0")
+            assert reply == b"110", reply
+            three.controller.begin_stop()
+            await asyncio.sleep(3.0)
+    async with ThreePrograms(mount, state=tmp_path, config={"sun": 0.0}, on=three) as again:
+        assert await again.lx200("10.0.0.8").ask(as_lx200(*below(again)), 3, b"0") == b"110"
 
 
-def test_two_programs_read_what_each_has_set() -> None:
-    async def program() -> None:
-        async with ThreePrograms("cge") as three:
-            await three.sets("lx200", 20.0, 30.0)
-            await three.sets("nexstar", -20.0, -30.0)
-            assert (await three.reading("lx200"))[:2] == (20.0, 30.0)
-            assert (await three.reading("nexstar"))[:2] == (-20.0, -30.0)
-            assert (await three.reading("alpaca"))[:2] == (45.0, 10.0)
-
-    run(program())
+async def test_two_programs_read_what_each_has_set() -> None:
+    async with ThreePrograms("cge") as three:
+        await three.sets("lx200", 20.0, 30.0)
+        await three.sets("nexstar", -20.0, -30.0)
+        assert (await three.reading("lx200"))[:2] == (20.0, 30.0)
+        assert (await three.reading("nexstar"))[:2] == (-20.0, -30.0)
+        assert (await three.reading("alpaca"))[:2] == (45.0, 10.0)
 
 
-def test_halves_of_two_programs_are_no_site() -> None:
-    async def program() -> None:
-        async with ThreePrograms("cge", aligned=False) as three:
-            one, other = three.lx200("10.0.0.7"), three.lx200("10.0.0.8")
-            await one.ask(b":St+20*00#")
-            await other.ask(b":Sg300*00#")
-            await asyncio.sleep(6.0)
-            sent = [frame for frame in three.sent() if frame[:1] == b"W"]
-            assert all(frame != b"W" + bytes((20, 0, 0, 0, 60, 0, 0, 0)) for frame in sent[:1]), sent
-
-    run(program())
+async def test_halves_of_two_programs_are_no_site() -> None:
+    async with ThreePrograms("cge", aligned=False) as three:
+        one, other = three.lx200("10.0.0.7"), three.lx200("10.0.0.8")
+        await one.ask(b":St+20*00#")
+        await other.ask(b":Sg300*00#")
+        await asyncio.sleep(6.0)
+        sent = [frame for frame in three.sent() if frame[:1] == b"W"]
+        assert all(frame != b"W" + bytes((20, 0, 0, 0, 60, 0, 0, 0)) for frame in sent[:1]), sent
 
 
 @pytest.mark.parametrize("again", ["another connection", "a new connection"])
-def test_a_zone_that_was_set_alone_survives_a_reconnect(again: str) -> None:
-    async def program() -> None:
-        async with ThreePrograms("cpc") as three:
-            one = three.lx200("10.0.0.7")
-            assert await one.ask(b":SG-02#") == b"1"
-            await asyncio.sleep(3.0)
-            if again == "a new connection":
-                one.close()
-                await asyncio.sleep(300.0)
-            same = three.lx200("10.0.0.7")
-            assert (await same.ask(b":GG#", end=b"#"))[:3] == b"-02"
-            assert (await same.ask(b":GL#", end=b"#"))[:2] == b"00"
-            assert (await three.lx200("10.0.0.8").ask(b":GG#", end=b"#"))[:3] == b"+00"
-            assert (await three.reading("lx200"))[2] == 0.0
-
-    run(program())
+async def test_a_zone_that_was_set_alone_survives_a_reconnect(again: str) -> None:
+    async with ThreePrograms("cpc") as three:
+        one = three.lx200("10.0.0.7")
+        assert await one.ask(b":SG-02#") == b"1"
+        await asyncio.sleep(3.0)
+        if again == "a new connection":
+            one.close()
+            await asyncio.sleep(300.0)
+        same = three.lx200("10.0.0.7")
+        assert (await same.ask(b":GG#", end=b"#"))[:3] == b"-02"
+        assert (await same.ask(b":GL#", end=b"#"))[:2] == b"00"
+        assert (await three.lx200("10.0.0.8").ask(b":GG#", end=b"#"))[:3] == b"+00"
+        assert (await three.reading("lx200"))[2] == 0.0
 
 
 @pytest.mark.parametrize("polls", [True, False])
-def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later(polls: bool) -> None:
+async def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later(polls: bool) -> None:
     """At whatever moment, with a program that polls, and without any."""
-
-    async def program() -> None:
-        for since in range(3, 60, 8):
-            async with Bridge("cge", config={"sun": 0.0}) as bridge:
-                client = bridge.client()
-                for second in range(since + 10):
-                    await asyncio.sleep(1.0)
-                    if second == since:
-                        bridge.sim.feed(b"W" + bytes((33, 52, 0, 1, 151, 12, 0, 0)))
-                    if polls:
-                        await client.ask(b":GR#")
-                reply = await bridge.client().ask(as_lx200(*below(bridge)), until=b"#")
-                assert reply.startswith(b"111Object Below Horizon"), (since, reply)
-                site = bridge.controller.sources.site()
-                assert site is not None and site.latitude == pytest.approx(-33.87, abs=0.01), since
-
-    run(program())
+    for since in range(3, 60, 8):
+        async with Bridge("cge", config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            for second in range(since + 10):
+                await asyncio.sleep(1.0)
+                if second == since:
+                    bridge.sim.feed(b"W" + bytes((33, 52, 0, 1, 151, 12, 0, 0)))
+                if polls:
+                    await client.ask(b":GR#")
+            reply = await bridge.client().ask(as_lx200(*below(bridge)), until=b"#")
+            assert reply.startswith(b"111Object Below Horizon"), (since, reply)
+            site = bridge.controller.sources.site()
+            assert site is not None and site.latitude == pytest.approx(-33.87, abs=0.01), since
 
 
-def test_a_mount_that_tells_no_site_has_the_programs_over_a_restart(tmp_path: Path) -> None:
+async def test_a_mount_that_tells_no_site_has_the_programs_over_a_restart(tmp_path: Path) -> None:
     """By any protocol, and under the name of who has set it."""
-
-    async def program() -> None:
-        config = {"sun": 0.0}
-        async with ThreePrograms("nexstar-gps", "1.2", state=tmp_path, config=config) as three:
-            await three.sets("alpaca", 45.0, 10.0)
-        async with ThreePrograms("nexstar-gps", "1.2", state=tmp_path, config=config, on=three) as again:
-            assert (await again.reading("lx200"))[:2] == (45.0, 10.0)
-            assert again.controller.sources.sites()[0].source == "a program (10.0.0.1, 2026-01-15)"
-
-    run(program())
+    config = {"sun": 0.0}
+    async with ThreePrograms("nexstar-gps", "1.2", state=tmp_path, config=config) as three:
+        await three.sets("alpaca", 45.0, 10.0)
+    async with ThreePrograms("nexstar-gps", "1.2", state=tmp_path, config=config, on=three) as again:
+        assert (await again.reading("lx200"))[:2] == (45.0, 10.0)
+        assert again.controller.sources.sites()[0].source == "a program (10.0.0.1, 2026-01-15)"

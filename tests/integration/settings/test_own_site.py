@@ -10,7 +10,6 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core import requests
-from gateway.diagnostics.virtual_time import run
 from tests.support.fake_mount import Talk
 from tests.support.in_process_gateway import Bridge, Visitor
 
@@ -38,136 +37,107 @@ async def second_site(client: Visitor) -> None:
 
 @pytest.mark.parametrize("again", [b":W0#", b":W1#"])
 @pytest.mark.parametrize("aligned", [True, False])
-def test_coming_back_to_site_1_is_coming_back_to_the_mounts_own(aligned: bool, again: bytes) -> None:
+async def test_coming_back_to_site_1_is_coming_back_to_the_mounts_own(aligned: bool, again: bytes) -> None:
     """An aligned hand control was never told the other one; an unaligned one is told its own again."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="lx200gps", aligned=aligned) as bridge:
-            client = bridge.client()
-            await second_site(client)
-            assert told(bridge) == ([] if aligned else [FORTY])
-            client.tell(again)
-            await asyncio.sleep(3)
-            assert await place(client) == await place(bridge.client()) == b"+45*00#-010*00#"
-            assert told(bridge) == ([] if aligned else [FORTY, OWN])
-            client.tell(b":W2#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+40*00#+020*00#"
-            assert told(bridge) == ([] if aligned else [FORTY, OWN, FORTY])
-
-    run(program())
+    async with Bridge("cpc", "4.21", surface="lx200gps", aligned=aligned) as bridge:
+        client = bridge.client()
+        await second_site(client)
+        assert told(bridge) == ([] if aligned else [FORTY])
+        client.tell(again)
+        await asyncio.sleep(3)
+        assert await place(client) == await place(bridge.client()) == b"+45*00#-010*00#"
+        assert told(bridge) == ([] if aligned else [FORTY, OWN])
+        client.tell(b":W2#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+40*00#+020*00#"
+        assert told(bridge) == ([] if aligned else [FORTY, OWN, FORTY])
 
 
-def test_half_of_another_site_is_not_the_mounts_own_either() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="autostar", aligned=False) as bridge:
-            client = bridge.client()
-            client.tell(b":W1#:St+40*00#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+40*00#-010*00#"
-            client.tell(b":W0#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+45*00#-010*00#"
-            assert told(bridge)[-1] == OWN
-
-    run(program())
+async def test_half_of_another_site_is_not_the_mounts_own_either() -> None:
+    async with Bridge("cpc", "4.21", surface="autostar", aligned=False) as bridge:
+        client = bridge.client()
+        client.tell(b":W1#:St+40*00#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+40*00#-010*00#"
+        client.tell(b":W0#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+45*00#-010*00#"
+        assert told(bridge)[-1] == OWN
 
 
-def test_a_site_entered_at_the_keys_while_nobody_asks_is_in_force_some_minutes_later() -> None:
+async def test_a_site_entered_at_the_keys_while_nobody_asks_is_in_force_some_minutes_later() -> None:
     """It was asked for at the start, and then only while a program asked for the position."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="lx200gps") as bridge:
-            bridge.sim.feed(FORTY)
-            await asyncio.sleep(240)
-            assert await place(bridge.client()) == b"+40*00#+020*00#"
-
-    run(program())
+    async with Bridge("cpc", "4.21", surface="lx200gps") as bridge:
+        bridge.sim.feed(FORTY)
+        await asyncio.sleep(240)
+        assert await place(bridge.client()) == b"+40*00#+020*00#"
 
 
-def test_a_site_entered_at_the_hand_control_meanwhile_is_its_own() -> None:
+async def test_a_site_entered_at_the_hand_control_meanwhile_is_its_own() -> None:
     """Neither what it had before nor what a program set comes back."""
-
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
-            client = bridge.client()
-            await second_site(client)
-            bridge.sim.feed(b"W" + bytes((51, 30, 0, 0, 7, 0, 0, 0)))
-            await asyncio.sleep(200)
-            client.tell(b":W1#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+51*30#-007*00#"
-            assert told(bridge) == [FORTY]
-
-    run(program())
-
-
-def test_it_is_its_own_after_a_restart_too(tmp_path: Path) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False, state=tmp_path) as bridge:
-            await second_site(bridge.client())
-        async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
-            client = bridge.client()
-            client.tell(b":W1#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+45*00#-010*00#"
-            assert told(bridge) == [OWN]
+    async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
+        client = bridge.client()
+        await second_site(client)
         bridge.sim.feed(b"W" + bytes((51, 30, 0, 0, 7, 0, 0, 0)))
-        async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
-            client = bridge.client()
-            client.tell(b":W1#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+51*30#-007*00#"
-            assert told(bridge) == []
-
-    run(program())
+        await asyncio.sleep(200)
+        client.tell(b":W1#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+51*30#-007*00#"
+        assert told(bridge) == [FORTY]
 
 
-def test_there_and_back_in_one_packet_leaves_the_mount_at_its_own() -> None:
-    async def program() -> None:
-        async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
-            client = bridge.client()
-            await second_site(client)
-            client.tell(b":W1#:W2#:W1#")
-            await asyncio.sleep(5)
-            assert await place(client) == b"+45*00#-010*00#"
-            assert told(bridge)[-1] == OWN
+async def test_it_is_its_own_after_a_restart_too(tmp_path: Path) -> None:
+    async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False, state=tmp_path) as bridge:
+        await second_site(bridge.client())
+    async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
+        client = bridge.client()
+        client.tell(b":W1#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+45*00#-010*00#"
+        assert told(bridge) == [OWN]
+    bridge.sim.feed(b"W" + bytes((51, 30, 0, 0, 7, 0, 0, 0)))
+    async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
+        client = bridge.client()
+        client.tell(b":W1#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+51*30#-007*00#"
+        assert told(bridge) == []
 
-    run(program())
+
+async def test_there_and_back_in_one_packet_leaves_the_mount_at_its_own() -> None:
+    async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
+        client = bridge.client()
+        await second_site(client)
+        client.tell(b":W1#:W2#:W1#")
+        await asyncio.sleep(5)
+        assert await place(client) == b"+45*00#-010*00#"
+        assert told(bridge)[-1] == OWN
 
 
 @pytest.mark.parametrize("config", [{}, {"site": (52.0, 13.0)}])
-def test_a_mount_that_tells_no_site(config: dict[str, object]) -> None:
+async def test_a_mount_that_tells_no_site(config: dict[str, object]) -> None:
     """What a program set as site 1, else the configured one, is what stands there again."""
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", "1.2", surface="lx200", config=config) as bridge:
-            client = bridge.client()
-            if not config:
-                assert await client.ask(b":St+52*00#:Sg347*00#", until=b"11") == b"11"
-            await second_site(client)
-            client.tell(b":W1#")
-            await asyncio.sleep(3)
-            assert await place(client) == b"+52*00#-013*00#"
-
-    run(program())
+    async with Bridge("nexstar-gps", "1.2", surface="lx200", config=config) as bridge:
+        client = bridge.client()
+        if not config:
+            assert await client.ask(b":St+52*00#:Sg347*00#", until=b"11") == b"11"
+        await second_site(client)
+        client.tell(b":W1#")
+        await asyncio.sleep(3)
+        assert await place(client) == b"+52*00#-013*00#"
 
 
 @pytest.mark.parametrize(
     ("half", "question", "reply"), [(b":St-45*00#", b":Gt#", b"-45*00#"), (b":Sg010*30#", b":Gg#", b"+010*30#")]
 )
-def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, reply: bytes) -> None:
+async def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, reply: bytes) -> None:
     """Where nobody knows the other half there is no site, and still no silence about what was said yes to."""
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", "1.2", surface="lx200") as bridge:
-            client = bridge.client()
-            assert await client.ask(half) == b"1"
-            await asyncio.sleep(3)
-            assert await client.ask(question, 1.0) == reply
-            assert await client.ask({b":Gt#": b":Gg#", b":Gg#": b":Gt#"}[question], 1.0) == b""
-
-    run(program())
+    async with Bridge("nexstar-gps", "1.2", surface="lx200") as bridge:
+        client = bridge.client()
+        assert await client.ask(half) == b"1"
+        await asyncio.sleep(3)
+        assert await client.ask(question, 1.0) == reply
+        assert await client.ask({b":Gt#": b":Gg#", b":Gg#": b":Gt#"}[question], 1.0) == b""
 
 
 # --- how they are counted -----------------------------------------------------------------------------------------
@@ -201,21 +171,17 @@ def test_what_is_no_site_selects_none(impossible: bytes) -> None:
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-def test_a_meade_has_its_own_site_again_too(model: str) -> None:
+async def test_a_meade_has_its_own_site_again_too(model: str) -> None:
     """It takes a site at any time, so it was told the other one."""
-
-    async def program() -> None:
-        async with Bridge(model, driven="lx200", surface="lx200gps", latency=0.01) as bridge:
-            client = bridge.client()
-            own = await place(client)
-            await second_site(client)
-            assert any(sent.startswith(b":St+40*00") for sent in bridge.sent())
-            client.tell(b":W1#")
-            await asyncio.sleep(10)
-            assert await place(client) == own == b"+45*00#-010*00#"
-            assert [sent for sent in bridge.sent() if sent.startswith(b":St")][-1] == b":St+45*00#"
-
-    run(program())
+    async with Bridge(model, driven="lx200", surface="lx200gps", latency=0.01) as bridge:
+        client = bridge.client()
+        own = await place(client)
+        await second_site(client)
+        assert any(sent.startswith(b":St+40*00") for sent in bridge.sent())
+        client.tell(b":W1#")
+        await asyncio.sleep(10)
+        assert await place(client) == own == b"+45*00#-010*00#"
+        assert [sent for sent in bridge.sent() if sent.startswith(b":St")][-1] == b":St+45*00#"
 
 
 @pytest.mark.parametrize(
@@ -228,20 +194,16 @@ def test_a_meade_has_its_own_site_again_too(model: str) -> None:
         ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount"),
     ],
 )
-def test_it_is_told_for_whom_a_site_of_a_page_holds(
+async def test_it_is_told_for_whom_a_site_of_a_page_holds(
     mount: str, config: dict[str, Any], aligned: bool, holds: str
 ) -> None:
     """And every other program reads the site then, or not."""
-
-    async def program() -> None:
-        model, _, version = mount.partition("/")
-        async with Bridge(model, version or "4.21", config=config, aligned=aligned) as bridge:
-            other = bridge.client()
-            await other.ask(b":GR#", until=b"#")
-            request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
-            answer = await bridge.gateway.request_handler.take(request)
-            assert answer.done and answer.text.startswith(f"the site is set; it holds for {holds}")
-            await asyncio.sleep(5)
-            assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")
-
-    run(program())
+    model, _, version = mount.partition("/")
+    async with Bridge(model, version or "4.21", config=config, aligned=aligned) as bridge:
+        other = bridge.client()
+        await other.ask(b":GR#", until=b"#")
+        request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
+        answer = await bridge.gateway.request_handler.take(request)
+        assert answer.done and answer.text.startswith(f"the site is set; it holds for {holds}")
+        await asyncio.sleep(5)
+        assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")

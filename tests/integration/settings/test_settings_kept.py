@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Observer
-from gateway.diagnostics.virtual_time import run
 from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
 
@@ -56,60 +55,53 @@ async def plugged_in(bridge: Any, cable: Cable) -> None:
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 0.02, 0.3, 2.0, 4.9])
-def test_a_site_that_comes_while_a_classic_calculates_is_told_afterwards_as_a_whole(mount: str, gap: float) -> None:
-    async def program() -> None:
-        async with nexstar_to(mount) as bridge:
-            client = bridge.client()
-            assert await client.ask(MARCH) == b"#"
-            set_at = bridge.clock()
-            await asyncio.sleep(gap)
-            assert await client.ask(SYDNEY) == b"#"
-            assert (await client.ask(b"w"))[:8] == SYDNEY[1:]  # at once
-            await asyncio.sleep(30.0)
-            latitude, longitude = bridge.sim.site
-            assert latitude == pytest.approx(-33.8583, abs=0.01)
-            assert longitude == pytest.approx(151.21, abs=0.01)
-            elapsed = bridge.clock() - set_at
-            assert utc(bridge) - elapsed == pytest.approx(unix("2027-03-14 10:30:40"), abs=2.0)
-            assert sum(one.startswith(b":SC") for one in bridge.sent()) == 1
-
-    run(program())
+async def test_a_site_that_comes_while_a_classic_calculates_is_told_afterwards_as_a_whole(
+    mount: str, gap: float
+) -> None:
+    async with nexstar_to(mount) as bridge:
+        client = bridge.client()
+        assert await client.ask(MARCH) == b"#"
+        set_at = bridge.clock()
+        await asyncio.sleep(gap)
+        assert await client.ask(SYDNEY) == b"#"
+        assert (await client.ask(b"w"))[:8] == SYDNEY[1:]  # at once
+        await asyncio.sleep(30.0)
+        latitude, longitude = bridge.sim.site
+        assert latitude == pytest.approx(-33.8583, abs=0.01)
+        assert longitude == pytest.approx(151.21, abs=0.01)
+        elapsed = bridge.clock() - set_at
+        assert utc(bridge) - elapsed == pytest.approx(unix("2027-03-14 10:30:40"), abs=2.0)
+        assert sum(one.startswith(b":SC") for one in bridge.sent()) == 1
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 1.5])
-def test_date_year_and_time_one_after_the_other_all_arrive(mount: str, gap: float) -> None:
-    async def program() -> None:
-        async with nexstar_to(mount) as bridge:
-            client = bridge.client()
-            for command in (
-                b"P\x03\xb2\x83\x03\x0e\x00\x00",
-                b"P\x03\xb2\x84\x07\xeb\x00\x00",
-                b"P\x04\xb2\xb3\x14\x1e\x28\x00",
-            ):
-                assert await client.ask(command) == b"#"
-                set_at = bridge.clock()
-                await asyncio.sleep(gap)
-            await asyncio.sleep(40.0)
-            assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-14 20:30:40"), abs=2.0)
-
-    run(program())
+async def test_date_year_and_time_one_after_the_other_all_arrive(mount: str, gap: float) -> None:
+    async with nexstar_to(mount) as bridge:
+        client = bridge.client()
+        for command in (
+            b"P\x03\xb2\x83\x03\x0e\x00\x00",
+            b"P\x03\xb2\x84\x07\xeb\x00\x00",
+            b"P\x04\xb2\xb3\x14\x1e\x28\x00",
+        ):
+            assert await client.ask(command) == b"#"
+            set_at = bridge.clock()
+            await asyncio.sleep(gap)
+        await asyncio.sleep(40.0)
+        assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-14 20:30:40"), abs=2.0)
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
-def test_of_two_times_the_second_one_counts(mount: str) -> None:
-    async def program() -> None:
-        async with nexstar_to(mount) as bridge:
-            client = bridge.client()
-            await client.ask(MARCH)
-            await asyncio.sleep(1.0)
-            await client.ask(b"H\x15\x00\x00\x04\x01\x1b\x01\x00")  # 21:00:00 on 1 April 2027, one hour east
-            set_at = bridge.clock()
-            await asyncio.sleep(30.0)
-            assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-04-01 20:00:00"), abs=2.0)
-            assert (await client.ask(b"h"))[:2] == b"\x15\x00"
-
-    run(program())
+async def test_of_two_times_the_second_one_counts(mount: str) -> None:
+    async with nexstar_to(mount) as bridge:
+        client = bridge.client()
+        await client.ask(MARCH)
+        await asyncio.sleep(1.0)
+        await client.ask(b"H\x15\x00\x00\x04\x01\x1b\x01\x00")  # 21:00:00 on 1 April 2027, one hour east
+        set_at = bridge.clock()
+        await asyncio.sleep(30.0)
+        assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-04-01 20:00:00"), abs=2.0)
+        assert (await client.ask(b"h"))[:2] == b"\x15\x00"
 
 
 # --- the line is down ---------------------------------------------------------------------------------------------
@@ -118,44 +110,38 @@ def test_of_two_times_the_second_one_counts(mount: str) -> None:
 @pytest.mark.parametrize(
     ("mount", "driven"), [("6-8se", "nexstar"), ("cge", "nexstar"), *((mount, "lx200") for mount in MEADES)]
 )
-def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, driven: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar") as bridge:
+async def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, driven: str) -> None:
+    async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar") as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        cable.pull()
+        await asyncio.sleep(3.0)
+        assert (await client.ask(b":SG+05#:SL20:00:00#:SC03/14/27#", 0.5, until=b"!")).startswith(b"111Upd")
+        set_at = bridge.clock()
+        assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
+        assert await client.ask(b":GG#") == b"+05#"
+        await asyncio.sleep(9.0)
+        assert await client.ask(b":Gt#", 1.0) == b"+40*45#"
+        await plugged_in(bridge, cable)
+        where = bridge.sim.site if driven == "lx200" else bridge.sim.mechanics.sky[:2]
+        assert where == pytest.approx((40.75, -74.5), abs=0.01)
+        assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-15 01:00:00"), abs=2.0)
+        assert await client.ask(b":Gg#") == b"+074*30#"
+        assert "it is sent later" in notes(bridge)
+
+
+async def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
+    for mount, driven in (("cpc", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")):
+        async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client, cable = bridge.client(), Cable(bridge)
             cable.pull()
-            await asyncio.sleep(3.0)
-            assert (await client.ask(b":SG+05#:SL20:00:00#:SC03/14/27#", 0.5, until=b"!")).startswith(b"111Upd")
-            set_at = bridge.clock()
-            assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
-            assert await client.ask(b":GG#") == b"+05#"
-            await asyncio.sleep(9.0)
-            assert await client.ask(b":Gt#", 1.0) == b"+40*45#"
+            await asyncio.sleep(1.0)
+            began = bridge.clock()
+            assert await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", until=b".#") == b"111No answer from mount.#"
+            client.tell(b":Me#")
+            assert bridge.clock() - began < 0.1
+            before = len(bridge.sent())
             await plugged_in(bridge, cable)
-            where = bridge.sim.site if driven == "lx200" else bridge.sim.mechanics.sky[:2]
-            assert where == pytest.approx((40.75, -74.5), abs=0.01)
-            assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-15 01:00:00"), abs=2.0)
-            assert await client.ask(b":Gg#") == b"+074*30#"
-            assert "it is sent later" in notes(bridge)
-
-    run(program())
-
-
-def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
-    async def program() -> None:
-        for mount, driven in (("cpc", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")):
-            async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
-                client, cable = bridge.client(), Cable(bridge)
-                cable.pull()
-                await asyncio.sleep(1.0)
-                began = bridge.clock()
-                assert await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", until=b".#") == b"111No answer from mount.#"
-                client.tell(b":Me#")
-                assert bridge.clock() - began < 0.1
-                before = len(bridge.sent())
-                await plugged_in(bridge, cable)
-                assert not [one for one in bridge.sent()[before:] if one[:1] in b"rR" or one[:2] in (b":M", b"P\2")]
-
-    run(program())
+            assert not [one for one in bridge.sent()[before:] if one[:1] in b"rR" or one[:2] in (b":M", b"P\2")]
 
 
 @pytest.mark.parametrize(
@@ -165,25 +151,22 @@ def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
         (True, (45.0, 10.0), b"+40*45#", "site that was set is stored"),
     ],
 )
-def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
+async def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
     aligned: bool, has: tuple[float, float], told: bytes, words: str
 ) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            cable.pull()
-            await asyncio.sleep(2.0)
-            await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
-            if aligned:
-                bridge.sim.aligned = True
-            else:
-                bridge.sim.relocate(Observer(*has, bridge.sim.mechanics.sky.ahead))
-            await plugged_in(bridge, cable)
-            assert bridge.sim.mechanics.sky[:2] == has
-            assert await client.ask(b":Gt#") == told
-            assert words in notes(bridge)
-
-    run(program())
+    async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        cable.pull()
+        await asyncio.sleep(2.0)
+        await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
+        if aligned:
+            bridge.sim.aligned = True
+        else:
+            bridge.sim.relocate(Observer(*has, bridge.sim.mechanics.sky.ahead))
+        await plugged_in(bridge, cable)
+        assert bridge.sim.mechanics.sky[:2] == has
+        assert await client.ask(b":Gt#") == told
+        assert words in notes(bridge)
 
 
 # --- single commands are lost -------------------------------------------------------------------------------------
@@ -192,83 +175,71 @@ def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
 @pytest.mark.parametrize("lost", [b":St", b":Sg", b":SG", b":SL", b":SC"])
 @pytest.mark.parametrize("mount", ["lx200", "lx200gps"])
 @pytest.mark.parametrize("heard", [False, True])
-def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard: bool) -> None:
-    async def program() -> None:
-        async with nexstar_to(mount) as bridge:
-            missed = (lose_replies if heard else lose_commands)(bridge, (lost,), 1)
-            client = bridge.client()
-            await client.ask(SYDNEY)
-            await client.ask(MARCH)
-            set_at = bridge.clock()
-            for _ in range(40):
-                client.tell(b"E")
-                await asyncio.sleep(1.0)
-            assert missed
-            assert bridge.sim.site == pytest.approx((-33.8583, 151.21), abs=0.01)
-            assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-14 10:30:40"), abs=2.0)
-            assert "changed at the mount" not in notes(bridge)
-
-    run(program())
+async def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard: bool) -> None:
+    async with nexstar_to(mount) as bridge:
+        missed = (lose_replies if heard else lose_commands)(bridge, (lost,), 1)
+        client = bridge.client()
+        await client.ask(SYDNEY)
+        await client.ask(MARCH)
+        set_at = bridge.clock()
+        for _ in range(40):
+            client.tell(b"E")
+            await asyncio.sleep(1.0)
+        assert missed
+        assert bridge.sim.site == pytest.approx((-33.8583, 151.21), abs=0.01)
+        assert utc(bridge) - (bridge.clock() - set_at) == pytest.approx(unix("2027-03-14 10:30:40"), abs=2.0)
+        assert "changed at the mount" not in notes(bridge)
 
 
 @pytest.mark.parametrize("command", [b":SC", b":St"])
-def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None:
-    async def program() -> None:
-        async with nexstar_to("lx200") as bridge:
-            missed = lose_commands(bridge, (command,), 100)
-            client = bridge.client()
-            await client.ask(SYDNEY)
-            await client.ask(MARCH)
-            for _ in range(90):
-                client.tell(b"E")
-                await asyncio.sleep(1.0)
-            assert len(missed) == 3
-            assert "it is not in force: No answer" in notes(bridge)
-            shown = await client.ask(b"h" if command == b":SC" else b"w")
-            if command == b":St":
-                assert shown[:2] == b"\x2d\x00"  # 45 degrees north
-            else:
-                assert shown[5:6] == b"\x1a"  # the year is 2026
-
-    run(program())
+async def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None:
+    async with nexstar_to("lx200") as bridge:
+        missed = lose_commands(bridge, (command,), 100)
+        client = bridge.client()
+        await client.ask(SYDNEY)
+        await client.ask(MARCH)
+        for _ in range(90):
+            client.tell(b"E")
+            await asyncio.sleep(1.0)
+        assert len(missed) == 3
+        assert "it is not in force: No answer" in notes(bridge)
+        shown = await client.ask(b"h" if command == b":SC" else b"w")
+        if command == b":St":
+            assert shown[:2] == b"\x2d\x00"  # 45 degrees north
+        else:
+            assert shown[5:6] == b"\x1a"  # the year is 2026
 
 
-def test_a_lost_acknowledgement_of_a_hand_control_needs_no_second_telling() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=False, presented="nexstar", surface=None) as bridge:
-            lose_replies(bridge, (b"W",), 1)
-            client = bridge.client()
-            await client.ask(SYDNEY)
-            await asyncio.sleep(30.0)
-            assert bridge.sim.mechanics.sky[:2] == pytest.approx((-33.8583, 151.21), abs=0.01)
-            assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
-            assert len([one for one in bridge.sent() if one[:1] == b"W"]) == 1
-
-    run(program())
+async def test_a_lost_acknowledgement_of_a_hand_control_needs_no_second_telling() -> None:
+    async with Bridge("6-8se", aligned=False, presented="nexstar", surface=None) as bridge:
+        lose_replies(bridge, (b"W",), 1)
+        client = bridge.client()
+        await client.ask(SYDNEY)
+        await asyncio.sleep(30.0)
+        assert bridge.sim.mechanics.sky[:2] == pytest.approx((-33.8583, 151.21), abs=0.01)
+        assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
+        assert len([one for one in bridge.sent() if one[:1] == b"W"]) == 1
 
 
 # --- guide rates and the like -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("how", ["down", "lost"])
-def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge", "4.21", presented="nexstar", surface="cge") as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            if how == "down":
-                cable.pull()
-                await asyncio.sleep(2.0)
-            else:
-                lose_commands(bridge, (b"P\x02\x10\x46", b"P\x02\x10\x10"), 2)
-            await client.ask(b"P\x02\x10\x46\x40\0\0\0", 4.0)
-            await client.ask(b"P\x02\x10\x10\x1e\0\0\0", 4.0)
-            await plugged_in(bridge, cable)
-            heard = bridge.sent()
-            assert b"P\x02\x10\x46\x40\0\0\0" in heard
-            assert await client.ask(b"P\x01\x10\x47\0\0\0\x01") == b"\x40#"
-            assert heard.count(b"P\x02\x10\x10\x1e\0\0\0") == (1 if how == "down" else 2)
-
-    run(program())
+async def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how: str) -> None:
+    async with Bridge("cge", "4.21", presented="nexstar", surface="cge") as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        if how == "down":
+            cable.pull()
+            await asyncio.sleep(2.0)
+        else:
+            lose_commands(bridge, (b"P\x02\x10\x46", b"P\x02\x10\x10"), 2)
+        await client.ask(b"P\x02\x10\x46\x40\0\0\0", 4.0)
+        await client.ask(b"P\x02\x10\x10\x1e\0\0\0", 4.0)
+        await plugged_in(bridge, cable)
+        heard = bridge.sent()
+        assert b"P\x02\x10\x46\x40\0\0\0" in heard
+        assert await client.ask(b"P\x01\x10\x47\0\0\0\x01") == b"\x40#"
+        assert heard.count(b"P\x02\x10\x10\x1e\0\0\0") == (1 if how == "down" else 2)
 
 
 # --- what is told at once, and what is not thrown away ------------------------------------------------------------
@@ -276,24 +247,21 @@ def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how
 
 @pytest.mark.parametrize("ahead", [-25.0, 3.0, 20.0, 28.0, 40.0])
 @pytest.mark.parametrize("aligned", [True, False])
-def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: float, aligned: bool) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=aligned, surface="autostar") as bridge:
-            client = bridge.client()
-            wanted = bridge.clock() + ahead
-            text = datetime.fromtimestamp(wanted, UTC).strftime("%H:%M:%S").encode()
-            assert await client.ask(b":SL" + text + b"#") == b"1"
-            assert (await client.ask(b":GL#"))[:-1] == text
-            await asyncio.sleep(10.0)
-            told = (await client.ask(b":GL#")).decode()
-            seconds = sum(int(part) * 60**power for power, part in enumerate(reversed(told[:-1].split(":"))))
-            assert seconds == pytest.approx((wanted + 10.0) % 86400.0, abs=2.0)
-            if aligned:
-                assert "clock that was set is stored" in notes(bridge)
-            else:
-                assert utc(bridge) == pytest.approx(wanted + 10.0, abs=2.0)
-
-    run(program())
+async def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: float, aligned: bool) -> None:
+    async with Bridge("6-8se", aligned=aligned, surface="autostar") as bridge:
+        client = bridge.client()
+        wanted = bridge.clock() + ahead
+        text = datetime.fromtimestamp(wanted, UTC).strftime("%H:%M:%S").encode()
+        assert await client.ask(b":SL" + text + b"#") == b"1"
+        assert (await client.ask(b":GL#"))[:-1] == text
+        await asyncio.sleep(10.0)
+        told = (await client.ask(b":GL#")).decode()
+        seconds = sum(int(part) * 60**power for power, part in enumerate(reversed(told[:-1].split(":"))))
+        assert seconds == pytest.approx((wanted + 10.0) % 86400.0, abs=2.0)
+        if aligned:
+            assert "clock that was set is stored" in notes(bridge)
+        else:
+            assert utc(bridge) == pytest.approx(wanted + 10.0, abs=2.0)
 
 
 @pytest.mark.parametrize(
@@ -306,51 +274,41 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
         ("lx200", "lx200", True),
     ],
 )
-def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven: str, aligned: bool) -> None:
+async def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven: str, aligned: bool) -> None:
     """Seconds, zone and daylight saving too: 20:30:40 in a zone one hour east, in summer."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, aligned=aligned, presented="nexstar", surface="cge") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"H\x14\x1e\x28\x07\x0e\x1b\x01\x01") == b"#"
-            assert await client.ask(SYDNEY) == b"#"
-            assert (await client.ask(b"h")) == b"\x14\x1e\x28\x07\x0e\x1b\x01\x01#"
-            assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
-            await asyncio.sleep(30.0)
-            assert (await client.ask(b"h"))[:2] + client.heard[3:] == b"\x14\x1f\x07\x0e\x1b\x01\x01#"
-            if driven == "nexstar" and not aligned:
-                assert (bridge.sim.zone, bridge.sim.daylight) == (1, 1)
-
-    run(program())
+    async with Bridge(mount, driven=driven, aligned=aligned, presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"H\x14\x1e\x28\x07\x0e\x1b\x01\x01") == b"#"
+        assert await client.ask(SYDNEY) == b"#"
+        assert (await client.ask(b"h")) == b"\x14\x1e\x28\x07\x0e\x1b\x01\x01#"
+        assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
+        await asyncio.sleep(30.0)
+        assert (await client.ask(b"h"))[:2] + client.heard[3:] == b"\x14\x1f\x07\x0e\x1b\x01\x01#"
+        if driven == "nexstar" and not aligned:
+            assert (bridge.sim.zone, bridge.sim.daylight) == (1, 1)
 
 
-def test_daylight_saving_that_was_set_at_the_hand_control_is_told() -> None:
-    async def program() -> None:
-        async with Bridge("cge", aligned=False, presented="nexstar", surface="cge") as bridge:
-            bridge.sim.feed(b"H\x14\x1e\x28\x07\x0e\x1a\x01\x01")
-            client = bridge.client()
-            for _ in range(120):
-                client.tell(b"E")
-                await asyncio.sleep(1.0)
-            assert (await client.ask(b"h"))[6:] == b"\x01\x01#"
-
-    run(program())
+async def test_daylight_saving_that_was_set_at_the_hand_control_is_told() -> None:
+    async with Bridge("cge", aligned=False, presented="nexstar", surface="cge") as bridge:
+        bridge.sim.feed(b"H\x14\x1e\x28\x07\x0e\x1a\x01\x01")
+        client = bridge.client()
+        for _ in range(120):
+            client.tell(b"E")
+            await asyncio.sleep(1.0)
+        assert (await client.ask(b"h"))[6:] == b"\x01\x01#"
 
 
 @pytest.mark.parametrize("pause", [0.5, 4.0, 30.0])
-def test_an_offset_that_comes_after_the_local_time_leaves_that_as_it_is(pause: float) -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
-            client = bridge.client()
-            set_at = bridge.clock()
-            await client.ask(b":SL20:15:30#")
-            await asyncio.sleep(pause)
-            await client.ask(b":SC03/14/27#")
-            await asyncio.sleep(pause)
-            await client.ask(b":SG+05#")
-            await asyncio.sleep(10.0)
-            elapsed = bridge.clock() - set_at
-            assert utc(bridge) - elapsed == pytest.approx(unix("2027-03-15 01:15:30"), abs=2.0)
-            assert (await client.ask(b":GG#")) == b"+05#"
-
-    run(program())
+async def test_an_offset_that_comes_after_the_local_time_leaves_that_as_it_is(pause: float) -> None:
+    async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
+        client = bridge.client()
+        set_at = bridge.clock()
+        await client.ask(b":SL20:15:30#")
+        await asyncio.sleep(pause)
+        await client.ask(b":SC03/14/27#")
+        await asyncio.sleep(pause)
+        await client.ask(b":SG+05#")
+        await asyncio.sleep(10.0)
+        elapsed = bridge.clock() - set_at
+        assert utc(bridge) - elapsed == pytest.approx(unix("2027-03-15 01:15:30"), abs=2.0)
+        assert (await client.ask(b":GG#")) == b"+05#"

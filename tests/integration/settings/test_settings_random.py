@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from gateway.core.operations import Backlash, Moment, Place, SetClock, SetSite
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.site.pending_settings import (
     TRIES,
     Pending,
@@ -96,17 +95,14 @@ class Night:
     [("lx200", "lx200"), ("autostar", "lx200"), ("lx200gps", "lx200"), ("6-8se", "nexstar"), ("avx", "nexstar")],
 )
 @pytest.mark.parametrize("seed", range(as_a_rule(6, whole=12)))
-def test_in_the_end_the_mount_has_what_was_set_last(mount: str, driven: str, seed: int) -> None:
-    async def program() -> None:
-        config = {"lowest": -90.0, "sun": 0.0}
-        async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar", config=config) as bridge:
-            night = Night(bridge, seed, driven)
-            for _ in range(8):
-                await night.step()
-            await night.quiet()
-            night.judge()
-
-    run(program())
+async def test_in_the_end_the_mount_has_what_was_set_last(mount: str, driven: str, seed: int) -> None:
+    config = {"lowest": -90.0, "sun": 0.0}
+    async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar", config=config) as bridge:
+        night = Night(bridge, seed, driven)
+        for _ in range(8):
+            await night.step()
+        await night.quiet()
+        night.judge()
 
 
 # --- the pure part --------------------------------------------------------------------------------------------------

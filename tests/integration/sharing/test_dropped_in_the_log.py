@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200 import framing as lx200
 from gateway.protocols.nexstar.framing import NexStarFramer
 from tests.support.in_memory_connections import Caller
@@ -29,14 +28,11 @@ def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
         (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
     ],
 )
-def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            bridge.client().tell(said)
-            await asyncio.sleep(0.5)
-            assert dropped in _dropped(bridge)
-
-    run(play())
+async def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+    async with Bridge() as bridge:
+        bridge.client().tell(said)
+        await asyncio.sleep(0.5)
+        assert dropped in _dropped(bridge)
 
 
 @pytest.mark.parametrize(
@@ -47,76 +43,58 @@ def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> N
         (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", NexStarFramer.noise)),
     ],
 )
-def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
-            bridge.client().tell(said)
-            await asyncio.sleep(0.5)
-            assert dropped in _dropped(bridge)
-
-    run(play())
+async def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+        bridge.client().tell(said)
+        await asyncio.sleep(0.5)
+        assert dropped in _dropped(bridge)
 
 
-def test_half_a_nexstar_command_that_goes_no_further() -> None:
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
-            client = bridge.client()
-            client.tell(b"R34AB")
-            await asyncio.sleep(2.0)
-            client.tell(b"e")
-            client.tell(b"R34")
-            client.close()
-            await asyncio.sleep(0.5)
-            assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half), (b"R34", NexStarFramer.cut_off)]
-
-    run(play())
+async def test_half_a_nexstar_command_that_goes_no_further() -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        client.tell(b"R34AB")
+        await asyncio.sleep(2.0)
+        client.tell(b"e")
+        client.tell(b"R34")
+        client.close()
+        await asyncio.sleep(0.5)
+        assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half), (b"R34", NexStarFramer.cut_off)]
 
 
-def test_half_a_command_that_its_connection_ends_with() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            client.tell(b":GR")
-            client.close()
-            assert _dropped(bridge) == [(b":GR", lx200.HALF)]
-
-    run(play())
+async def test_half_a_command_that_its_connection_ends_with() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        client.tell(b":GR")
+        client.close()
+        assert _dropped(bridge) == [(b":GR", lx200.HALF)]
 
 
-def test_what_was_held_back_as_a_stranger_s_word() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            caller = Caller(bridge.acceptor)
-            caller.tell(b"V")
-            await asyncio.sleep(5.0)
-            caller.close()
-            assert [data for data, _ in _dropped(bridge)] == [b"V"]
-
-    run(play())
+async def test_what_was_held_back_as_a_stranger_s_word() -> None:
+    async with Bridge() as bridge:
+        caller = Caller(bridge.acceptor)
+        caller.tell(b"V")
+        await asyncio.sleep(5.0)
+        caller.close()
+        assert [data for data, _ in _dropped(bridge)] == [b"V"]
 
 
-def test_the_same_stop_again_and_what_a_stop_takes_back() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            client.tell(b":Q#:Q#:Q#")
-            client.tell(b":Sr05:00:00#:Sd+10*00:00#:MS#:Me#:Qe#")
-            await asyncio.sleep(3.0)
-            dropped = [data for data, _ in _dropped(bridge)]
-            assert dropped == [b":Q#", b":Q#", b":Me#"]
-
-    run(play())
+async def test_the_same_stop_again_and_what_a_stop_takes_back() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        client.tell(b":Q#:Q#:Q#")
+        client.tell(b":Sr05:00:00#:Sd+10*00:00#:MS#:Me#:Qe#")
+        await asyncio.sleep(3.0)
+        dropped = [data for data, _ in _dropped(bridge)]
+        assert dropped == [b":Q#", b":Q#", b":Me#"]
 
 
-def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
-    async def play() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            assert await client.ask(b"#:GR#\r\n\0", until=b"#") != b""
-            await asyncio.sleep(1.0)
-            assert _dropped(bridge) == []
-
-    run(play())
+async def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        assert await client.ask(b"#:GR#\r\n\0", until=b"#") != b""
+        await asyncio.sleep(1.0)
+        assert _dropped(bridge) == []
 
 
 @pytest.mark.parametrize("framer", [lx200.Lx200Framer, NexStarFramer])

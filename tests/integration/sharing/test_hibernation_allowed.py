@@ -16,7 +16,6 @@ from gateway.app.gateway import Gateway
 from gateway.clients.access import AccessRules, Rights
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_memory_connections import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.unit.transport.test_ports import address, ask
@@ -35,54 +34,45 @@ def refusals(bridge: Bridge) -> list[str]:
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
+async def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
     mount: str, surface: str, transport: str
 ) -> None:
-    async def program() -> None:
-        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
-            caller = Caller(bridge.acceptor, transport)
-            assert await caller.ask(QUESTION[surface])
-            assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
-            await asyncio.sleep(10.0)
-            assert not bridge.sim.asleep
-            assert await caller.ask(QUESTION[surface]), "and it is no stranger for that"
-            assert not {b"x", b":hN#"} & set(bridge.sent())
-            assert len(refusals(bridge)) == 1
-            assert "network" in refusals(bridge)[0] and "hibernate = true" in refusals(bridge)[0]
-
-    run(program())
+    async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
+        caller = Caller(bridge.acceptor, transport)
+        assert await caller.ask(QUESTION[surface])
+        assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
+        await asyncio.sleep(10.0)
+        assert not bridge.sim.asleep
+        assert await caller.ask(QUESTION[surface]), "and it is no stranger for that"
+        assert not {b"x", b":hN#"} & set(bridge.sent())
+        assert len(refusals(bridge)) == 1
+        assert "network" in refusals(bridge)[0] and "hibernate = true" in refusals(bridge)[0]
 
 
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first: bool) -> None:
-    async def program() -> None:
-        allowed = AccessRules(hibernate=True)
-        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
-            caller = Caller(bridge.acceptor)
-            if not first:
-                await caller.ask(QUESTION[surface])
-            assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
-            await asyncio.sleep(10.0)
-            assert bridge.sim.asleep and refusals(bridge) == []
-
-    run(program())
+async def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first: bool) -> None:
+    allowed = AccessRules(hibernate=True)
+    async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
+        caller = Caller(bridge.acceptor)
+        if not first:
+            await caller.ask(QUESTION[surface])
+        assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
+        await asyncio.sleep(10.0)
+        assert bridge.sim.asleep and refusals(bridge) == []
 
 
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mount: str, surface: str) -> None:
-    async def program() -> None:
-        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
-            bridge.client().tell(SLEEP[surface])
-            await asyncio.sleep(10.0)
-            assert bridge.sim.asleep and refusals(bridge) == []
-            Caller(bridge.acceptor).tell(WAKE[surface])
-            await asyncio.sleep(10.0)
-            assert not bridge.sim.asleep
-
-    run(program())
+async def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mount: str, surface: str) -> None:
+    async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
+        bridge.client().tell(SLEEP[surface])
+        await asyncio.sleep(10.0)
+        assert bridge.sim.asleep and refusals(bridge) == []
+        Caller(bridge.acceptor).tell(WAKE[surface])
+        await asyncio.sleep(10.0)
+        assert not bridge.sim.asleep
 
 
 def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
@@ -97,31 +87,28 @@ def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
     assert {op.Hibernate, op.Wake, op.AbortMotion} <= every
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(("keys", "asleep"), [({}, False), ({"hibernate": True}, True), ({"hibernate": False}, False)])
-def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, Any], asleep: bool) -> None:
+async def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, Any], asleep: bool) -> None:
     tables = {"mount": [{"at": "nexstar:cpc@sim", **keys}], "surface": [{"at": "nexstar@tcp://127.0.0.1:0"}]}
     config = make_config(tables, Source("gateway.toml"))
     assert access(config.surface[0], config.mount[0]).hibernate is asleep
+    gateway = Gateway(MountConfig(at="nexstar:cpc@sim", **keys), [SurfaceConfig(at="nexstar@tcp://127.0.0.1:0")])
+    decided: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
 
-    async def main() -> None:
-        gateway = Gateway(MountConfig(at="nexstar:cpc@sim", **keys), [SurfaceConfig(at="nexstar@tcp://127.0.0.1:0")])
-        decided: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+    def look(entry: Entry) -> None:
+        sent = entry.side == "mount" and entry.arrow == ">" and entry.data == b"x"
+        if (sent or "Hibernate refused" in entry.note) and not decided.done():
+            decided.set_result(sent)
 
-        def look(entry: Entry) -> None:
-            sent = entry.side == "mount" and entry.arrow == ">" and entry.data == b"x"
-            if (sent or "Hibernate refused" in entry.note) and not decided.done():
-                decided.set_result(sent)
-
-        gateway.wire_log.sinks.append(look)
-        await gateway.open()
-        try:
-            async with asyncio.timeout(60):
-                assert await gateway.wait_identified(10)
-                link = await asyncio.open_connection(*address(gateway))
-                assert await ask(link, b"x") == b"#"
-                assert await decided is asleep
-                link[1].close()
-        finally:
-            await gateway.close()
-
-    asyncio.run(main())
+    gateway.wire_log.sinks.append(look)
+    await gateway.open()
+    try:
+        async with asyncio.timeout(60):
+            assert await gateway.wait_identified(10)
+            link = await asyncio.open_connection(*address(gateway))
+            assert await ask(link, b"x") == b"#"
+            assert await decided is asleep
+            link[1].close()
+    finally:
+        await gateway.close()

@@ -7,7 +7,6 @@ import asyncio
 import pytest
 
 from gateway.core.wire_log import show
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
@@ -15,18 +14,15 @@ from tests.support.in_process_gateway import Bridge
     "said",
     [b":$BZ100#", b":$BAxx#", b":Rg-1.0#", b":F0#", b":F9#", b":RA-1.0#", b":Mgn-5#", b":BD100#", b":hI990231000000#"],
 )
-def test_an_lx200_command_without_a_reply(said: bytes) -> None:
-    async def play() -> None:
-        async with Bridge("cge", surface="lx200gps") as bridge:
-            client = bridge.client()
-            before = len(bridge.sent())
-            client.tell(said)
-            await asyncio.sleep(1.0)
-            assert client.heard == b""
-            assert any(said.decode()[:3] in entry.note and "refused" in entry.note for entry in bridge.entries)
-            assert not [data for data in bridge.sent()[before:] if data[:1] in (b"P", b"H", b"T")]
-
-    run(play())
+async def test_an_lx200_command_without_a_reply(said: bytes) -> None:
+    async with Bridge("cge", surface="lx200gps") as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        client.tell(said)
+        await asyncio.sleep(1.0)
+        assert client.heard == b""
+        assert any(said.decode()[:3] in entry.note and "refused" in entry.note for entry in bridge.entries)
+        assert not [data for data in bridge.sent()[before:] if data[:1] in (b"P", b"H", b"T")]
 
 
 @pytest.mark.parametrize(
@@ -41,25 +37,19 @@ def test_an_lx200_command_without_a_reply(said: bytes) -> None:
         b"r1234ZZ00,12340000",
     ],
 )
-def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) -> None:
-    async def play() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+async def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        assert await client.ask(said) == b"#"
+        assert any(show(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
+        assert not [data for data in bridge.sent()[before:] if data[1:2] in (b"S", b"M", b"A")]
+
+
+async def test_it_is_said_once_for_every_host() -> None:
+    async with Bridge("cge", surface="lx200gps") as bridge:
+        for _ in range(2):
             client = bridge.client()
-            before = len(bridge.sent())
-            assert await client.ask(said) == b"#"
-            assert any(show(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
-            assert not [data for data in bridge.sent()[before:] if data[1:2] in (b"S", b"M", b"A")]
-
-    run(play())
-
-
-def test_it_is_said_once_for_every_host() -> None:
-    async def play() -> None:
-        async with Bridge("cge", surface="lx200gps") as bridge:
-            for _ in range(2):
-                client = bridge.client()
-                client.tell(b":F9#:F9#")
-                await asyncio.sleep(1.0)
-            assert sum("refused" in entry.note for entry in bridge.entries) == 1
-
-    run(play())
+            client.tell(b":F9#:F9#")
+            await asyncio.sleep(1.0)
+        assert sum("refused" in entry.note for entry in bridge.entries) == 1

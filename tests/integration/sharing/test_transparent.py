@@ -49,21 +49,17 @@ def test_the_answers_are_the_mounts_own(protocol: str, model: str, version: str 
     assert len(found) <= ALLOWED, found
 
 
-def test_who_names_a_model_is_presented_that() -> None:
+async def test_who_names_a_model_is_presented_that() -> None:
     cpc = parse_endpoint("nexstar:cpc/4.21@sim")
     assert presents_mount(cpc, parse_endpoint("nexstar@tcp://:4030"))
     assert not presents_mount(cpc, parse_endpoint("nexstar:6-8se@tcp://:4030"))
     assert not presents_mount(cpc, parse_endpoint("lx200@tcp://:4030"))
-
-    async def named() -> None:
-        async with Bridge("slt", "4.03", presented="nexstar", surface="6-8se") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"m") == b"\x0c#"
-            assert await client.ask(b"V") == b"\x04\x15#"
-            assert await client.ask(APPROACH) == b"\0\0#"
-            assert APPROACH not in bridge.sent()
-
-    run(named())
+    async with Bridge("slt", "4.03", presented="nexstar", surface="6-8se") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"m") == b"\x0c#"
+        assert await client.ask(b"V") == b"\x04\x15#"
+        assert await client.ask(APPROACH) == b"\0\0#"
+        assert APPROACH not in bridge.sent()
 
 
 # --- a NexStar ------------------------------------------------------------------------------------------------------
@@ -206,28 +202,24 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
 @pytest.mark.parametrize(("mount", "told"), [
     ("nexstar:avx/5.31", "nexstar:avx"), ("nexstar:gt/104.0", "nexstar:gt"), ("lx200:lx200-16", "lx200:lx200-16"),
 ])  # fmt: skip
-def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> None:
+async def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> None:
     """As it is started by a person: the surface is named by its protocol alone."""
-
-    async def found() -> None:
-        at = parse_endpoint(f"{mount}@sim")
-        surface = SurfaceConfig(at=f"{at.protocol}@tcp://127.0.0.1:0")
-        clock = asyncio.get_running_loop().time
-        gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
-        simulator = make_simulator(at, clock=clock)
-        gateway.prepare(
-            lambda reply_rules, transcript: MountLink(
-                SimulatedTransport("sim", simulator.connection, 0.02), reply_rules, transcript
-            )
+    at = parse_endpoint(f"{mount}@sim")
+    surface = SurfaceConfig(at=f"{at.protocol}@tcp://127.0.0.1:0")
+    clock = asyncio.get_running_loop().time
+    gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
+    simulator = make_simulator(at, clock=clock)
+    gateway.prepare(
+        lambda reply_rules, transcript: MountLink(
+            SimulatedTransport("sim", simulator.connection, 0.02), reply_rules, transcript
         )
-        gateway.begin()
-        assert await gateway.wait_identified(30.0)
-        ((protocol, face),) = gateway.bindings
-        assert f"{protocol}:{face.model['name']}" == told
-        assert gateway.acceptors[0].binding.model is face.model
-        await gateway.close()
-
-    run(found())
+    )
+    gateway.begin()
+    assert await gateway.wait_identified(30.0)
+    ((protocol, face),) = gateway.bindings
+    assert f"{protocol}:{face.model['name']}" == told
+    assert gateway.acceptors[0].binding.model is face.model
+    await gateway.close()
 
 
 # --- a Meade --------------------------------------------------------------------------------------------------------

@@ -36,19 +36,16 @@ def test_what_clients_still_wanted_ends_with_the_gateway(
         assert run(program(0.3 * step)) == []
 
 
-def test_what_waits_for_a_mount_that_never_said_who_it_is_ends_too() -> None:
-    async def program() -> None:
-        bridge = Bridge("cpc")
-        bridge.sim.asleep = True
-        bridge.controller.start()
-        client = bridge.client()
-        await asyncio.sleep(3.0)
-        client.tell(b":St+45*00#:Sg350*00#:SC01/15/26#:SL22:00:00#:SG+00#:GR#:GD#")
-        await asyncio.sleep(12.0)
-        client.tell(b":St+46*00#")
-        await asyncio.sleep(0.2)
-        await bridge.controller.close()
-        await asyncio.sleep(30.0)
-        assert [task for task in asyncio.all_tasks() if task is not asyncio.current_task()] == []
-
-    run(program())
+async def test_what_waits_for_a_mount_that_never_said_who_it_is_ends_too() -> None:
+    bridge = Bridge("cpc")
+    bridge.sim.asleep = True
+    bridge.controller.start()
+    client = bridge.client()
+    await asyncio.sleep(3.0)
+    client.tell(b":St+45*00#:Sg350*00#:SC01/15/26#:SL22:00:00#:SG+00#:GR#:GD#")
+    await asyncio.sleep(12.0)
+    client.tell(b":St+46*00#")
+    await asyncio.sleep(0.2)
+    await bridge.controller.close()
+    await asyncio.sleep(30.0)
+    assert [task for task in asyncio.all_tasks() if task is not asyncio.current_task()] == []

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
@@ -30,145 +29,118 @@ def times(bridge: Bridge, command: bytes) -> list[float]:
     ("motion", "end"),
     [(b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")],
 )
-def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
+async def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
     """Too slow a motion, or too short a time, for the position to show it."""
-
-    async def program() -> None:
-        async with meade(mount) as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            await asyncio.sleep(2.0)
-            missed = lose_commands(bridge, (end,))
-            asked = bridge.clock()
-            client.tell(end)
-            await asyncio.sleep(0.15)  # an exchange may be under way
-            assert missed == [end]
-            await asyncio.sleep(1.0)
-            first, second = times(bridge, end)
-            assert first - asked < 0.15, "the first is not kept waiting"
-            assert second - first == pytest.approx(0.3, abs=0.1)
-            assert not bridge.sim.arrows
-            assert not bridge.sim.slewing
-
-    run(program())
+    async with meade(mount) as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        await asyncio.sleep(2.0)
+        missed = lose_commands(bridge, (end,))
+        asked = bridge.clock()
+        client.tell(end)
+        await asyncio.sleep(0.15)  # an exchange may be under way
+        assert missed == [end]
+        await asyncio.sleep(1.0)
+        first, second = times(bridge, end)
+        assert first - asked < 0.15, "the first is not kept waiting"
+        assert second - first == pytest.approx(0.3, abs=0.1)
+        assert not bridge.sim.arrows
+        assert not bridge.sim.slewing
 
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.25, 0.29, 0.3])
 @pytest.mark.parametrize("newer", [GOTO, b":Mw#", b":Me#", b":Mn#"])
-def test_what_is_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
-    async def program() -> None:
-        async with meade(mount) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(after)
-            client.tell(newer)
-            await asyncio.sleep(2.0)
-            assert bridge.sim.slewing if newer == GOTO else bridge.sim.arrows
-            assert truth_of(bridge.sim).moving
-
-    run(program())
+async def test_what_is_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
+    async with meade(mount) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(after)
+        client.tell(newer)
+        await asyncio.sleep(2.0)
+        assert bridge.sim.slewing if newer == GOTO else bridge.sim.arrows
+        assert truth_of(bridge.sim).moving
 
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
-def test_the_next_pulse_and_the_other_axis_go_on(mount: str, after: float) -> None:
-    async def program() -> None:
-        async with meade(mount) as bridge:
-            client = bridge.client()
-            client.tell(b":RC#:Mn#:Me#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qe#")
-            await asyncio.sleep(1.0)
-            assert set(bridge.sim.arrows) == {2}
-            client.tell(b":Qn#")
-            await asyncio.sleep(after)
-            client.tell(b":Mgn2000#")
-            await asyncio.sleep(1.0)
-            assert truth_of(bridge.sim).moving
-
-    run(program())
+async def test_the_next_pulse_and_the_other_axis_go_on(mount: str, after: float) -> None:
+    async with meade(mount) as bridge:
+        client = bridge.client()
+        client.tell(b":RC#:Mn#:Me#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Qe#")
+        await asyncio.sleep(1.0)
+        assert set(bridge.sim.arrows) == {2}
+        client.tell(b":Qn#")
+        await asyncio.sleep(after)
+        client.tell(b":Mgn2000#")
+        await asyncio.sleep(1.0)
+        assert truth_of(bridge.sim).moving
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_a_mount_at_rest_is_told_once(mount: str) -> None:
-    async def program() -> None:
-        async with meade(mount) as bridge:
-            client = bridge.client()
-            for _ in range(5):
-                client.tell(b":Q#")
-                await asyncio.sleep(1.0)
-            assert len(times(bridge, b":Q#")) == 5
-
-    run(program())
-
-
-def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
-    async def program() -> None:
-        async with meade("lx200") as bridge:
-            client = bridge.client()
-            missed = lose_commands(bridge, (b":Qe#",))
-            client.tell(b":Mge0500#")
-            await asyncio.sleep(1.5)
-            assert missed
-            assert len(times(bridge, b":Qe#")) == 2
-            assert not bridge.sim.arrows
-
-    run(program())
-
-
-def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
-    async def program() -> None:
-        async with meade("autostar") as bridge:
-            client = bridge.client()
-            client.tell(b":F+#")
+async def test_a_mount_at_rest_is_told_once(mount: str) -> None:
+    async with meade(mount) as bridge:
+        client = bridge.client()
+        for _ in range(5):
+            client.tell(b":Q#")
             await asyncio.sleep(1.0)
-            missed = lose_commands(bridge, (b":FQ#",))
-            client.tell(b":FQ#")
-            await asyncio.sleep(1.0)
-            assert missed
-            assert bridge.sim.parts["focuser"] == 0
-
-    run(program())
+        assert len(times(bridge, b":Q#")) == 5
 
 
-def test_the_end_of_a_pulse_that_a_telescope_could_not_hear_is_sent_when_it_hears_again() -> None:
+async def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
+    async with meade("lx200") as bridge:
+        client = bridge.client()
+        missed = lose_commands(bridge, (b":Qe#",))
+        client.tell(b":Mge0500#")
+        await asyncio.sleep(1.5)
+        assert missed
+        assert len(times(bridge, b":Qe#")) == 2
+        assert not bridge.sim.arrows
+
+
+async def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
+    async with meade("autostar") as bridge:
+        client = bridge.client()
+        client.tell(b":F+#")
+        await asyncio.sleep(1.0)
+        missed = lose_commands(bridge, (b":FQ#",))
+        client.tell(b":FQ#")
+        await asyncio.sleep(1.0)
+        assert missed
+        assert bridge.sim.parts["focuser"] == 0
+
+
+async def test_the_end_of_a_pulse_that_a_telescope_could_not_hear_is_sent_when_it_hears_again() -> None:
     """A classic that calculates its planets hears :Q# alone; no position shows that a rate so low goes on.
 
     Its owner has set the date at the keypad: the gateway sends none to a mount that moves.
     """
-
-    async def program() -> None:
-        settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
-        async with Bridge("lx200", driven="lx200", config=settings) as bridge:
-            bridge.client().tell(b":Mge4000#")
-            await asyncio.sleep(0.3)
-            bridge.sim.busy_until = bridge.clock() + 10.0
-            await asyncio.sleep(3.0)
-            assert bridge.sim.busy
-            await asyncio.sleep(20.0)
-            assert not bridge.sim.arrows
-
-    run(program())
+    settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
+    async with Bridge("lx200", driven="lx200", config=settings) as bridge:
+        bridge.client().tell(b":Mge4000#")
+        await asyncio.sleep(0.3)
+        bridge.sim.busy_until = bridge.clock() + 10.0
+        await asyncio.sleep(3.0)
+        assert bridge.sim.busy
+        await asyncio.sleep(20.0)
+        assert not bridge.sim.arrows
 
 
-def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
+async def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
     """An LX200GPS that says that it is busy would turn on at two degrees a second until it hears again."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(1.5)
-            bridge.sim.busy_until = bridge.clock() + 10.0
-            await asyncio.sleep(1.0)
-            assert bridge.sim.arrows
-            client.tell(b":Qe#")
-            await asyncio.sleep(2.0)
-            assert bridge.sim.busy
-            assert not bridge.sim.arrows
-            assert not bridge.controller.wanted.axes
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(1.5)
+        bridge.sim.busy_until = bridge.clock() + 10.0
+        await asyncio.sleep(1.0)
+        assert bridge.sim.arrows
+        client.tell(b":Qe#")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.busy
+        assert not bridge.sim.arrows
+        assert not bridge.controller.wanted.axes

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.support.cable import swallow
 from tests.support.in_process_gateway import Bridge
@@ -34,58 +33,51 @@ def moves(bridge: Any) -> bool:
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("packet", [b":FQ#:Q#", b":Qe#:FQ#:Q#", b":FQ#:Qe#:Qw#:Qn#:Qs#", b":Q#:FQ#"])
-def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(mount: str, driven: str, packet: bytes) -> None:
-    async def program() -> None:
-        async with bridge_to(mount, driven) as bridge:
-            client = bridge.client()
-            client.tell(b":F+#")
-            await asyncio.sleep(1.0)
-            assert moves(bridge)
-            client.tell(packet)
-            await asyncio.sleep(2.0)
-            assert not moves(bridge)
-            assert bridge.controller.wanted.value.focus is None
-
-    run(program())
+async def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(
+    mount: str, driven: str, packet: bytes
+) -> None:
+    async with bridge_to(mount, driven) as bridge:
+        client = bridge.client()
+        client.tell(b":F+#")
+        await asyncio.sleep(1.0)
+        assert moves(bridge)
+        client.tell(packet)
+        await asyncio.sleep(2.0)
+        assert not moves(bridge)
+        assert bridge.controller.wanted.value.focus is None
 
 
 @pytest.mark.parametrize("times", [1, 3])
 @pytest.mark.parametrize("how", ["told", "gone"])
-def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times: int) -> None:
-    async def program() -> None:
-        async with bridge_to("cpc", "nexstar") as bridge:
-            client = bridge.client()
-            client.tell(b":FS#:F+#")
-            await asyncio.sleep(1.0)
-            assert moves(bridge)
-            lost = swallow(bridge, lambda data: data == HALT, times)
-            if how == "told":
-                client.tell(b":FQ#")
-            else:
-                client.close()
-            await asyncio.sleep(40.0)
-            assert len(lost) == times
-            assert bridge.sent().count(HALT) == times + 1
-            assert not moves(bridge)
-            assert bridge.controller.wanted.value.focus is None
-            assert not bridge.controller.wanted.value.pending
-
-    run(program())
-
-
-def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
-    async def program() -> None:
-        async with bridge_to("cpc", "nexstar") as bridge:
-            client = bridge.client()
-            client.tell(b":FS#:F+#")
-            await asyncio.sleep(1.0)
-            lost = swallow(bridge, lambda data: data == HALT)
+async def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times: int) -> None:
+    async with bridge_to("cpc", "nexstar") as bridge:
+        client = bridge.client()
+        client.tell(b":FS#:F+#")
+        await asyncio.sleep(1.0)
+        assert moves(bridge)
+        lost = swallow(bridge, lambda data: data == HALT, times)
+        if how == "told":
             client.tell(b":FQ#")
-            while not bridge.controller.wanted.value.pending or not lost:
-                await asyncio.sleep(0.1)
-            client.tell(b":F-#")
-            await asyncio.sleep(8.0)
-            assert moves(bridge)
-            assert bridge.sent().count(HALT) == 1
+        else:
+            client.close()
+        await asyncio.sleep(40.0)
+        assert len(lost) == times
+        assert bridge.sent().count(HALT) == times + 1
+        assert not moves(bridge)
+        assert bridge.controller.wanted.value.focus is None
+        assert not bridge.controller.wanted.value.pending
 
-    run(program())
+
+async def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
+    async with bridge_to("cpc", "nexstar") as bridge:
+        client = bridge.client()
+        client.tell(b":FS#:F+#")
+        await asyncio.sleep(1.0)
+        lost = swallow(bridge, lambda data: data == HALT)
+        client.tell(b":FQ#")
+        while not bridge.controller.wanted.value.pending or not lost:
+            await asyncio.sleep(0.1)
+        client.tell(b":F-#")
+        await asyncio.sleep(8.0)
+        assert moves(bridge)
+        assert bridge.sent().count(HALT) == 1

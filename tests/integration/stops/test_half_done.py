@@ -12,7 +12,6 @@ import pytest
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support import truth
 from tests.support.cable import swallow
@@ -40,185 +39,152 @@ async def arrived(bridge: Bridge, most: int = 60) -> None:
     raise AssertionError("it never arrives")
 
 
-def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await arrived(bridge)
-            lost = swallow(bridge, lambda data: data[:1] == b"b")
-            client.tell(b":hP#")
-            await polled(bridge, 30)
-            assert lost
-            assert bridge.sim.tracking
-            assert not bridge.driver.parked
-
-    run(program())
+async def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await arrived(bridge)
+        lost = swallow(bridge, lambda data: data[:1] == b"b")
+        client.tell(b":hP#")
+        await polled(bridge, 30)
+        assert lost
+        assert bridge.sim.tracking
+        assert not bridge.driver.parked
 
 
 @pytest.mark.parametrize("order", ["park", "goto"])
-def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            if order == "park":
-                await client.ask(GOTO, until=b"0")
-                await arrived(bridge)
-            lost = swallow(bridge, lambda data: data[:1] in b"br", carried_out=True)
-            client.tell(b":hP#" if order == "park" else GOTO)
-            await arrived(bridge, 90)
-            assert lost
-            if order == "park":
-                assert not bridge.sim.tracking
-                assert bridge.driver.parked
-                assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
-            else:
-                assert client.heard == b"11", "after its time nothing is told"
-                assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
-
-    run(program())
+async def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        if order == "park":
+            await client.ask(GOTO, until=b"0")
+            await arrived(bridge)
+        lost = swallow(bridge, lambda data: data[:1] in b"br", carried_out=True)
+        client.tell(b":hP#" if order == "park" else GOTO)
+        await arrived(bridge, 90)
+        assert lost
+        if order == "park":
+            assert not bridge.sim.tracking
+            assert bridge.driver.parked
+            assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
+        else:
+            assert client.heard == b"11", "after its time nothing is told"
+            assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
 
 
-def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow() -> None:
-    async def program() -> None:
-        async with Bridge("6-8se", config=OPEN) as bridge:
-            client = bridge.client()
-            client.tell(b":RC#:Me#")
-            await asyncio.sleep(3.0)
-            lost = swallow(bridge, lambda data: data == b"T\x01")
-            assert (await client.ask(GOTO, until=b"#")).startswith(b"11")
-            await polled(bridge, 15)
-            assert lost
-            assert bridge.sim.tracking
-            assert not bridge.controller.wanted.axes
-            assert not bridge.driver.tracking_suspended
-
-    run(program())
+async def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow() -> None:
+    async with Bridge("6-8se", config=OPEN) as bridge:
+        client = bridge.client()
+        client.tell(b":RC#:Me#")
+        await asyncio.sleep(3.0)
+        lost = swallow(bridge, lambda data: data == b"T\x01")
+        assert (await client.ask(GOTO, until=b"#")).startswith(b"11")
+        await polled(bridge, 15)
+        assert lost
+        assert bridge.sim.tracking
+        assert not bridge.controller.wanted.axes
+        assert not bridge.driver.tracking_suspended
 
 
-def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alone() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mw#")
-            await asyncio.sleep(2.0)
-            await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
-            await asyncio.sleep(1.0)
-            assert bridge.controller.wanted.axes == {1}
-            assert abs(truth_of(bridge.sim).rate1) > 0.1
-
-    run(program())
+async def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alone() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mw#")
+        await asyncio.sleep(2.0)
+        await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
+        await asyncio.sleep(1.0)
+        assert bridge.controller.wanted.axes == {1}
+        assert abs(truth_of(bridge.sim).rate1) > 0.1
 
 
 @pytest.mark.parametrize("instead", [op.Goto(120.0, 30.0), op.AbortSlew()])
-def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            await bridge.controller.perform(op.SetHome())
-            await bridge.client().ask(GOTO, until=b"0")
-            await arrived(bridge)
-            await bridge.controller.perform(op.Home())
-            await asyncio.sleep(1.0)
-            assert await bridge.controller.answer(op.HomeState()) == 2
-            await bridge.controller.perform(instead)
-            await arrived(bridge)
-            assert await bridge.controller.answer(op.HomeState()) == 0
-
-    run(program())
+async def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
+    async with Bridge("cge") as bridge:
+        await bridge.controller.perform(op.SetHome())
+        await bridge.client().ask(GOTO, until=b"0")
+        await arrived(bridge)
+        await bridge.controller.perform(op.Home())
+        await asyncio.sleep(1.0)
+        assert await bridge.controller.answer(op.HomeState()) == 2
+        await bridge.controller.perform(instead)
+        await arrived(bridge)
+        assert await bridge.controller.answer(op.HomeState()) == 0
 
 
-def test_a_drive_rate_comes_back_after_a_goto_was_cancelled() -> None:
-    async def program() -> None:
-        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
-            client = bridge.client()
-            await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", until=b"#")  # lunar
-            await asyncio.sleep(1.0)
-            assert await client.ask(b"r55555555,15555555") == b"#"
-            await asyncio.sleep(3.0)
-            before = len(bridge.sent())
-            assert await client.ask(b"M") == b"#"
-            await asyncio.sleep(3.0)
-            assert bridge.sent()[before:].count(b"P\x03\x10\x06\xff\xfd\x00\x00") == 1
-
-    run(program())
+async def test_a_drive_rate_comes_back_after_a_goto_was_cancelled() -> None:
+    async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+        client = bridge.client()
+        await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", until=b"#")  # lunar
+        await asyncio.sleep(1.0)
+        assert await client.ask(b"r55555555,15555555") == b"#"
+        await asyncio.sleep(3.0)
+        before = len(bridge.sent())
+        assert await client.ask(b"M") == b"#"
+        await asyncio.sleep(3.0)
+        assert bridge.sent()[before:].count(b"P\x03\x10\x06\xff\xfd\x00\x00") == 1
 
 
 @pytest.mark.parametrize("later", [0.3, 1.0, 1.9])
-def test_tracking_that_was_put_off_after_waking_stays_off(later: float) -> None:
-    async def program() -> None:
-        async with Bridge("cpc", presented="nexstar", surface="cpc") as bridge:
-            client = bridge.client()
-            assert await client.ask(b"x") == b"#"
-            await asyncio.sleep(3.0)
-            assert await client.ask(b"y") == b"#"
-            await asyncio.sleep(later)
-            assert await client.ask(b"T\x00") == b"#"
-            await asyncio.sleep(5.0)
-            assert not bridge.sim.tracking
-            assert await client.ask(b"t") == b"\x00#"
-
-    run(program())
+async def test_tracking_that_was_put_off_after_waking_stays_off(later: float) -> None:
+    async with Bridge("cpc", presented="nexstar", surface="cpc") as bridge:
+        client = bridge.client()
+        assert await client.ask(b"x") == b"#"
+        await asyncio.sleep(3.0)
+        assert await client.ask(b"y") == b"#"
+        await asyncio.sleep(later)
+        assert await client.ask(b"T\x00") == b"#"
+        await asyncio.sleep(5.0)
+        assert not bridge.sim.tracking
+        assert await client.ask(b"t") == b"\x00#"
 
 
 @pytest.mark.parametrize("times", [1, 3])
-def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times: int) -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await arrived(bridge)
-            lost = swallow(bridge, lambda data: data == b"T\x00", times)
-            client.tell(b":hP#")
-            await arrived(bridge)
-            await polled(bridge, 20 * times)
-            assert len(lost) == times
-            assert not bridge.sim.tracking
-            assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
-
-    run(program())
+async def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times: int) -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await arrived(bridge)
+        lost = swallow(bridge, lambda data: data == b"T\x00", times)
+        client.tell(b":hP#")
+        await arrived(bridge)
+        await polled(bridge, 20 * times)
+        assert len(lost) == times
+        assert not bridge.sim.tracking
+        assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
 
 
-def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            await client.ask(GOTO, until=b"0")
-            await arrived(bridge)
-            lost = swallow(bridge, lambda data: data == b"T\x00")
-            client.tell(b":hP#")
-            while not lost:
-                await polled(bridge, 1)
-            await asyncio.sleep(4.0)
-            assert (await client.ask(GOTO, until=b"0")).endswith(b"0")
-            await arrived(bridge)
-            assert bridge.sim.tracking
-            assert not bridge.driver.parked
-
-    run(program())
+async def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        await client.ask(GOTO, until=b"0")
+        await arrived(bridge)
+        lost = swallow(bridge, lambda data: data == b"T\x00")
+        client.tell(b":hP#")
+        while not lost:
+            await polled(bridge, 1)
+        await asyncio.sleep(4.0)
+        assert (await client.ask(GOTO, until=b"0")).endswith(b"0")
+        await arrived(bridge)
+        assert bridge.sim.tracking
+        assert not bridge.driver.parked
 
 
-def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            await bridge.controller.perform(op.Park())
-            await polled(bridge, 10)
-            assert await bridge.controller.answer(op.HomeState()) == 1
-            await bridge.controller.perform(op.GotoAxes(100.0, 60.0))
-            await arrived(bridge)
-            assert await bridge.controller.answer(op.HomeState()) == 0
-
-    run(program())
+async def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
+    async with Bridge("cge") as bridge:
+        await bridge.controller.perform(op.Park())
+        await polled(bridge, 10)
+        assert await bridge.controller.answer(op.HomeState()) == 1
+        await bridge.controller.perform(op.GotoAxes(100.0, 60.0))
+        await arrived(bridge)
+        assert await bridge.controller.answer(op.HomeState()) == 0
 
 
 @pytest.mark.parametrize("times", [1, 2, 4])
-def test_a_meade_that_notes_its_home_is_heard_again_though_an_answer_was_lost(times: int) -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200") as bridge:
-            client = bridge.client()
-            lost = swallow(bridge, lambda data: data == b":h?#", times)
-            client.tell(b":hS#")
-            await asyncio.sleep(60.0)
-            assert len(lost) == times
-            assert len(await client.ask(b":GR#", until=b"#")) == len(b"06:21:31#")
-
-    run(program())
+async def test_a_meade_that_notes_its_home_is_heard_again_though_an_answer_was_lost(times: int) -> None:
+    async with Bridge("lx200gps", driven="lx200") as bridge:
+        client = bridge.client()
+        lost = swallow(bridge, lambda data: data == b":h?#", times)
+        client.tell(b":hS#")
+        await asyncio.sleep(60.0)
+        assert len(lost) == times
+        assert len(await client.ask(b":GR#", until=b"#")) == len(b"06:21:31#")

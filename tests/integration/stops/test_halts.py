@@ -104,126 +104,107 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
 
 
 @pytest.mark.parametrize("flood", [b":Qe#", b":Qn#:Qs#:Qe#:Qw#", b"M" + EAST_STOPS])
-def test_a_flood_of_halts_costs_no_tasks(flood: bytes) -> None:
-    async def program() -> None:
-        shown = {"presented": "lx200"} if flood[:1] == b":" else {"presented": "nexstar", "surface": "6-8se"}
-        async with Bridge("cge", latency=LATENCY, **shown) as bridge:
-            before = len(asyncio.all_tasks())
-            crowd = [bridge.client(f"10.0.1.{number}") for number in range(50)]
-            for client in crowd:
-                client.tell(flood * 20)
-            await asyncio.sleep(0.05)
-            assert len(asyncio.all_tasks()) <= before + 10
-            if flood[:1] != b":":
-                assert all(client.heard == b"#" * 40 for client in crowd), "every one is answered"
-
-    run(program())
+async def test_a_flood_of_halts_costs_no_tasks(flood: bytes) -> None:
+    shown = {"presented": "lx200"} if flood[:1] == b":" else {"presented": "nexstar", "surface": "6-8se"}
+    async with Bridge("cge", latency=LATENCY, **shown) as bridge:
+        before = len(asyncio.all_tasks())
+        crowd = [bridge.client(f"10.0.1.{number}") for number in range(50)]
+        for client in crowd:
+            client.tell(flood * 20)
+        await asyncio.sleep(0.05)
+        assert len(asyncio.all_tasks()) <= before + 10
+        if flood[:1] != b":":
+            assert all(client.heard == b"#" * 40 for client in crowd), "every one is answered"
 
 
 @pytest.mark.parametrize("flood", [b":Qe#", b":Qn#:Qe#", b"M", EAST_STOPS + NORTH_STOPS])
-def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood: bytes) -> None:
-    async def program() -> None:
-        lx200 = flood[:1] == b":"
-        shown: dict[str, Any] = {"presented": "lx200"} if lx200 else {"presented": "nexstar", "surface": "6-8se"}
-        async with Bridge("cge", latency=LATENCY, **shown) as bridge:
-            bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
-            loop = asyncio.get_running_loop()
+async def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood: bytes) -> None:
+    lx200 = flood[:1] == b":"
+    shown: dict[str, Any] = {"presented": "lx200"} if lx200 else {"presented": "nexstar", "surface": "6-8se"}
+    async with Bridge("cge", latency=LATENCY, **shown) as bridge:
+        bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
+        loop = asyncio.get_running_loop()
 
-            async def pour() -> None:
-                while True:
-                    bully.tell(flood * 10)
-                    await asyncio.sleep(0.02)
+        async def pour() -> None:
+            while True:
+                bully.tell(flood * 10)
+                await asyncio.sleep(0.02)
 
-            pouring = bridge.controller.spawn(pour())
-            waits = []
-            for _ in range(50):
-                began = loop.time()
-                assert await other.ask(b":GR#" if lx200 else b"e", 20.0, until=b"#")
-                waits.append(loop.time() - began)
-                await asyncio.sleep(0.1)
-            assert max(waits[10:]) <= 0.1, "answered from what the mount has said"
-            pouring.cancel()
-
-    run(program())
+        pouring = bridge.controller.spawn(pour())
+        waits = []
+        for _ in range(50):
+            began = loop.time()
+            assert await other.ask(b":GR#" if lx200 else b"e", 20.0, until=b"#")
+            waits.append(loop.time() - began)
+            await asyncio.sleep(0.1)
+        assert max(waits[10:]) <= 0.1, "answered from what the mount has said"
+        pouring.cancel()
 
 
-def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=LATENCY) as bridge:
-            bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
+async def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
 
-            async def pour() -> None:
-                while True:
-                    bully.tell(b":Qe#" * 10)
-                    await asyncio.sleep(0.02)
+        async def pour() -> None:
+            while True:
+                bully.tell(b":Qe#" * 10)
+                await asyncio.sleep(0.02)
 
-            pouring = bridge.controller.spawn(pour())
-            await asyncio.sleep(3.0)
-            other.tell(b":RM#:Mn#")
-            await asyncio.sleep(2.0)
-            assert bridge.controller.wanted.axes == {2}
+        pouring = bridge.controller.spawn(pour())
+        await asyncio.sleep(3.0)
+        other.tell(b":RM#:Mn#")
+        await asyncio.sleep(2.0)
+        assert bridge.controller.wanted.axes == {2}
+        asked = bridge.clock()
+        other.tell(b":Qn#")
+        await asyncio.sleep(1.0)
+        sent = [
+            entry.time - asked
+            for entry in bridge.entries
+            if entry.data == NORTH_STOPS and entry.arrow == ">" and entry.time >= asked
+        ]
+        assert sent[0] <= LATENCY + 0.001
+        pouring.cancel()
+
+
+async def test_a_halt_that_is_asked_for_twice_is_sent_twice_and_each_time_at_once() -> None:
+    """The first may have been lost."""
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        for _ in range(2):
+            other.tell(b":GA#:GZ#:GW#:GC#")
+            await asyncio.sleep(0.01)
             asked = bridge.clock()
-            other.tell(b":Qn#")
-            await asyncio.sleep(1.0)
-            sent = [
+            client.tell(b":Qe#")
+            await asyncio.sleep(0.4)
+            times = [
                 entry.time - asked
                 for entry in bridge.entries
-                if entry.data == NORTH_STOPS and entry.arrow == ">" and entry.time >= asked
+                if entry.data == EAST_STOPS and entry.arrow == ">" and entry.time >= asked
             ]
-            assert sent[0] <= LATENCY + 0.001
-            pouring.cancel()
-
-    run(program())
+            assert times
+            assert times[0] <= LATENCY + 0.001
 
 
-def test_a_halt_that_is_asked_for_twice_is_sent_twice_and_each_time_at_once() -> None:
-    """The first may have been lost."""
-
-    async def program() -> None:
-        async with Bridge("cge", latency=LATENCY) as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            for _ in range(2):
-                other.tell(b":GA#:GZ#:GW#:GC#")
-                await asyncio.sleep(0.01)
-                asked = bridge.clock()
-                client.tell(b":Qe#")
-                await asyncio.sleep(0.4)
-                times = [
-                    entry.time - asked
-                    for entry in bridge.entries
-                    if entry.data == EAST_STOPS and entry.arrow == ">" and entry.time >= asked
-                ]
-                assert times
-                assert times[0] <= LATENCY + 0.001
-
-    run(program())
+async def test_a_crowd_that_halts_behind_a_goto_ends_it_by_one_stop() -> None:
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        bridge.client().tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+        await asyncio.sleep(0.02)
+        for number in range(20):
+            bridge.client(f"10.0.0.{number}").tell(b":Qe#")
+        await asyncio.sleep(2.0)
+        assert bridge.sent().count(b"M") == 1
+        assert not bridge.sim.slewing
 
 
-def test_a_crowd_that_halts_behind_a_goto_ends_it_by_one_stop() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=LATENCY) as bridge:
-            bridge.client().tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+async def test_a_halt_that_comes_with_each_of_two_gotos_ends_them_both() -> None:
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        for goto in (b":Sr07:00:00#:Sd+30*00:00#:MS#", b":Sr07:10:00#:Sd+31*00:00#:MS#"):
+            bridge.client(f"10.0.0.{goto[5]}").tell(goto)
             await asyncio.sleep(0.02)
-            for number in range(20):
-                bridge.client(f"10.0.0.{number}").tell(b":Qe#")
-            await asyncio.sleep(2.0)
-            assert bridge.sent().count(b"M") == 1
-            assert not bridge.sim.slewing
-
-    run(program())
-
-
-def test_a_halt_that_comes_with_each_of_two_gotos_ends_them_both() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=LATENCY) as bridge:
-            for goto in (b":Sr07:00:00#:Sd+30*00:00#:MS#", b":Sr07:10:00#:Sd+31*00:00#:MS#"):
-                bridge.client(f"10.0.0.{goto[5]}").tell(goto)
-                await asyncio.sleep(0.02)
-                bridge.client().tell(b":Qe#")
-            await asyncio.sleep(4.0)
-            assert not bridge.sim.slewing
-            assert bridge.sim.tracking
-
-    run(program())
+            bridge.client().tell(b":Qe#")
+        await asyncio.sleep(4.0)
+        assert not bridge.sim.slewing
+        assert bridge.sim.tracking

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Build
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.left_moving import RECENT
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
@@ -29,26 +28,21 @@ SHORT, LONG = 5.0, 16.0
 @pytest.mark.parametrize("seconds", [SHORT, LONG])
 @pytest.mark.parametrize("motion", [ARROW, b":RS#:Mn#:Mw#", GOTO])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-def test_what_still_moves_when_the_cable_is_back_is_stopped(
+async def test_what_still_moves_when_the_cable_is_back_is_stopped(
     mount: str, driven: str, motion: bytes, seconds: float, site: tuple[float, float]
 ) -> None:
-    async def program() -> None:
-        async with Bridge(
-            mount, driven=driven, site=site, speed=0.15 if motion is GOTO else 1.0, config=CONFIG
-        ) as bridge:
-            owner, client = Owner(bridge, driven), bridge.client()
-            await asyncio.sleep(1.0)
-            client.tell(motion)
-            for _ in range(4):
-                await asyncio.sleep(0.5)
-                client.tell(b":GR#:GD#")
-            assert owner.moving
-            await owner.cable_out(seconds)
-            assert owner.moving
-            await asyncio.sleep(8.0)
-            assert not owner.moving and not bridge.controller.moving and not bridge.controller.wanted.owed
-
-    run(program())
+    async with Bridge(mount, driven=driven, site=site, speed=0.15 if motion is GOTO else 1.0, config=CONFIG) as bridge:
+        owner, client = Owner(bridge, driven), bridge.client()
+        await asyncio.sleep(1.0)
+        client.tell(motion)
+        for _ in range(4):
+            await asyncio.sleep(0.5)
+            client.tell(b":GR#:GD#")
+        assert owner.moving
+        await owner.cable_out(seconds)
+        assert owner.moving
+        await asyncio.sleep(8.0)
+        assert not owner.moving and not bridge.controller.moving and not bridge.controller.wanted.owed
 
 
 #: A goto of the owner cannot be told from the one that was left, and is stopped.
@@ -63,38 +57,35 @@ OWN = [
 
 @pytest.mark.parametrize("site", SITES)
 @pytest.mark.parametrize(("mount", "driven", "motion", "own"), OWN)
-def test_what_the_owner_has_begun_while_the_cable_was_out_is_left_alone(
+async def test_what_the_owner_has_begun_while_the_cable_was_out_is_left_alone(
     mount: str, driven: str, motion: bytes, own: str, site: tuple[float, float]
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, site=site, speed=0.3, config=CONFIG) as bridge:
-            owner, client = Owner(bridge, driven), bridge.client()
-            await asyncio.sleep(1.0)
-            client.tell(motion)
-            for _ in range(4):
-                await asyncio.sleep(0.5)
-                client.tell(b":GR#:GD#")
-            out = asyncio.ensure_future(owner.cable_out(14.0))
-            await asyncio.sleep(2.0)
-            owner.keys("cancel", "let go", "first let go")
-            await asyncio.sleep(4.0)
-            await _own(bridge, owner, own)
-            await out
-            sense, since = truth_of(bridge.sim), bridge.controller.now()
-            for _ in range(60):
-                await asyncio.sleep(0.2)
-                assert owner.moving
-                if bridge.controller.line.state != "up":
-                    since = bridge.controller.now()
-                if bridge.controller.now() - since > 3.0:
-                    break
-            assert bridge.controller.line.state == "up"
-            now = truth_of(bridge.sim)
-            if own != "goto":
-                assert (now.rate1, now.rate2) == pytest.approx((sense.rate1, sense.rate2), abs=0.3)
-            assert not owner.ended()
-
-    run(program())
+    async with Bridge(mount, driven=driven, site=site, speed=0.3, config=CONFIG) as bridge:
+        owner, client = Owner(bridge, driven), bridge.client()
+        await asyncio.sleep(1.0)
+        client.tell(motion)
+        for _ in range(4):
+            await asyncio.sleep(0.5)
+            client.tell(b":GR#:GD#")
+        out = asyncio.ensure_future(owner.cable_out(14.0))
+        await asyncio.sleep(2.0)
+        owner.keys("cancel", "let go", "first let go")
+        await asyncio.sleep(4.0)
+        await _own(bridge, owner, own)
+        await out
+        sense, since = truth_of(bridge.sim), bridge.controller.now()
+        for _ in range(60):
+            await asyncio.sleep(0.2)
+            assert owner.moving
+            if bridge.controller.line.state != "up":
+                since = bridge.controller.now()
+            if bridge.controller.now() - since > 3.0:
+                break
+        assert bridge.controller.line.state == "up"
+        now = truth_of(bridge.sim)
+        if own != "goto":
+            assert (now.rate1, now.rate2) == pytest.approx((sense.rate1, sense.rate2), abs=0.3)
+        assert not owner.ended()
 
 
 async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
@@ -119,33 +110,29 @@ async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
         *((*mount, motion, "") for mount in MOUNTS for motion in (ARROW, GOTO)),
     ],
 )
-def test_an_old_mark_of_a_killed_gateway_stops_only_what_it_marks(
+async def test_an_old_mark_of_a_killed_gateway_stops_only_what_it_marks(
     mount: str, driven: str, motion: bytes, own: str, seconds: float, tmp_path: Path
 ) -> None:
     """A recent one stops whatever moves."""
-
-    async def program() -> None:
-        kinds: dict[str, Any] = {"mount": mount, "driven": driven, "state": tmp_path, "config": CONFIG, "speed": 0.2}
-        async with Bridge(**kinds) as first:
-            first.client().tell(motion)
+    kinds: dict[str, Any] = {"mount": mount, "driven": driven, "state": tmp_path, "config": CONFIG, "speed": 0.2}
+    async with Bridge(**kinds) as first:
+        first.client().tell(motion)
+        await asyncio.sleep(2.0)
+        owner = Owner(first, driven)
+        await first.kill()
+        if own:
+            owner.keys("cancel", "let go", "first let go")
             await asyncio.sleep(2.0)
-            owner = Owner(first, driven)
-            await first.kill()
-            if own:
-                owner.keys("cancel", "let go", "first let go")
-                await asyncio.sleep(2.0)
-                await _own(first, owner, own)
-            await asyncio.sleep(seconds - (5.0 if own else 0.0))
-            assert owner.moving
-            async with Bridge(on=first, **kinds) as second:
-                watching = Owner(second, driven)
-                for _ in range(20):
-                    await asyncio.sleep(0.2)
-                    if own and seconds > RECENT:
-                        assert watching.moving
-                assert watching.moving is bool(own and seconds > RECENT)
-                if not watching.moving:
-                    await asyncio.sleep(9.0)
-                    assert not list(tmp_path.glob("*.moving"))
-
-    run(program())
+            await _own(first, owner, own)
+        await asyncio.sleep(seconds - (5.0 if own else 0.0))
+        assert owner.moving
+        async with Bridge(on=first, **kinds) as second:
+            watching = Owner(second, driven)
+            for _ in range(20):
+                await asyncio.sleep(0.2)
+                if own and seconds > RECENT:
+                    assert watching.moving
+            assert watching.moving is bool(own and seconds > RECENT)
+            if not watching.moving:
+                await asyncio.sleep(9.0)
+                assert not list(tmp_path.glob("*.moving"))

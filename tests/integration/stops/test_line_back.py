@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 
@@ -41,86 +40,68 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 
 @pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize("motion", [b":RM#:Me#", b":RS#:Mn#:Mw#", b":RC#:Ms#", b":Sr05:00:00#:Sd+30*00:00#:MS#"])
-def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, motion: bytes) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            for _ in range(20):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.1)
-            assert bridge.controller.moving
-            first = await cut(bridge, 4.0)
-            assert first[0] in STOPS
-            await asyncio.sleep(2.0)
-            assert not truth_of(bridge.sim).moving
-            assert not bridge.controller.wanted.owed and not bridge.controller.moving
-            assert [
-                entry for entry in bridge.entries if "connection to the mount was lost during a motion" in entry.note
-            ]
-
-    run(program())
+async def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, motion: bytes) -> None:
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        for _ in range(20):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.1)
+        assert bridge.controller.moving
+        first = await cut(bridge, 4.0)
+        assert first[0] in STOPS
+        await asyncio.sleep(2.0)
+        assert not truth_of(bridge.sim).moving
+        assert not bridge.controller.wanted.owed and not bridge.controller.moving
+        assert [entry for entry in bridge.entries if "connection to the mount was lost during a motion" in entry.note]
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
-            first = await cut(bridge, 4.0)
-            assert first[0] in STOPS
-            await asyncio.sleep(3.0)
-            assert not bridge.controller.wanted.owed
-
-    run(program())
+async def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str) -> None:
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
+        first = await cut(bridge, 4.0)
+        assert first[0] in STOPS
+        await asyncio.sleep(3.0)
+        assert not bridge.controller.wanted.owed
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            await asyncio.sleep(2.0)
-            before = len(bridge.sent())
-            await cut(bridge, 4.0)
-            await asyncio.sleep(10.0)
-            assert not [sent for sent in bridge.sent()[before:] if sent in STOPS]
-
-    run(program())
+async def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
+    async with bridge_to(mount) as bridge:
+        await asyncio.sleep(2.0)
+        before = len(bridge.sent())
+        await cut(bridge, 4.0)
+        await asyncio.sleep(10.0)
+        assert not [sent for sent in bridge.sent()[before:] if sent in STOPS]
 
 
-def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_repeated() -> None:
+async def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_repeated() -> None:
     """The stop may be taken for the other half, so it is written again when the hand control has given that up."""
-
-    async def program() -> None:
-        async with bridge_to("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            transaction = bridge.controller.line.transaction
-            transaction.half, transaction.request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
-            began = bridge.controller.now()
-            wire: Any = bridge.controller.line.wire
-            feed, wire.feed = wire.feed, lambda data: b""
-            assert (await cut(bridge, 0.1))[0] in STOPS
-            assert bridge.controller.now() - began < 1.2
-            await asyncio.sleep(began + 3.5 - bridge.controller.now())
-            wire.feed = feed
-            await asyncio.sleep(2.5)
-            assert not truth_of(bridge.sim).moving
-
-    run(program())
+    async with bridge_to("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        transaction = bridge.controller.line.transaction
+        transaction.half, transaction.request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
+        began = bridge.controller.now()
+        wire: Any = bridge.controller.line.wire
+        feed, wire.feed = wire.feed, lambda data: b""
+        assert (await cut(bridge, 0.1))[0] in STOPS
+        assert bridge.controller.now() - began < 1.2
+        await asyncio.sleep(began + 3.5 - bridge.controller.now())
+        wire.feed = feed
+        await asyncio.sleep(2.5)
+        assert not truth_of(bridge.sim).moving
 
 
-def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
-    async def program() -> None:
-        async with bridge_to("autostar") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            bridge.controller.line.transaction.half = True
-            assert (await cut(bridge, 0.1))[0] == b"#:Q#"
-
-    run(program())
+async def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
+    async with bridge_to("autostar") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        bridge.controller.line.transaction.half = True
+        assert (await cut(bridge, 0.1))[0] == b"#:Q#"

@@ -14,162 +14,131 @@ RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])
-def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount: str) -> None:
+async def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount: str) -> None:
     """One wire is broken, or a bridge swallows what the mount says: a stop must not wait until that is mended."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven=driven, latency=0.05, config={"lowest": -90.0}) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(1)
-            swallow(bridge, lambda data: True, times=1_000_000, carried_out=True)
-            await asyncio.sleep(3)
-            client.tell(b":Q#")
-            await asyncio.sleep(8)
-            still = bridge.sim.truth()
-            await asyncio.sleep(5)
-            assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
-
-    run(program())
+    async with Bridge(mount, driven=driven, latency=0.05, config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Me#")
+        await asyncio.sleep(1)
+        swallow(bridge, lambda data: True, times=1_000_000, carried_out=True)
+        await asyncio.sleep(3)
+        client.tell(b":Q#")
+        await asyncio.sleep(8)
+        still = bridge.sim.truth()
+        await asyncio.sleep(5)
+        assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
 
 
-def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
-    async def program() -> None:
-        async with Bridge("cge", "3.02", latency=0.05) as bridge:
-            swallow(bridge, lambda data: data == RATE_0)
-            bridge.client().tell(b":Mgw1000#")
-            await asyncio.sleep(10)
-            still = bridge.sim.truth()
-            await asyncio.sleep(10)
-            assert bridge.sim.truth() == pytest.approx(still, abs=1e-3)
-
-    run(program())
+async def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
+    async with Bridge("cge", "3.02", latency=0.05) as bridge:
+        swallow(bridge, lambda data: data == RATE_0)
+        bridge.client().tell(b":Mgw1000#")
+        await asyncio.sleep(10)
+        still = bridge.sim.truth()
+        await asyncio.sleep(10)
+        assert bridge.sim.truth() == pytest.approx(still, abs=1e-3)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
-def test_a_stop_shortly_after_an_arrow_was_let_go_keeps_tracking(gap: float) -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=0.1) as bridge:
-            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-            client.tell(b":RS#:Mn#")
-            for _ in range(10):
-                other.tell(b":GR#:GD#:D#:GW#")
-                await asyncio.sleep(0.1)
-            client.tell(b":Qn#")
-            await asyncio.sleep(gap)
-            client.tell(b":Q#")
-            await asyncio.sleep(5)
-            assert bridge.sim.tracking
-            assert await client.ask(b":GW#") == b"PT1"
-
-    run(program())
+async def test_a_stop_shortly_after_an_arrow_was_let_go_keeps_tracking(gap: float) -> None:
+    async with Bridge("cge", latency=0.1) as bridge:
+        client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+        client.tell(b":RS#:Mn#")
+        for _ in range(10):
+            other.tell(b":GR#:GD#:D#:GW#")
+            await asyncio.sleep(0.1)
+        client.tell(b":Qn#")
+        await asyncio.sleep(gap)
+        client.tell(b":Q#")
+        await asyncio.sleep(5)
+        assert bridge.sim.tracking
+        assert await client.ask(b":GW#") == b"PT1"
 
 
-def test_tracking_comes_back_when_its_command_was_lost() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=0.05) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(1)
-            swallow(bridge, lambda data: data == b"T\x02")
-            client.tell(b":Qn#")
-            await asyncio.sleep(20)
-            assert bridge.sim.tracking
-
-    run(program())
-
-
-def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
-    async def program() -> None:
-        bridge = Bridge()
-        swallow(bridge, lambda data: data == b"V")
-        bridge.controller.start()
+async def test_tracking_comes_back_when_its_command_was_lost() -> None:
+    async with Bridge("cge", latency=0.05) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(1)
+        swallow(bridge, lambda data: data == b"T\x02")
+        client.tell(b":Qn#")
         await asyncio.sleep(20)
-        assert len(await bridge.client().ask(b":GR#")) == 9
-        await bridge.controller.close()
-
-    run(program())
+        assert bridge.sim.tracking
 
 
-def test_a_motion_behind_a_stop_in_one_packet_is_done() -> None:
-    async def program() -> None:
-        async with Bridge(latency=0.1) as bridge:
-            client = bridge.client()
-            reply = await client.ask(b"#:Q#:Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
-            assert reply == b"110"
-            await asyncio.sleep(2)
-            assert bridge.sim.slewing
-            client.tell(b":Q#:RM#:Mn#")
-            before = bridge.sim.truth()
-            await asyncio.sleep(3)
-            assert bridge.sim.truth()[1] != pytest.approx(before[1], abs=0.5)
+async def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
+    bridge = Bridge()
+    swallow(bridge, lambda data: data == b"V")
+    bridge.controller.start()
+    await asyncio.sleep(20)
+    assert len(await bridge.client().ask(b":GR#")) == 9
+    await bridge.controller.close()
 
-    run(program())
+
+async def test_a_motion_behind_a_stop_in_one_packet_is_done() -> None:
+    async with Bridge(latency=0.1) as bridge:
+        client = bridge.client()
+        reply = await client.ask(b"#:Q#:Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
+        assert reply == b"110"
+        await asyncio.sleep(2)
+        assert bridge.sim.slewing
+        client.tell(b":Q#:RM#:Mn#")
+        before = bridge.sim.truth()
+        await asyncio.sleep(3)
+        assert bridge.sim.truth()[1] != pytest.approx(before[1], abs=0.5)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
-def test_the_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="6-8se", latency=0.1) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"r60000000,20000000") == b"#"
-            await asyncio.sleep(gap)
-            assert await client.ask(b"M") == b"#"
-            await asyncio.sleep(3)
-            assert not bridge.sim.slewing
-            assert await client.ask(b"L") == b"0#"
-
-    run(program())
+async def test_the_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
+    async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="6-8se", latency=0.1) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"r60000000,20000000") == b"#"
+        await asyncio.sleep(gap)
+        assert await client.ask(b"M") == b"#"
+        await asyncio.sleep(3)
+        assert not bridge.sim.slewing
+        assert await client.ask(b"L") == b"0#"
 
 
 @pytest.mark.parametrize("tenths", range(0, 30, 2))
-def test_a_goto_that_follows_a_park_tracks(tenths: int) -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=0.1, speed=20.0) as bridge:
-            client = bridge.client()
-            client.tell(b":hP#")
-            await asyncio.sleep(1.0 + tenths / 10)
-            reply = await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
-            assert reply == b"110"
-            while await client.ask(b":D#") == b"\x7f#":
-                await asyncio.sleep(0.5)
-            await asyncio.sleep(3)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_goto_that_follows_a_park_tracks(tenths: int) -> None:
+    async with Bridge("cge", latency=0.1, speed=20.0) as bridge:
+        client = bridge.client()
+        client.tell(b":hP#")
+        await asyncio.sleep(1.0 + tenths / 10)
+        reply = await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
+        assert reply == b"110"
+        while await client.ask(b":D#") == b"\x7f#":
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(3)
+        assert bridge.sim.tracking
 
 
-def test_land_mode_right_after_an_arrow_stays() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(1)
-            client.tell(b":Qn#")
-            await asyncio.sleep(0.3)
-            client.tell(b":AL#")
-            await asyncio.sleep(5)
-            assert not bridge.sim.tracking
-            client.tell(b":AP#")
-            await asyncio.sleep(1)
-            client.tell(b":AL#:Q#")
-            await asyncio.sleep(3)
-            assert not bridge.sim.tracking
-
-    run(program())
+async def test_land_mode_right_after_an_arrow_stays() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(1)
+        client.tell(b":Qn#")
+        await asyncio.sleep(0.3)
+        client.tell(b":AL#")
+        await asyncio.sleep(5)
+        assert not bridge.sim.tracking
+        client.tell(b":AP#")
+        await asyncio.sleep(1)
+        client.tell(b":AL#:Q#")
+        await asyncio.sleep(3)
+        assert not bridge.sim.tracking
 
 
-def test_a_clock_that_was_set_wrong_can_be_set_right() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            await client.ask(b":SG+00#:SL05:00:00#:SC01/10/26#", until=b" #")
-            assert await client.ask(b":GC#") == b"01/10/26#"
-            await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b" #")
-            await asyncio.sleep(1)
-            assert await client.ask(b":GC#") == b"01/15/26#"
-
-    run(program())
+async def test_a_clock_that_was_set_wrong_can_be_set_right() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        await client.ask(b":SG+00#:SL05:00:00#:SC01/10/26#", until=b" #")
+        assert await client.ask(b":GC#") == b"01/10/26#"
+        await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b" #")
+        await asyncio.sleep(1)
+        assert await client.ask(b":GC#") == b"01/15/26#"
 
 
 GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
@@ -177,40 +146,33 @@ GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16", "autostar", "lx200gps"])
 @pytest.mark.parametrize("end", [b":Qe#", b":Q#"])
-def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: str, end: bytes) -> None:
+async def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: str, end: bytes) -> None:
     """Nobody polls ``:D#``: the gateway looks itself."""
-
-    async def program() -> None:
-        async with Bridge(mount, driven="lx200") as bridge:
-            client = bridge.client()
-            swallow(bridge, lambda data: data == b":MS#", carried_out=True)
-            assert await client.ask(GOTO, 5.0, until=b"0") == b"11", "it has begun, and nobody knows that in time"
-            assert bridge.sim.slewing
-            assert bridge.controller.slewing
-            assert bridge.sent().count(b":MS#") == 1
-            client.tell(end)
-            await asyncio.sleep(2.0)
-            assert not bridge.sim.slewing
-            await asyncio.sleep(3.0)
-            assert not bridge.controller.slewing
-
-    run(program())
+    async with Bridge(mount, driven="lx200") as bridge:
+        client = bridge.client()
+        swallow(bridge, lambda data: data == b":MS#", carried_out=True)
+        assert await client.ask(GOTO, 5.0, until=b"0") == b"11", "it has begun, and nobody knows that in time"
+        assert bridge.sim.slewing
+        assert bridge.controller.slewing
+        assert bridge.sent().count(b":MS#") == 1
+        client.tell(end)
+        await asyncio.sleep(2.0)
+        assert not bridge.sim.slewing
+        await asyncio.sleep(3.0)
+        assert not bridge.controller.slewing
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
-def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: str) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven="lx200") as bridge:
-            client = bridge.client()
-            swallow(bridge, lambda data: data == b":MS#")
-            assert await client.ask(GOTO, until=b".#") == b"11"
-            assert [entry.note for entry in bridge.entries if entry.note.startswith("Goto: ")]
-            assert not bridge.sim.slewing
-            assert await client.ask(b":D#", until=b"#") == b"#"
-            assert await client.ask(GOTO, until=b"0") == b"110"
-            assert bridge.sim.slewing
-
-    run(program())
+async def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: str) -> None:
+    async with Bridge(mount, driven="lx200") as bridge:
+        client = bridge.client()
+        swallow(bridge, lambda data: data == b":MS#")
+        assert await client.ask(GOTO, until=b".#") == b"11"
+        assert [entry.note for entry in bridge.entries if entry.note.startswith("Goto: ")]
+        assert not bridge.sim.slewing
+        assert await client.ask(b":D#", until=b"#") == b"#"
+        assert await client.ask(GOTO, until=b"0") == b"110"
+        assert bridge.sim.slewing
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])

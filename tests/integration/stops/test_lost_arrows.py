@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 ARROW = bytes((80, 2, 16, 37, 9, 0, 0, 0))  # east, the fastest
@@ -32,37 +31,30 @@ def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
 @pytest.mark.parametrize("mount", ["cpc", "cge", "6-8se"])
 @pytest.mark.parametrize("how", ["not heard", "lost", "doubled", "bent"])
 @pytest.mark.parametrize("leaves", [True, False])
-def test_an_arrow_without_an_acknowledgement_is_ended(mount: str, how: str, leaves: bool) -> None:
-    async def program() -> None:
-        async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            client, met = bridge.client(), disturb(bridge, how)
-            client.tell(b":RS#:Me#")
-            await asyncio.sleep(0.5)
-            if leaves:
-                client.close()
-            await asyncio.sleep(10.0)
-            assert met
-            before = bridge.sim.mechanics.axes(bridge.clock())[0]
-            await asyncio.sleep(1.0)
-            assert abs(bridge.sim.mechanics.axes(bridge.clock())[0] - before) < 0.1
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_an_arrow_without_an_acknowledgement_is_ended(mount: str, how: str, leaves: bool) -> None:
+    async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        client, met = bridge.client(), disturb(bridge, how)
+        client.tell(b":RS#:Me#")
+        await asyncio.sleep(0.5)
+        if leaves:
+            client.close()
+        await asyncio.sleep(10.0)
+        assert met
+        before = bridge.sim.mechanics.axes(bridge.clock())[0]
+        await asyncio.sleep(1.0)
+        assert abs(bridge.sim.mechanics.axes(bridge.clock())[0] - before) < 0.1
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("how", ["lost", "doubled", "bent"])
-def test_a_pulse_without_an_acknowledgement_is_ended(how: str) -> None:
+async def test_a_pulse_without_an_acknowledgement_is_ended(how: str) -> None:
     """These motors know no pulses: it is a motion at the guide rate, and somebody must end it."""
-
-    async def program() -> None:
-        async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            client, met = bridge.client(), disturb(bridge, how, bytes((80, 2, 16, 37, 1, 0, 0, 0)))
-            client.tell(b":Mge1000#")
-            await asyncio.sleep(10.0)
-            assert met
-            before = bridge.sim.truth()[0]
-            await asyncio.sleep(5.0)
-            assert abs(bridge.sim.truth()[0] - before) * 3600.0 < 1.0
-            assert bridge.sim.tracking
-
-    run(program())
+    async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        client, met = bridge.client(), disturb(bridge, how, bytes((80, 2, 16, 37, 1, 0, 0, 0)))
+        client.tell(b":Mge1000#")
+        await asyncio.sleep(10.0)
+        assert met
+        before = bridge.sim.truth()[0]
+        await asyncio.sleep(5.0)
+        assert abs(bridge.sim.truth()[0] - before) * 3600.0 < 1.0
+        assert bridge.sim.tracking

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import separation
-from gateway.diagnostics.virtual_time import run
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
 
@@ -41,111 +40,90 @@ async def seconds_to_rest(bridge: Any, at_most: float) -> float:
 )
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RS#:Mn#:Mw#", b":RM#:Ms#", GOTO])
 @pytest.mark.safety_line(1)
-def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: int) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            await asyncio.sleep(4.0)
-            ends = (b":Q#",) if mount in MEADES else (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
-            missed = lose_commands(bridge, ends, times)
-            client.tell(b":Q#")
-            assert await seconds_to_rest(bridge, 30.0) < {1: 6.0, 3: 9.0 if mount in MEADES else 15.0}[times]
-            assert missed
-            await asyncio.sleep(10.0)
-            assert bridge.sim.tracking
-
-    run(program())
+async def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: int) -> None:
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        await asyncio.sleep(4.0)
+        ends = (b":Q#",) if mount in MEADES else (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
+        missed = lose_commands(bridge, ends, times)
+        client.tell(b":Q#")
+        assert await seconds_to_rest(bridge, 30.0) < {1: 6.0, 3: 9.0 if mount in MEADES else 15.0}[times]
+        assert missed
+        await asyncio.sleep(10.0)
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount: str) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#:Mn#")
-            await asyncio.sleep(3.0)
-            missed = lose_commands(bridge, (b":Qe#",))
-            client.tell(b":Qe#")
-            for _ in range(16):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert missed
-            assert bridge.controller.wanted.axes == {2}
-            assert set(bridge.sim.arrows) == {2}
-
-    run(program())
+async def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount: str) -> None:
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#:Mn#")
+        await asyncio.sleep(3.0)
+        missed = lose_commands(bridge, (b":Qe#",))
+        client.tell(b":Qe#")
+        for _ in range(16):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert missed
+        assert bridge.controller.wanted.axes == {2}
+        assert set(bridge.sim.arrows) == {2}
 
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("fastest", [b":RS#", b":Sw4#", b":Sw2#"])
-def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
+async def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
     """A 16 inch goes at 4 degrees a second, half of what the others do; :Sw slows all of them."""
-
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(fastest + b":Me#")
-            await asyncio.sleep(3.0)
-            missed = lose_commands(bridge, (b":Qe#",))
-            client.tell(b":Qe#")
-            assert await seconds_to_rest(bridge, 30.0) < 6.0
-            assert missed
-
-    run(program())
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(fastest + b":Me#")
+        await asyncio.sleep(3.0)
+        missed = lose_commands(bridge, (b":Qe#",))
+        client.tell(b":Qe#")
+        assert await seconds_to_rest(bridge, 30.0) < 6.0
+        assert missed
 
 
 @pytest.mark.parametrize("mount", ["autostar", "cge", "cpc"])
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RG#:Me#", b":RC#:Mn#", GOTO])
-def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> None:
-    async def program() -> None:
-        async with bridge_to(mount) as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            await asyncio.sleep(4.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(10.0)
-            stops = [sent for sent in bridge.sent() if sent in (b":Q#", b"M")]
-            assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
-            assert not bridge.controller.ends.pending
-            assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
-
-    run(program())
+async def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> None:
+    async with bridge_to(mount) as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        await asyncio.sleep(4.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(10.0)
+        stops = [sent for sent in bridge.sent() if sent in (b":Q#", b"M")]
+        assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
+        assert not bridge.controller.ends.pending
+        assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
 
 
-def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
-    async def program() -> None:
-        async with bridge_to("autostar") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(3.0)
-            lose_commands(bridge, (b":Q",), 1000)
-            client.tell(b":Q#")
-            assert await seconds_to_rest(bridge, 25.0) == 25.0
-            warned = [
-                entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount keeps moving")
-            ]
-            assert 1 <= len(warned) <= 2
-            await seconds_to_rest(bridge, 90.0)
-            assert not bridge.controller.ends.pending, "it is not fought for without end"
-            assert bridge.sent().count(b":Q#") <= 9
-
-    run(program())
+async def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
+    async with bridge_to("autostar") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(3.0)
+        lose_commands(bridge, (b":Q",), 1000)
+        client.tell(b":Q#")
+        assert await seconds_to_rest(bridge, 25.0) == 25.0
+        warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount keeps moving")]
+        assert 1 <= len(warned) <= 2
+        await seconds_to_rest(bridge, 90.0)
+        assert not bridge.controller.ends.pending, "it is not fought for without end"
+        assert bridge.sent().count(b":Q#") <= 9
 
 
-def test_a_motion_that_is_begun_after_a_stop_is_left_alone() -> None:
-    async def program() -> None:
-        async with bridge_to("autostar") as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(3.0)
-            client.tell(b":Q#")
-            await asyncio.sleep(0.2)
-            client.tell(b":Me#")
-            for _ in range(20):
-                client.tell(b":GR#")
-                await asyncio.sleep(0.5)
-            assert bridge.sent().count(b":Q#") == 1
-            assert set(bridge.sim.arrows) == {1}
-
-    run(program())
+async def test_a_motion_that_is_begun_after_a_stop_is_left_alone() -> None:
+    async with bridge_to("autostar") as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(3.0)
+        client.tell(b":Q#")
+        await asyncio.sleep(0.2)
+        client.tell(b":Me#")
+        for _ in range(20):
+            client.tell(b":GR#")
+            await asyncio.sleep(0.5)
+        assert bridge.sent().count(b":Q#") == 1
+        assert set(bridge.sim.arrows) == {1}

@@ -42,23 +42,19 @@ async def still(sim: Any, seconds: float = 1.0) -> bool:
 
 @pytest.mark.parametrize("mount", ["6-8se", "cge"])
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":RC#:Ms#", GOTO, b":Mgn9999#", b":RS#:Mn#:Me#:Qn#", b":Mn#:Qn#"])
-def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: bytes) -> None:
+async def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: bytes) -> None:
     """Ended at many instants of a motion's first second and a half, between and within exchanges.
 
     Each mount at every second instant, unless all of it is wanted.
     """
     first, every = as_a_rule(int(mount == "cge"), whole=0), as_a_rule(2, whole=1)
-
-    async def program() -> None:
-        for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5)[first::every]:
-            async with Bridge(mount) as bridge:
-                assert bridge.sim.tracking
-                bridge.client().tell(motion)
-                await asyncio.sleep(moment)
-            assert await still(bridge.sim), moment
-            assert bridge.sim.tracking, moment
-
-    run(program())
+    for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5)[first::every]:
+        async with Bridge(mount) as bridge:
+            assert bridge.sim.tracking
+            bridge.client().tell(motion)
+            await asyncio.sleep(moment)
+        assert await still(bridge.sim), moment
+        assert bridge.sim.tracking, moment
 
 
 def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
@@ -83,60 +79,48 @@ def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
     run(program())
 
 
-def test_a_mount_whose_drive_was_off_is_left_with_its_drive_off() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":AL#")
-            await asyncio.sleep(1)
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-        assert (bridge.sim.mode, bridge.sim.tracking) == (0, False)
-
-    run(program())
+async def test_a_mount_whose_drive_was_off_is_left_with_its_drive_off() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":AL#")
+        await asyncio.sleep(1)
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+    assert (bridge.sim.mode, bridge.sim.tracking) == (0, False)
 
 
-def test_what_still_waits_in_a_connection_is_not_begun() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":RC#:Mn#")
-            await asyncio.sleep(2)
-            client.tell(b":Qn#")
-            await asyncio.sleep(0.3)  # the hand control is looked at again in a second: the end waits for that
-            client.tell(b":GW#:RS#:Mn#")
-        begun = [sent for sent in bridge.sent() if sent[:4] == b"P\2\x11$" and sent[4]]
-        assert len(begun) == 1
-        assert await still(bridge.sim)
-
-    run(program())
+async def test_what_still_waits_in_a_connection_is_not_begun() -> None:
+    async with Bridge("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":RC#:Mn#")
+        await asyncio.sleep(2)
+        client.tell(b":Qn#")
+        await asyncio.sleep(0.3)  # the hand control is looked at again in a second: the end waits for that
+        client.tell(b":GW#:RS#:Mn#")
+    begun = [sent for sent in bridge.sent() if sent[:4] == b"P\2\x11$" and sent[4]]
+    assert len(begun) == 1
+    assert await still(bridge.sim)
 
 
-def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.client().tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            heard: list[bytes] = []
-            bridge.controller.line.wire.feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
-            began = bridge.controller.now()
-        assert bridge.controller.now() - began < 8
-        assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"
-
-    run(program())
+async def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
+    async with Bridge() as bridge:
+        bridge.client().tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        heard: list[bytes] = []
+        bridge.controller.line.wire.feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
+        began = bridge.controller.now()
+    assert bridge.controller.now() - began < 8
+    assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"
 
 
-def test_a_line_that_nobody_serves_any_more_is_written_to_all_the_same() -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            bridge.client().tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            assert bridge.controller.line._task is not None
-            bridge.controller.line._task.cancel()
-        assert await still(bridge.sim)
-        assert bridge.sim.tracking
-
-    run(program())
+async def test_a_line_that_nobody_serves_any_more_is_written_to_all_the_same() -> None:
+    async with Bridge("cge") as bridge:
+        bridge.client().tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        assert bridge.controller.line._task is not None
+        bridge.controller.line._task.cancel()
+    assert await still(bridge.sim)
+    assert bridge.sim.tracking
 
 
 # --- a defect on the way ----------------------------------------------------------------------------------------
@@ -147,58 +131,49 @@ def _broken(*_: Any) -> Any:
 
 
 @pytest.mark.parametrize("where", ["surface", "driver"])
-def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
-    async def program() -> None:
-        async with Bridge("cge") as bridge:
-            client, other = bridge.client(), bridge.client("10.0.0.2")
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2)
-            assert not await still(bridge.sim)
-            if where == "surface":
-                face = bridge.acceptor.binding
-                face.surface.handlers = {**face.surface.handlers, "accessories.home_state": _broken}
-            else:
-                bridge.driver.handlers = {**bridge.driver.handlers, "home.home_state": _broken}
-            client.tell(b":h?#")
-            await asyncio.sleep(1)
-            assert any("internal error" in entry.note for entry in bridge.entries)
-            assert await still(bridge.sim)
-            assert bridge.sim.tracking
-            for one in (client, other):
-                assert (await one.ask(b":GD#")).endswith(b"#")
-            other.tell(b":RS#:Ms#")
-            await asyncio.sleep(2)
-            assert not await still(bridge.sim), "and the mount can be moved again"
-
-    run(program())
+async def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
+    async with Bridge("cge") as bridge:
+        client, other = bridge.client(), bridge.client("10.0.0.2")
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2)
+        assert not await still(bridge.sim)
+        if where == "surface":
+            face = bridge.acceptor.binding
+            face.surface.handlers = {**face.surface.handlers, "accessories.home_state": _broken}
+        else:
+            bridge.driver.handlers = {**bridge.driver.handlers, "home.home_state": _broken}
+        client.tell(b":h?#")
+        await asyncio.sleep(1)
+        assert any("internal error" in entry.note for entry in bridge.entries)
+        assert await still(bridge.sim)
+        assert bridge.sim.tracking
+        for one in (client, other):
+            assert (await one.ask(b":GD#")).endswith(b"#")
+        other.tell(b":RS#:Ms#")
+        await asyncio.sleep(2)
+        assert not await still(bridge.sim), "and the mount can be moved again"
 
 
-def test_a_stop_that_is_defective_itself_is_not_tried_for_ever() -> None:
-    async def program() -> None:
-        async with Bridge() as bridge:
-            client = bridge.client()
-            client.tell(b":RG#:Mn#")
-            await asyncio.sleep(1)
-            bridge.driver.handlers = {**bridge.driver.handlers, "motion.abort_motion": _broken}
-            client.tell(b":Q#")
-            await asyncio.sleep(10)
-            assert sum("a defect" in entry.note for entry in bridge.entries) < 10
-            assert (await client.ask(b":GD#")).endswith(b"#")
-
-    run(program())
+async def test_a_stop_that_is_defective_itself_is_not_tried_for_ever() -> None:
+    async with Bridge() as bridge:
+        client = bridge.client()
+        client.tell(b":RG#:Mn#")
+        await asyncio.sleep(1)
+        bridge.driver.handlers = {**bridge.driver.handlers, "motion.abort_motion": _broken}
+        client.tell(b":Q#")
+        await asyncio.sleep(10)
+        assert sum("a defect" in entry.note for entry in bridge.entries) < 10
+        assert (await client.ask(b":GD#")).endswith(b"#")
 
 
-def test_a_log_that_cannot_be_written_costs_the_log() -> None:
+async def test_a_log_that_cannot_be_written_costs_the_log() -> None:
     def full(_: Any) -> None:
         raise BrokenPipeError
 
-    async def program() -> None:
-        async with Bridge() as bridge:
-            bridge.wire_log.sinks.append(full)
-            assert (await bridge.client().ask(b":GR#")).endswith(b"#")
-            assert full not in bridge.wire_log.sinks
-
-    run(program())
+    async with Bridge() as bridge:
+        bridge.wire_log.sinks.append(full)
+        assert (await bridge.client().ask(b":GR#")).endswith(b"#")
+        assert full not in bridge.wire_log.sinks
 
 
 # --- signals and worse, in this process -------------------------------------------------------------------------

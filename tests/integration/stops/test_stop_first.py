@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import STOP
 from gateway.protocols.base.driver import Send
 from tests.support.in_process_gateway import Bridge
@@ -18,169 +17,136 @@ LATENCY = 0.1
 
 @pytest.mark.parametrize("flood", [b":TL#", b":TQ#", b":AP#", b":RC#:Me#", b":GR#:GZ#:GW#", b":Mge0500#", b":Qe#"])
 @pytest.mark.safety_line(1)
-def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
+async def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
     """Whatever waits and whatever runs, and at whatever moment of it."""
-
-    async def program() -> None:
-        for moment in (0.01, 0.13, 0.26, 0.37, 0.52, 0.9):
-            async with Bridge("cge", latency=LATENCY) as bridge:
-                noisy, quiet = bridge.client(), bridge.client()
-                noisy.tell(b":RM#:Mn#")
-                await asyncio.sleep(2.0)
-                noisy.tell(flood * 20)
-                await asyncio.sleep(moment)
-                before = len(bridge.sent())
-                asked = bridge.clock()
-                quiet.tell(b":Q#")
-                await asyncio.sleep(0.6)
-                stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
-                assert stop.data in (NORTH_STOPS, EAST_STOPS, b"M"), (moment, bridge.sent()[before:])
-                assert stop.time - asked <= LATENCY + 0.001
-
-    run(program())
+    for moment in (0.01, 0.13, 0.26, 0.37, 0.52, 0.9):
+        async with Bridge("cge", latency=LATENCY) as bridge:
+            noisy, quiet = bridge.client(), bridge.client()
+            noisy.tell(b":RM#:Mn#")
+            await asyncio.sleep(2.0)
+            noisy.tell(flood * 20)
+            await asyncio.sleep(moment)
+            before = len(bridge.sent())
+            asked = bridge.clock()
+            quiet.tell(b":Q#")
+            await asyncio.sleep(0.6)
+            stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
+            assert stop.data in (NORTH_STOPS, EAST_STOPS, b"M"), (moment, bridge.sent()[before:])
+            assert stop.time - asked <= LATENCY + 0.001
 
 
 @pytest.mark.parametrize("other", [b":RC#:Me#", b":TL#:TQ#:TL#"])
-def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_after_it(other: bytes) -> None:
-    async def program() -> None:
-        for moment in (0.01, 0.06, 0.13, 0.17):
-            async with Bridge("cge", latency=LATENCY) as bridge:
-                first, second = bridge.client(), bridge.client()
-                first.tell(b":RM#:Mn#")
-                await asyncio.sleep(2.0)
-                second.tell(other)
-                await asyncio.sleep(moment)
-                before = len(bridge.sent())
-                first.tell(b":Qn#")
-                await asyncio.sleep(2.0)
-                sent = bridge.sent()[before:]
-                assert sent[0] == NORTH_STOPS, (moment, sent)
-                if b"Me" in other:
-                    assert bridge.controller.wanted.axes == {1}
-                    assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
-
-    run(program())
-
-
-def test_a_halt_behind_a_goto_ends_it_as_a_whole() -> None:
-    """It came after the goto, which the mount has not been told of yet; both axes stay where they are."""
-
-    async def program() -> None:
+async def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_after_it(other: bytes) -> None:
+    for moment in (0.01, 0.06, 0.13, 0.17):
         async with Bridge("cge", latency=LATENCY) as bridge:
-            client = bridge.client()
-            client.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
-            await asyncio.sleep(0.02)
-            bridge.client().tell(b":Qe#")
+            first, second = bridge.client(), bridge.client()
+            first.tell(b":RM#:Mn#")
             await asyncio.sleep(2.0)
-            assert not any(request.startswith(b"r") for request in bridge.sent()) or b"M" in bridge.sent()
-            assert not bridge.sim.slewing
-            assert bridge.sim.tracking
-
-    run(program())
-
-
-def test_the_same_halt_is_not_queued_twice() -> None:
-    async def program() -> None:
-        async with Bridge("cge", latency=LATENCY) as bridge:
+            second.tell(other)
+            await asyncio.sleep(moment)
             before = len(bridge.sent())
-            bridge.client().tell(b":Qe#" * 50 + b":Qn#")
-            await asyncio.sleep(1.0)
-            halts = [request for request in bridge.sent()[before:] if request in (EAST_STOPS, NORTH_STOPS)]
-            assert halts == [EAST_STOPS, NORTH_STOPS]
-
-    run(program())
-
-
-def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_after_it() -> None:
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
-            client = bridge.client()
-            client.tell(b":RM#:Mn#")
-            while b":Mn#" not in bridge.sent():
-                await asyncio.sleep(0.001)
-            asked = bridge.clock()
-            client.tell(b":Q#")
-            await asyncio.sleep(0.5)
-            stops = [entry.time - asked for entry in bridge.entries if entry.data == b":Q#" and entry.side == "mount"]
-            assert stops == pytest.approx([0.0, 0.05], abs=0.002)
-
-    run(program())
+            first.tell(b":Qn#")
+            await asyncio.sleep(2.0)
+            sent = bridge.sent()[before:]
+            assert sent[0] == NORTH_STOPS, (moment, sent)
+            if b"Me" in other:
+                assert bridge.controller.wanted.axes == {1}
+                assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
 
 
-def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
+async def test_a_halt_behind_a_goto_ends_it_as_a_whole() -> None:
+    """It came after the goto, which the mount has not been told of yet; both axes stay where they are."""
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        client = bridge.client()
+        client.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+        await asyncio.sleep(0.02)
+        bridge.client().tell(b":Qe#")
+        await asyncio.sleep(2.0)
+        assert not any(request.startswith(b"r") for request in bridge.sent()) or b"M" in bridge.sent()
+        assert not bridge.sim.slewing
+        assert bridge.sim.tracking
+
+
+async def test_the_same_halt_is_not_queued_twice() -> None:
+    async with Bridge("cge", latency=LATENCY) as bridge:
+        before = len(bridge.sent())
+        bridge.client().tell(b":Qe#" * 50 + b":Qn#")
+        await asyncio.sleep(1.0)
+        halts = [request for request in bridge.sent()[before:] if request in (EAST_STOPS, NORTH_STOPS)]
+        assert halts == [EAST_STOPS, NORTH_STOPS]
+
+
+async def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_after_it() -> None:
+    async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
+        client = bridge.client()
+        client.tell(b":RM#:Mn#")
+        while b":Mn#" not in bridge.sent():
+            await asyncio.sleep(0.001)
+        asked = bridge.clock()
+        client.tell(b":Q#")
+        await asyncio.sleep(0.5)
+        stops = [entry.time - asked for entry in bridge.entries if entry.data == b":Q#" and entry.side == "mount"]
+        assert stops == pytest.approx([0.0, 0.05], abs=0.002)
+
+
+async def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
     """A halt that died in the queue because a stop came must not have the next arrow pressed twice."""
-
-    async def program() -> None:
-        async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
-            client, other = bridge.client(), bridge.client()
-            other.tell(b":RC#:Me#")
-            while b":Me#" not in bridge.sent():
-                await asyncio.sleep(0.001)
-            dead = asyncio.ensure_future(bridge.controller.line.exchange(Send("Qn"), STOP))
-            await asyncio.sleep(0)
-            dead.cancel()
-            client.tell(b":RM#:Mn#")
-            await asyncio.sleep(1.0)
-            assert bridge.sent().count(b":Mn#") == 1
-            assert bridge.sent().count(b":RM#") == 1
-
-    run(program())
+    async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
+        client, other = bridge.client(), bridge.client()
+        other.tell(b":RC#:Me#")
+        while b":Me#" not in bridge.sent():
+            await asyncio.sleep(0.001)
+        dead = asyncio.ensure_future(bridge.controller.line.exchange(Send("Qn"), STOP))
+        await asyncio.sleep(0)
+        dead.cancel()
+        client.tell(b":RM#:Mn#")
+        await asyncio.sleep(1.0)
+        assert bridge.sent().count(b":Mn#") == 1
+        assert bridge.sent().count(b":RM#") == 1
 
 
-def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
+async def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
     """Whether more follows a bare ``#`` is waited for, but not while a stop waits."""
-
-    async def program() -> None:
-        for moment in range(1, 60, 4):
-            async with Bridge("cge", latency=LATENCY) as bridge:
-                noisy, quiet = bridge.client(), bridge.client()
-                noisy.tell(b":RM#:Mn#:Me#")
-                await asyncio.sleep(moment / 100.0)
-                before = len(bridge.sent())
-                asked = bridge.clock()
-                quiet.tell(b":Q#")
-                await asyncio.sleep(0.6)
-                stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
-                heard = [entry.time for entry in bridge.entries if entry.arrow == "raw" and entry.time <= stop.time]
-                assert stop.time - max(asked, heard[-1]) < 0.002, (moment, stop)
-
-    run(program())
+    for moment in range(1, 60, 4):
+        async with Bridge("cge", latency=LATENCY) as bridge:
+            noisy, quiet = bridge.client(), bridge.client()
+            noisy.tell(b":RM#:Mn#:Me#")
+            await asyncio.sleep(moment / 100.0)
+            before = len(bridge.sent())
+            asked = bridge.clock()
+            quiet.tell(b":Q#")
+            await asyncio.sleep(0.6)
+            stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
+            heard = [entry.time for entry in bridge.entries if entry.arrow == "raw" and entry.time <= stop.time]
+            assert stop.time - max(asked, heard[-1]) < 0.002, (moment, stop)
 
 
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-def test_a_restart_ceases_current_operations(motion: bytes) -> None:
+async def test_a_restart_ceases_current_operations(motion: bytes) -> None:
     """Meade's manual: :I# "causes the telescope to cease current operations and restart at its power on"."""
-
-    async def program() -> None:
-        async with Bridge("cge", surface="lx200gps") as bridge:
-            client = bridge.client()
-            client.tell(motion)
-            await asyncio.sleep(2.0)
-            assert bridge.controller.moving
-            assert await client.ask(b":I#", until=b"X") == b"X"
-            await asyncio.sleep(3.0)
-            assert not bridge.controller.moving
-            assert not bridge.sim.slewing
-            assert bridge.sim.tracking
-
-    run(program())
+    async with Bridge("cge", surface="lx200gps") as bridge:
+        client = bridge.client()
+        client.tell(motion)
+        await asyncio.sleep(2.0)
+        assert bridge.controller.moving
+        assert await client.ask(b":I#", until=b"X") == b"X"
+        await asyncio.sleep(3.0)
+        assert not bridge.controller.moving
+        assert not bridge.sim.slewing
+        assert bridge.sim.tracking
 
 
-def test_a_stop_ends_the_pulse_that_a_motor_times_itself() -> None:
+async def test_a_stop_ends_the_pulse_that_a_motor_times_itself() -> None:
     """AUX 0x26 lasts up to 2.55 s and what is left of nine seconds would follow."""
-
-    async def program() -> None:
-        async with Bridge("evolution", "5.31") as bridge:
-            client = bridge.client()
-            client.tell(b":Mgn9000#")
-            await asyncio.sleep(1.0)
-            assert bridge.sim.mechanics.pulsing(bridge.clock(), 2)
-            client.tell(b":Q#")
-            await asyncio.sleep(0.6)
-            assert not bridge.sim.mechanics.pulsing(bridge.clock(), 2)
-            sent = len(bridge.sent())
-            await asyncio.sleep(10.0)
-            assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P"]
-            assert bridge.sim.tracking
-
-    run(program())
+    async with Bridge("evolution", "5.31") as bridge:
+        client = bridge.client()
+        client.tell(b":Mgn9000#")
+        await asyncio.sleep(1.0)
+        assert bridge.sim.mechanics.pulsing(bridge.clock(), 2)
+        client.tell(b":Q#")
+        await asyncio.sleep(0.6)
+        assert not bridge.sim.mechanics.pulsing(bridge.clock(), 2)
+        sent = len(bridge.sent())
+        await asyncio.sleep(10.0)
+        assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P"]
+        assert bridge.sim.tracking

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
@@ -21,38 +20,31 @@ def to_a(mount: str) -> Bridge:
 @pytest.mark.parametrize("mount", ["cge", "cpc"])
 @pytest.mark.parametrize("rate", [b":RC#", b":RM#"])
 @pytest.mark.parametrize("times", [3, 6, 12])
-def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: bytes, times: int) -> None:
+async def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: bytes, times: int) -> None:
     """Whether the motion is fast enough to be seen or not."""
-
-    async def program() -> None:
-        async with to_a(mount) as bridge:
-            client = bridge.client()
-            client.tell(rate + b":Mn#")
-            await asyncio.sleep(3.0)
-            assert abs(truth_of(bridge.sim).rate2) > 0.01
-            lose_commands(bridge, ENDS, times)
-            client.tell(b":Q#")
-            await asyncio.sleep(12.0 * times / 3 + 5.0)
-            assert not bridge.controller.wanted.owed
-            assert abs(truth_of(bridge.sim).rate2) < 0.01
-
-    run(program())
+    async with to_a(mount) as bridge:
+        client = bridge.client()
+        client.tell(rate + b":Mn#")
+        await asyncio.sleep(3.0)
+        assert abs(truth_of(bridge.sim).rate2) > 0.01
+        lose_commands(bridge, ENDS, times)
+        client.tell(b":Q#")
+        await asyncio.sleep(12.0 * times / 3 + 5.0)
+        assert not bridge.controller.wanted.owed
+        assert abs(truth_of(bridge.sim).rate2) < 0.01
 
 
-def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
-    async def program() -> None:
-        async with to_a("cge") as bridge:
-            client = bridge.client()
-            client.tell(b":RC#:Mn#")
-            await asyncio.sleep(3.0)
-            missed = lose_commands(bridge, ENDS, 1000)
-            client.tell(b":Q#")
-            await asyncio.sleep(240.0)
-            sent = len(missed)
-            assert 15 < sent < 120
-            assert [entry.note for entry in bridge.entries if "sent again and again" in entry.note]
-            await asyncio.sleep(120.0)
-            assert len(missed) == sent
-            assert bridge.controller.wanted.owed, "and goes out with the next one, or when the line is back"
-
-    run(program())
+async def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
+    async with to_a("cge") as bridge:
+        client = bridge.client()
+        client.tell(b":RC#:Mn#")
+        await asyncio.sleep(3.0)
+        missed = lose_commands(bridge, ENDS, 1000)
+        client.tell(b":Q#")
+        await asyncio.sleep(240.0)
+        sent = len(missed)
+        assert 15 < sent < 120
+        assert [entry.note for entry in bridge.entries if "sent again and again" in entry.note]
+        await asyncio.sleep(120.0)
+        assert len(missed) == sent
+        assert bridge.controller.wanted.owed, "and goes out with the next one, or when the line is back"

@@ -82,55 +82,48 @@ MOTIONS = {"arrow": b":RS#:Me#", "two": b":RS#:Mn#:Mw#", "goto": b":Sr08:00:00#:
 @pytest.mark.parametrize("lost", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(1)
-def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str, lost: int, motion: str) -> None:
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client, loop, pressed = bridge.client(), asyncio.get_running_loop(), list[float]()
-            client.tell(MOTIONS[motion])
-            await poll(bridge, 3.0)
-            line = LossyLine(bridge, MOUNTS[name].latency)
+async def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str, lost: int, motion: str) -> None:
+    async with bridge_to(name) as bridge:
+        client, loop, pressed = bridge.client(), asyncio.get_running_loop(), list[float]()
+        client.tell(MOTIONS[motion])
+        await poll(bridge, 3.0)
+        line = LossyLine(bridge, MOUNTS[name].latency)
 
-            def stop() -> None:
-                pressed.append(loop.time())
-                client.tell(b":Q#")
+        def stop() -> None:
+            pressed.append(loop.time())
+            client.tell(b":Q#")
 
-            stops = [data for _, data in line.heard if is_stop(data)]
-            if lost:
-                line.lose_replies(lost, lambda: loop.call_later(0.005, stop))
-            else:
-                stop()
-            while not pressed:
-                await poll(bridge, 0.5)
-            moved = await seconds_to_rest(bridge, pressed[0])
-            heard = [at - pressed[0] for at, data in line.heard if is_stop(data) and at >= pressed[0]]
-            if not stops or heard:  # the gateway may have stopped a mount that it has not heard for long
-                assert heard[0] <= MOUNTS[name].latency + WAITS + 0.01, line.heard
-            assert moved <= MOUNTS[name].latency + WAITS + BRAKES + 0.2
-            await asyncio.sleep(10.0)
-            assert not bridge.controller.wanted.owed
-
-    run(program())
+        stops = [data for _, data in line.heard if is_stop(data)]
+        if lost:
+            line.lose_replies(lost, lambda: loop.call_later(0.005, stop))
+        else:
+            stop()
+        while not pressed:
+            await poll(bridge, 0.5)
+        moved = await seconds_to_rest(bridge, pressed[0])
+        heard = [at - pressed[0] for at, data in line.heard if is_stop(data) and at >= pressed[0]]
+        if not stops or heard:  # the gateway may have stopped a mount that it has not heard for long
+            assert heard[0] <= MOUNTS[name].latency + WAITS + 0.01, line.heard
+        assert moved <= MOUNTS[name].latency + WAITS + BRAKES + 0.2
+        await asyncio.sleep(10.0)
+        assert not bridge.controller.wanted.owed
 
 
 @pytest.mark.parametrize("dead", [1.5, 2.5])
 @pytest.mark.parametrize("name", SERIAL)
 @pytest.mark.safety_line(1)
-def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dead: float) -> None:
+async def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dead: float) -> None:
     """The mount hears nothing for a while from the stop on: the stop is written again while the line is checked."""
-
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client, loop = bridge.client(), asyncio.get_running_loop()
-            client.tell(b":RS#:Me#")
-            await poll(bridge, 3.0)
-            line, since = LossyLine(bridge, MOUNTS[name].latency), loop.time()
-            line.lose_bytes(range(100_000))
-            loop.call_later(dead, line.lose_bytes, ())
-            client.tell(b":Q#")
-            assert await seconds_to_rest(bridge, since) <= dead + 1.2 + BRAKES
-            bridge.entries.clear()  # half a command has no form in the manual
-
-    run(program())
+    async with bridge_to(name) as bridge:
+        client, loop = bridge.client(), asyncio.get_running_loop()
+        client.tell(b":RS#:Me#")
+        await poll(bridge, 3.0)
+        line, since = LossyLine(bridge, MOUNTS[name].latency), loop.time()
+        line.lose_bytes(range(100_000))
+        loop.call_later(dead, line.lose_bytes, ())
+        client.tell(b":Q#")
+        assert await seconds_to_rest(bridge, since) <= dead + 1.2 + BRAKES
+        bridge.entries.clear()  # half a command has no form in the manual
 
 
 #: What is on the wire when the stop comes, after what.
@@ -250,71 +243,59 @@ def test_a_site_or_clock_is_set_although_a_byte_of_it_was_lost(name: str, traffi
 @pytest.mark.parametrize("lost", [1, 2, 3])
 @pytest.mark.parametrize("name", ["lx200gps", "cge/4.21", "synscan", "onstep", "alpaca"])
 @pytest.mark.safety_line(1)
-def test_a_limit_ends_a_motion_in_time_although_replies_were_lost_before(name: str, lost: int) -> None:
+async def test_a_limit_ends_a_motion_in_time_although_replies_were_lost_before(name: str, lost: int) -> None:
     """An arrow leads down from 32 degrees, and lowest is 10: what is lost is lost at 18."""
-
-    async def program() -> None:
-        async with bridge_to(name, lowest=10.0) as bridge:
-            client, ask, sky = bridge.client(), bridge.controller.perform, bridge.sim.mechanics.sky
-            hour_angle, dec = horizon_to_hour_angle(180.0, 32.0, sky.latitude)
-            await ask(op.Goto((sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec))
-            while await ask(op.Slewing()):
-                await poll(bridge, 0.5)
-            await asyncio.sleep(2.0)
-            line, low, armed = LossyLine(bridge, MOUNTS[name].latency), 90.0, False
-            client.tell(b":RS#:Ms#")
-            for tenth in range(250):
-                await asyncio.sleep(0.1)
-                client.tell(b":GR#:GD#" if tenth % 5 == 0 else b"")
-                low = min(low, altitude(bridge.sim))
-                if low < 18.0 and not armed:
-                    armed = True
-                    line.lose_replies(lost, lambda: None)
-            assert armed and low > 10.0 - 0.5
-
-    run(program())
+    async with bridge_to(name, lowest=10.0) as bridge:
+        client, ask, sky = bridge.client(), bridge.controller.perform, bridge.sim.mechanics.sky
+        hour_angle, dec = horizon_to_hour_angle(180.0, 32.0, sky.latitude)
+        await ask(op.Goto((sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec))
+        while await ask(op.Slewing()):
+            await poll(bridge, 0.5)
+        await asyncio.sleep(2.0)
+        line, low, armed = LossyLine(bridge, MOUNTS[name].latency), 90.0, False
+        client.tell(b":RS#:Ms#")
+        for tenth in range(250):
+            await asyncio.sleep(0.1)
+            client.tell(b":GR#:GD#" if tenth % 5 == 0 else b"")
+            low = min(low, altitude(bridge.sim))
+            if low < 18.0 and not armed:
+                armed = True
+                line.lose_replies(lost, lambda: None)
+        assert armed and low > 10.0 - 0.5
 
 
 @pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
-def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: str) -> None:
+async def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: str) -> None:
     """What is written serves them all, so the checks of the line are answered between two writings."""
-
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client = bridge.client()
-            client.tell(b":RS#:Me#")
-            await poll(bridge, 3.0)
-            line = LossyLine(bridge, MOUNTS[name].latency)
-            line.lose_replies(1_000_000, lambda: None)
-            await poll(bridge, 12.0)
-            assert bridge.controller.line.state == "down"
-            line.lose_replies(0, lambda: None)
-            for _ in range(500):
-                client.tell(b":Q#")
-                await asyncio.sleep(0.02)
-            assert bridge.controller.line.usable
-            await asyncio.sleep(4.0)
-            assert not bridge.controller.wanted.owed
-            assert await client.ask(b":GD#", until=b"#")
-
-    run(program())
+    async with bridge_to(name) as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Me#")
+        await poll(bridge, 3.0)
+        line = LossyLine(bridge, MOUNTS[name].latency)
+        line.lose_replies(1_000_000, lambda: None)
+        await poll(bridge, 12.0)
+        assert bridge.controller.line.state == "down"
+        line.lose_replies(0, lambda: None)
+        for _ in range(500):
+            client.tell(b":Q#")
+            await asyncio.sleep(0.02)
+        assert bridge.controller.line.usable
+        await asyncio.sleep(4.0)
+        assert not bridge.controller.wanted.owed
+        assert await client.ask(b":GD#", until=b"#")
 
 
 @pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
-def test_a_stop_is_written_until_a_mount_hears_it_that_is_not_heard(name: str) -> None:
+async def test_a_stop_is_written_until_a_mount_hears_it_that_is_not_heard(name: str) -> None:
     """It hears nothing for ten seconds, and says nothing after that."""
-
-    async def program() -> None:
-        async with bridge_to(name) as bridge:
-            client, wire = bridge.client(), bridge.controller.line.wire
-            client.tell(b":RS#:Me#")
-            await poll(bridge, 3.0)
-            hear = wire.feed  # type: ignore[attr-defined]
-            wire.feed = lambda data: b""  # type: ignore[attr-defined]
-            client.tell(b":Q#")
-            await asyncio.sleep(10.0)
-            wire.feed = lambda data: hear(data) and b""  # type: ignore[attr-defined]
-            await asyncio.sleep(8.0)
-            assert not truth_of(bridge.sim).moving
-
-    run(program())
+    async with bridge_to(name) as bridge:
+        client, wire = bridge.client(), bridge.controller.line.wire
+        client.tell(b":RS#:Me#")
+        await poll(bridge, 3.0)
+        hear = wire.feed  # type: ignore[attr-defined]
+        wire.feed = lambda data: b""  # type: ignore[attr-defined]
+        client.tell(b":Q#")
+        await asyncio.sleep(10.0)
+        wire.feed = lambda data: hear(data) and b""  # type: ignore[attr-defined]
+        await asyncio.sleep(8.0)
+        assert not truth_of(bridge.sim).moving

@@ -56,44 +56,42 @@ class MountAtPort:
 PORTS = {"tcp": "tcp://127.0.0.1:0", "rfc2217": "rfc2217://127.0.0.1:0", "pair": "pty:"}
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("lost", [1, 2])
 @pytest.mark.parametrize("mount", ["nexstar:cge", "lx200:lx200gps"])
 @pytest.mark.parametrize("port", list(PORTS))
 @pytest.mark.skipif(os.name == "nt", reason="there are no pseudo-terminals")
 @pytest.mark.safety_line(1)
-def test_a_stop_waits_for_one_exchange_at_a_real_port(port: str, mount: str, lost: int, tmp_path: Path) -> None:
-    async def program() -> None:
-        at_port = MountAtPort(mount)
-        where = PORTS[port] + (str(tmp_path / "mount") if port == "pair" else "")
-        listener = await open_port(where, at_port.accept)
-        url = {"tcp": "socket", "rfc2217": "rfc2217"}.get(port, "")
-        address = f"{url}://{listener.where.partition('://')[2]}" if url else str(tmp_path / "mount")
-        gateway = Running(
-            "run", "--mount", f"{mount.partition(':')[0]}@{address}", "--surface", "lx200@tcp://127.0.0.1:0",
-            "--state", str(tmp_path / "state"), "--sun", "0", "--lowest", "-90", "--no-discovery",
-        )  # fmt: skip
-        try:
-            host, _, number = (await asyncio.to_thread(gateway.ready)).removeprefix("tcp://").rpartition(":")
-            reader, writer = await asyncio.open_connection(host, int(number))
-            async with asyncio.timeout(30.0):
-                writer.write(b":RS#:Me#")
-                for _ in range(20):
-                    writer.write(b":GR#")
-                    await reader.readuntil(b"#")
-                    await asyncio.sleep(0.1)
-                at_port.stops.clear()
-                at_port.lost = lost
-                while not at_port.last_lost.is_set():
-                    writer.write(b":GR#:GD#")
-                    await asyncio.sleep(0.05)
-                pressed = time.monotonic()
-                writer.write(b":Q#")
-                while not at_port.stops:
-                    await asyncio.sleep(0.01)
-            assert at_port.stops[0] - pressed < LATENCY + WAITS + BUSY
-            writer.close()
-        finally:
-            await asyncio.to_thread(gateway.end_at_once)
-            await listener.close()
-
-    asyncio.run(program())
+async def test_a_stop_waits_for_one_exchange_at_a_real_port(port: str, mount: str, lost: int, tmp_path: Path) -> None:
+    at_port = MountAtPort(mount)
+    where = PORTS[port] + (str(tmp_path / "mount") if port == "pair" else "")
+    listener = await open_port(where, at_port.accept)
+    url = {"tcp": "socket", "rfc2217": "rfc2217"}.get(port, "")
+    address = f"{url}://{listener.where.partition('://')[2]}" if url else str(tmp_path / "mount")
+    gateway = Running(
+        "run", "--mount", f"{mount.partition(':')[0]}@{address}", "--surface", "lx200@tcp://127.0.0.1:0",
+        "--state", str(tmp_path / "state"), "--sun", "0", "--lowest", "-90", "--no-discovery",
+    )  # fmt: skip
+    try:
+        host, _, number = (await asyncio.to_thread(gateway.ready)).removeprefix("tcp://").rpartition(":")
+        reader, writer = await asyncio.open_connection(host, int(number))
+        async with asyncio.timeout(30.0):
+            writer.write(b":RS#:Me#")
+            for _ in range(20):
+                writer.write(b":GR#")
+                await reader.readuntil(b"#")
+                await asyncio.sleep(0.1)
+            at_port.stops.clear()
+            at_port.lost = lost
+            while not at_port.last_lost.is_set():
+                writer.write(b":GR#:GD#")
+                await asyncio.sleep(0.05)
+            pressed = time.monotonic()
+            writer.write(b":Q#")
+            while not at_port.stops:
+                await asyncio.sleep(0.01)
+        assert at_port.stops[0] - pressed < LATENCY + WAITS + BUSY
+        writer.close()
+    finally:
+        await asyncio.to_thread(gateway.end_at_once)
+        await listener.close()

@@ -17,7 +17,6 @@ import pytest
 from gateway.astro.spherical import fold_declination, separation
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 #: Arcseconds a second that a star may drift afterwards.
@@ -163,46 +162,40 @@ def believed(sim: Any) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda mount: "-".join(str(part) for part in mount[1:]))
-def test_the_drive_comes_back_as_it_was(mount: Mount) -> None:
-    async def night() -> None:
-        bridge = Bridge(mount.model, mount.version, driven=mount.driven, config=OPEN, latency=0.01, ramps=False)
-        for data in mount.first:
-            bridge.sim.feed(data)
-        wrong = []
-        async with bridge:
-            await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 20.0, 30.0))
-            await asyncio.sleep(60.0)
-            for ordered in mount.orders:
-                await bridge.controller.perform(ordered)
-            for name, order in ORDERS.items():
-                before, sent = as_set(bridge.sim), len(bridge.sent())
-                with suppress(Fault):  # this mount cannot do it
-                    await order(bridge)
-                await asyncio.sleep(12.0)
-                after = as_set(bridge.sim)
-                wrong += [(name, key, before.get(key), after.get(key)) for key in before | after if before != after]
-                moved = 15.0
-                if not bridge.sim.tracking or (moved := await drift(bridge)) > STILL:
-                    wrong.append((name, "drift", STILL, moved))
-                if order is tracking and (again := [one for one in bridge.sent()[sent:] if SETS.match(one)]):
-                    wrong.append((name, "sent again", b"", again))
-        assert not wrong
-
-    run(night())
+async def test_the_drive_comes_back_as_it_was(mount: Mount) -> None:
+    bridge = Bridge(mount.model, mount.version, driven=mount.driven, config=OPEN, latency=0.01, ramps=False)
+    for data in mount.first:
+        bridge.sim.feed(data)
+    wrong = []
+    async with bridge:
+        await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 20.0, 30.0))
+        await asyncio.sleep(60.0)
+        for ordered in mount.orders:
+            await bridge.controller.perform(ordered)
+        for name, order in ORDERS.items():
+            before, sent = as_set(bridge.sim), len(bridge.sent())
+            with suppress(Fault):  # this mount cannot do it
+                await order(bridge)
+            await asyncio.sleep(12.0)
+            after = as_set(bridge.sim)
+            wrong += [(name, key, before.get(key), after.get(key)) for key in before | after if before != after]
+            moved = 15.0
+            if not bridge.sim.tracking or (moved := await drift(bridge)) > STILL:
+                wrong.append((name, "drift", STILL, moved))
+            if order is tracking and (again := [one for one in bridge.sent()[sent:] if SETS.match(one)]):
+                wrong.append((name, "sent again", b"", again))
+    assert not wrong
 
 
-def test_a_program_that_is_presented_the_mount_itself_reads_and_sets_its_mode_to_the_byte() -> None:
-    async def night() -> None:
-        bridge = Bridge("synscan", "4.39.05", presented="nexstar", surface=None, config=OPEN)
-        bridge.sim.feed(b"T\3")
-        async with bridge:
-            client = bridge.client()
-            assert await client.ask(b"t") == b"\3#"
-            for mode in (b"\2", b"\3"):
-                assert await client.ask(b"T" + mode) == b"#"
-                assert bridge.sent()[-1] == b"T" + mode
-                assert await client.ask(b"t") == mode + b"#" == bridge.sim.feed(b"t")
-            await client.ask(b"T\0")
-            assert await client.ask(b"t") == b"\0#"
-
-    run(night())
+async def test_a_program_that_is_presented_the_mount_itself_reads_and_sets_its_mode_to_the_byte() -> None:
+    bridge = Bridge("synscan", "4.39.05", presented="nexstar", surface=None, config=OPEN)
+    bridge.sim.feed(b"T\3")
+    async with bridge:
+        client = bridge.client()
+        assert await client.ask(b"t") == b"\3#"
+        for mode in (b"\2", b"\3"):
+            assert await client.ask(b"T" + mode) == b"#"
+            assert bridge.sent()[-1] == b"T" + mode
+            assert await client.ask(b"t") == mode + b"#" == bridge.sim.feed(b"t")
+        await client.ask(b"T\0")
+        assert await client.ask(b"t") == b"\0#"

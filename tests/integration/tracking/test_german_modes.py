@@ -6,29 +6,24 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize(("model", "version"), [("avx", "5.31"), ("cge", "4.21")])
-def test_alt_az_is_no_mode_of_a_german_mount(model: str, version: str) -> None:
+async def test_alt_az_is_no_mode_of_a_german_mount(model: str, version: str) -> None:
     """Celestron: ``T`` 1 is alt-az, 2 EQ North; ``z`` tells the axes."""
-
-    async def program() -> None:
-        async with Bridge(model, version, presented="nexstar", surface=None) as bridge:
-            client = bridge.client()
-            before = await client.ask(b"z", until=b"#")
-            await client.ask(b"T\x00", until=b"#")
-            client.tell(b"T\x01")
-            await asyncio.sleep(5)
-            assert b"T\x01" not in bridge.sent()
-            told = await bridge.client("10.0.0.2").ask(b"z", until=b"#")
-            assert all(
-                abs(int(a, 16) - int(b, 16)) < 0x400000
-                for a, b in zip(before[:-1].split(b","), told[:-1].split(b","), strict=True)
-            )
-            assert await client.ask(b"t", until=b"#") == b"\x00#"
-            assert await client.ask(b"T\x02", until=b"#") == b"#"
-            assert await client.ask(b"t", until=b"#") == b"\x02#"
-
-    run(program())
+    async with Bridge(model, version, presented="nexstar", surface=None) as bridge:
+        client = bridge.client()
+        before = await client.ask(b"z", until=b"#")
+        await client.ask(b"T\x00", until=b"#")
+        client.tell(b"T\x01")
+        await asyncio.sleep(5)
+        assert b"T\x01" not in bridge.sent()
+        told = await bridge.client("10.0.0.2").ask(b"z", until=b"#")
+        assert all(
+            abs(int(a, 16) - int(b, 16)) < 0x400000
+            for a, b in zip(before[:-1].split(b","), told[:-1].split(b","), strict=True)
+        )
+        assert await client.ask(b"t", until=b"#") == b"\x00#"
+        assert await client.ask(b"T\x02", until=b"#") == b"#"
+        assert await client.ask(b"t", until=b"#") == b"\x02#"

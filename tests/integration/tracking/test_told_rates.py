@@ -7,7 +7,6 @@ import asyncio
 import pytest
 
 from gateway.core.operations import TrackRate
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 #: In alt-az, and on hand controls that have no way to the motors.
@@ -23,100 +22,77 @@ SIDEREAL_ALONE = [
 
 
 @pytest.mark.parametrize(("model", "version"), SIDEREAL_ALONE)
-def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str) -> None:
-    async def program() -> None:
-        async with Bridge(model, version, surface="lx200gps") as bridge:
-            client = bridge.client()
-            before = len(bridge.sent())
-            for hertz, reply in (
-                (b"055.5", b"0"),
-                (b"57.9", b"0"),
-                (b"060.0", b"0"),
-                (b"060.1", b"1"),
-                (b"060.2", b"1"),
-            ):
-                assert await client.ask(b":ST%s#" % hertz, until=reply) == reply
-                assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-            client.tell(b":TL#")
+async def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str) -> None:
+    async with Bridge(model, version, surface="lx200gps") as bridge:
+        client = bridge.client()
+        before = len(bridge.sent())
+        for hertz, reply in ((b"055.5", b"0"), (b"57.9", b"0"), (b"060.0", b"0"), (b"060.1", b"1"), (b"060.2", b"1")):
+            assert await client.ask(b":ST%s#" % hertz, until=reply) == reply
             assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-            client.tell(b":TS#:T+#:TM#:TQ#")
-            assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-            assert [one for one in bridge.sent()[before:] if one[:1] in b"PT"] == []
-            assert any("Tracking rate" in entry.note for entry in bridge.entries)
-
-    run(program())
+        client.tell(b":TL#")
+        assert await client.ask(b":GT#", until=b"#") == b"60.1#"
+        client.tell(b":TS#:T+#:TM#:TQ#")
+        assert await client.ask(b":GT#", until=b"#") == b"60.1#"
+        assert [one for one in bridge.sent()[before:] if one[:1] in b"PT"] == []
+        assert any("Tracking rate" in entry.note for entry in bridge.entries)
 
 
 @pytest.mark.parametrize(
     ("command", "told"),
     [(b":TL#", b"58.7#"), (b":TS#", b"60.0#"), (b":TQ#", b"60.1#"), (b":ST057.9#", b"57.9#"), (b":ST060.3#", b"60.3#")],
 )
-def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(command: bytes, told: bytes) -> None:
+async def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(command: bytes, told: bytes) -> None:
     """The motors' lunar rate is 14.685 arcseconds a second: 60.164 hertz of 15.041 are 58.7."""
-
-    async def program() -> None:
-        async with Bridge("cge", "4.21") as bridge:
-            client = bridge.client()
-            await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"0")
-            await asyncio.sleep(40.0)
-            client.tell(command)
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":GT#", until=b"#") == told
-            before, began = bridge.sim.truth()[0], bridge.clock()
-            await asyncio.sleep(20.0)
-            drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
-            assert (15.041 - drift) / 15.041 * 60.164 == pytest.approx(float(told[:-1]), abs=0.08)
-            client.tell(b":AL#")
-            assert await client.ask(b":GT#", until=b"#") == told
-
-    run(program())
+    async with Bridge("cge", "4.21") as bridge:
+        client = bridge.client()
+        await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"0")
+        await asyncio.sleep(40.0)
+        client.tell(command)
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":GT#", until=b"#") == told
+        before, began = bridge.sim.truth()[0], bridge.clock()
+        await asyncio.sleep(20.0)
+        drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+        assert (15.041 - drift) / 15.041 * 60.164 == pytest.approx(float(told[:-1]), abs=0.08)
+        client.tell(b":AL#")
+        assert await client.ask(b":GT#", until=b"#") == told
 
 
-def test_a_rate_that_another_protocol_set_is_told() -> None:
-    async def program() -> None:
-        async with Bridge("cge", "4.21") as bridge:
-            await bridge.controller.perform(TrackRate(name="lunar"))
-            assert await bridge.client().ask(b":GT#", until=b"#") == b"58.7#"
-
-    run(program())
+async def test_a_rate_that_another_protocol_set_is_told() -> None:
+    async with Bridge("cge", "4.21") as bridge:
+        await bridge.controller.perform(TrackRate(name="lunar"))
+        assert await bridge.client().ask(b":GT#", until=b"#") == b"58.7#"
 
 
 @pytest.mark.parametrize("version", ["1.6", "2.2"])
-def test_a_hand_control_that_does_not_tell_its_mode_can_be_told_to_stop_tracking(version: str) -> None:
-    async def program() -> None:
-        async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
-            client = bridge.client()
-            await asyncio.sleep(2.0)
-            assert bridge.sim.tracking
-            client.tell(b":AL#")
-            await asyncio.sleep(2.0)
-            assert b"T\x00" in bridge.sent()
-            assert not bridge.sim.tracking
-            assert (await client.ask(b":GW#"))[1:2] == b"N"
-            client.tell(b":AA#")
-            await asyncio.sleep(2.0)
-            assert b"T\x01" in bridge.sent() and bridge.sim.tracking
-            assert sum("fits the mount's type" in entry.note for entry in bridge.entries) == 1
-            client.tell(b":hP#")
-            await asyncio.sleep(90.0)
-            assert not bridge.sim.tracking and (await client.ask(b":GW#"))[1:2] == b"N"
-
-    run(program())
+async def test_a_hand_control_that_does_not_tell_its_mode_can_be_told_to_stop_tracking(version: str) -> None:
+    async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        await asyncio.sleep(2.0)
+        assert bridge.sim.tracking
+        client.tell(b":AL#")
+        await asyncio.sleep(2.0)
+        assert b"T\x00" in bridge.sent()
+        assert not bridge.sim.tracking
+        assert (await client.ask(b":GW#"))[1:2] == b"N"
+        client.tell(b":AA#")
+        await asyncio.sleep(2.0)
+        assert b"T\x01" in bridge.sent() and bridge.sim.tracking
+        assert sum("fits the mount's type" in entry.note for entry in bridge.entries) == 1
+        client.tell(b":hP#")
+        await asyncio.sleep(90.0)
+        assert not bridge.sim.tracking and (await client.ask(b":GW#"))[1:2] == b"N"
 
 
 @pytest.mark.parametrize("version", ["1.6", "2.2"])
-def test_it_tracks_again_after_an_arrow(version: str) -> None:
+async def test_it_tracks_again_after_an_arrow(version: str) -> None:
     """``T 0`` goes before fast motion, as the paper has it, and afterwards tracking is put back."""
-
-    async def program() -> None:
-        async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
-            client = bridge.client()
-            await asyncio.sleep(2.0)
-            client.tell(b":RS#:Mn#")
-            await asyncio.sleep(2.0)
-            assert b"T\x00" in bridge.sent()
-            client.tell(b":Qn#")
-            await asyncio.sleep(5.0)
-            assert bridge.sim.tracking
-
-    run(program())
+    async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
+        client = bridge.client()
+        await asyncio.sleep(2.0)
+        client.tell(b":RS#:Mn#")
+        await asyncio.sleep(2.0)
+        assert b"T\x00" in bridge.sent()
+        client.tell(b":Qn#")
+        await asyncio.sleep(5.0)
+        assert bridge.sim.tracking

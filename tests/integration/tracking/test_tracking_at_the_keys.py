@@ -21,42 +21,36 @@ MOUNTS = [("cpc", None), ("cge", None), ("cgem", "5.31"), ("6-8se", "4.21")]
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
 @pytest.mark.parametrize("on", [True, False])
-def test_an_order_is_sent_though_the_mount_was_thought_to_do_so_already(mount: str, on: bool) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven="lx200") as bridge:
-            client, keys = bridge.client(), bridge.sim.connection()
-            if not on:
-                client.tell(b":AL#")
-                await asyncio.sleep(2.0)
-            keys(b":AL#" if on else b":AA#")
-            assert bridge.sim.tracking is not on
-            client.tell(b":AA#" if on else b":AL#")
+async def test_an_order_is_sent_though_the_mount_was_thought_to_do_so_already(mount: str, on: bool) -> None:
+    async with Bridge(mount, driven="lx200") as bridge:
+        client, keys = bridge.client(), bridge.sim.connection()
+        if not on:
+            client.tell(b":AL#")
             await asyncio.sleep(2.0)
-            assert bridge.sim.tracking is on
-
-    run(program())
+        keys(b":AL#" if on else b":AA#")
+        assert bridge.sim.tracking is not on
+        client.tell(b":AA#" if on else b":AL#")
+        await asyncio.sleep(2.0)
+        assert bridge.sim.tracking is on
 
 
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-33.0, 150.0)])
 @pytest.mark.parametrize(("mount", "version"), MOUNTS)
 @pytest.mark.parametrize("after", [0.4, 0.7, 1.05])
-def test_tracking_that_is_turned_off_after_an_arrow_stays_off(
+async def test_tracking_that_is_turned_off_after_an_arrow_stays_off(
     mount: str, version: str | None, site: tuple[float, float], after: float
 ) -> None:
-    async def program() -> None:
-        async with Bridge(mount, version, site=site) as bridge:
-            owner, client = Owner(bridge, "nexstar"), bridge.client()
-            client.tell(b":RM#:Me#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qe#")
-            await asyncio.sleep(after)
-            owner.keys("tracking off")
-            for _ in range(40):
-                await asyncio.sleep(0.2)
-                assert not bridge.sim.tracking
-            assert not owner.begun()
-
-    run(program())
+    async with Bridge(mount, version, site=site) as bridge:
+        owner, client = Owner(bridge, "nexstar"), bridge.client()
+        client.tell(b":RM#:Me#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Qe#")
+        await asyncio.sleep(after)
+        owner.keys("tracking off")
+        for _ in range(40):
+            await asyncio.sleep(0.2)
+            assert not bridge.sim.tracking
+        assert not owner.begun()
 
 
 @pytest.mark.parametrize(("ignored", "tracks"), [(1, True), (2, False)])

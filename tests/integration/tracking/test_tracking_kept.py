@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import wrap180
-from gateway.diagnostics.virtual_time import run
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import Cable
 from tests.support.in_process_gateway import Bridge
@@ -56,122 +55,113 @@ def cge_over(mount: str, *, polar: bool = True, tells_altaz: bool = False, **set
 @pytest.mark.parametrize(
     "between", ["", "t", "J", "tJt", "e", "polled", "reconnected", "goto", "goto t", "arrow", "slept"]
 )
-def test_tracking_comes_back_in_the_mode_that_was(mount: str, tells_altaz: bool, polar: bool, between: str) -> None:
-    async def program() -> None:
-        async with cge_over(mount, polar=polar, tells_altaz=tells_altaz) as bridge:
-            client, mode = bridge.client(), b"\x02#" if polar else b"\x01#"
-            assert await client.ask(b"t") == mode
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(1.0)
-            assert bridge.sim.letter == "L"
-            if between == "polled":
-                await polled(bridge, 20, b"t")
-            elif between == "reconnected":
-                cable = Cable(bridge)
-                cable.pull()
-                await asyncio.sleep(3.0)
-                cable.plug()
-                await polled(bridge, 15, b"E")
-            elif between.startswith("goto"):
-                await client.ask(b"r55555555,15555555")
-                await polled(bridge, 80, b"t" if between.endswith("t") else b"E")
-            elif between == "arrow":
-                await client.ask(b"P\x02\x10\x24\x05\0\0\0")
-                await asyncio.sleep(2.0)
-                await client.ask(b"P\x02\x10\x24\0\0\0\0")
-                await asyncio.sleep(3.0)
-            elif between == "slept":
-                client.tell(b"x")
-                await asyncio.sleep(5.0)
-                client.tell(b"y")
-                await asyncio.sleep(8.0)
-            else:
-                for letter in between:
-                    await client.ask(letter.encode())
-                    await asyncio.sleep(3.0)
-            assert await client.ask(b"T\2") == b"#"
+async def test_tracking_comes_back_in_the_mode_that_was(
+    mount: str, tells_altaz: bool, polar: bool, between: str
+) -> None:
+    async with cge_over(mount, polar=polar, tells_altaz=tells_altaz) as bridge:
+        client, mode = bridge.client(), b"\x02#" if polar else b"\x01#"
+        assert await client.ask(b"t") == mode
+        assert await client.ask(b"T\0") == b"#"
+        await asyncio.sleep(1.0)
+        assert bridge.sim.letter == "L"
+        if between == "polled":
+            await polled(bridge, 20, b"t")
+        elif between == "reconnected":
+            cable = Cable(bridge)
+            cable.pull()
             await asyncio.sleep(3.0)
-            assert bridge.sim.letter == ("P" if polar else "A")
-            assert await client.ask(b"t") == mode
-            assert abs(await drift(bridge)) < 0.01
-
-    run(program())
+            cable.plug()
+            await polled(bridge, 15, b"E")
+        elif between.startswith("goto"):
+            await client.ask(b"r55555555,15555555")
+            await polled(bridge, 80, b"t" if between.endswith("t") else b"E")
+        elif between == "arrow":
+            await client.ask(b"P\x02\x10\x24\x05\0\0\0")
+            await asyncio.sleep(2.0)
+            await client.ask(b"P\x02\x10\x24\0\0\0\0")
+            await asyncio.sleep(3.0)
+        elif between == "slept":
+            client.tell(b"x")
+            await asyncio.sleep(5.0)
+            client.tell(b"y")
+            await asyncio.sleep(8.0)
+        else:
+            for letter in between:
+                await client.ask(letter.encode())
+                await asyncio.sleep(3.0)
+        assert await client.ask(b"T\2") == b"#"
+        await asyncio.sleep(3.0)
+        assert bridge.sim.letter == ("P" if polar else "A")
+        assert await client.ask(b"t") == mode
+        assert abs(await drift(bridge)) < 0.01
 
 
 @pytest.mark.parametrize("mount", LETTERS)
-def test_tracking_comes_back_in_the_mode_that_was_after_a_new_start_of_the_gateway(mount: str, tmp_path: Path) -> None:
-    async def program() -> None:
-        first = cge_over(mount, tells_altaz=True, state=tmp_path)
-        async with first:
-            await first.client().ask(b"T\0")
-            await asyncio.sleep(3.0)
-        async with cge_over(mount, on=first, state=tmp_path) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"t") == b"\0#"
-            await client.ask(b"T\2")
-            await asyncio.sleep(3.0)
-            assert bridge.sim.letter == "P"
-
-    run(program())
+async def test_tracking_comes_back_in_the_mode_that_was_after_a_new_start_of_the_gateway(
+    mount: str, tmp_path: Path
+) -> None:
+    first = cge_over(mount, tells_altaz=True, state=tmp_path)
+    async with first:
+        await first.client().ask(b"T\0")
+        await asyncio.sleep(3.0)
+    async with cge_over(mount, on=first, state=tmp_path) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"t") == b"\0#"
+        await client.ask(b"T\2")
+        await asyncio.sleep(3.0)
+        assert bridge.sim.letter == "P"
 
 
 @pytest.mark.parametrize("mount", LETTERS)
 @pytest.mark.parametrize("again", [b":AP#", b":AA#"])
 @pytest.mark.parametrize("between", [b":GW#", b"\x06", b":G0#", b""])
-def test_tracking_comes_back_in_the_mode_that_was_for_lx200_programs(mount: str, again: bytes, between: bytes) -> None:
-    async def program() -> None:
-        async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
-            bridge.sim.land_tells_altaz = True
-            bridge.sim.feed(b":AP#")
-            await polled(bridge, 8, b":GW#")
+async def test_tracking_comes_back_in_the_mode_that_was_for_lx200_programs(
+    mount: str, again: bytes, between: bytes
+) -> None:
+    async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
+        bridge.sim.land_tells_altaz = True
+        bridge.sim.feed(b":AP#")
+        await polled(bridge, 8, b":GW#")
+        client = bridge.client()
+        client.tell(b":AL#")
+        await asyncio.sleep(2.0)
+        assert await client.ask(b"\x06") == b"L"
+        if between:
+            await client.ask(between)
+        client.tell(again)
+        await asyncio.sleep(3.0)
+        assert bridge.sim.letter == "P"
+        assert await client.ask(b":GW#", until=b"1") == b"PT1"
+        assert await client.ask(b"\x06") == b"P"
+
+
+async def test_tracking_that_was_put_off_at_the_keys_a_moment_ago_is_put_on_by_an_order() -> None:
+    for mount in LETTERS:
+        async with cge_over(mount) as bridge:
             client = bridge.client()
-            client.tell(b":AL#")
-            await asyncio.sleep(2.0)
-            assert await client.ask(b"\x06") == b"L"
-            if between:
-                await client.ask(between)
-            client.tell(again)
+            assert await client.ask(b"t") == b"\x02#"
+            bridge.sim.feed(b":AL#")
+            await client.ask(b"T\2")
             await asyncio.sleep(3.0)
+            assert truth_of(bridge.sim).tracking
             assert bridge.sim.letter == "P"
-            assert await client.ask(b":GW#", until=b"1") == b"PT1"
-            assert await client.ask(b"\x06") == b"P"
-
-    run(program())
-
-
-def test_tracking_that_was_put_off_at_the_keys_a_moment_ago_is_put_on_by_an_order() -> None:
-    async def program() -> None:
-        for mount in LETTERS:
-            async with cge_over(mount) as bridge:
-                client = bridge.client()
-                assert await client.ask(b"t") == b"\x02#"
-                bridge.sim.feed(b":AL#")
-                await client.ask(b"T\2")
-                await asyncio.sleep(3.0)
-                assert truth_of(bridge.sim).tracking
-                assert bridge.sim.letter == "P"
-
-    run(program())
 
 
 # --- what cannot be done is not told as done ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
-def test_a_classic_that_cannot_stop_tracking_goes_on_telling_that_it_tracks(mount: str) -> None:
-    async def program() -> None:
-        async with cge_over(mount) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(2.0)
-            assert await client.ask(b"t") == b"\x02#"
-            assert truth_of(bridge.sim).tracking
-        async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
-            client = bridge.client()
-            assert await client.ask(b":AL#\x06") == b"P"
-            assert await client.ask(b":GW#", until=b"1") == b"PT1"
-
-    run(program())
+async def test_a_classic_that_cannot_stop_tracking_goes_on_telling_that_it_tracks(mount: str) -> None:
+    async with cge_over(mount) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\0") == b"#"
+        await asyncio.sleep(2.0)
+        assert await client.ask(b"t") == b"\x02#"
+        assert truth_of(bridge.sim).tracking
+    async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
+        client = bridge.client()
+        assert await client.ask(b":AL#\x06") == b"P"
+        assert await client.ask(b":GW#", until=b"1") == b"PT1"
 
 
 # --- the rate -------------------------------------------------------------------------------------------------------
@@ -193,105 +183,97 @@ def test_a_classic_that_cannot_stop_tracking_goes_on_telling_that_it_tracks(moun
 @pytest.mark.parametrize(
     "between", ["off, on", "slept", "goto", "off, goto, on", "goto, stopped", "reconnected", "parked", *MOTIONS]
 )
-def test_a_drive_rate_runs_on_after_whatever_interrupts_it(mount: str, polar: bool, rate: bytes, between: str) -> None:
-    async def program() -> None:
-        driven = "nexstar" if mount in ("cge", "cgx", "avx") else "lx200"
-        more = {"hibernate": True} if driven == "nexstar" else {}
-        async with Bridge(mount, driven=driven, surface="lx200gps", config=OPEN | more) as bridge:
-            if polar and driven == "lx200":
-                bridge.sim.feed(b":AP#")
-            await polled(bridge, 8)
-            client = bridge.client()
-            client.tell(rate)
-            await polled(bridge, 3)
-            before = await drift(bridge)
-            assert before == pytest.approx(RATES[rate], abs=0.02)
-            if between.startswith("off"):
-                client.tell(b":AL#")
-                await polled(bridge, 4)
-            if "goto" in between:
-                await client.ask(b":Sr08:00:00#:Sd+20*00:00#:MS#", until=b"0")
-                await polled(bridge, 3 if between.endswith("stopped") else 40)
-            if between.endswith("stopped"):
-                client.tell(b":Q#")
-            if between.endswith("on"):
-                client.tell(b":AP#")
-            if between == "slept":
-                client.tell(b":hN#")
-                await polled(bridge, 6)
-                client.tell(b":hW#")
-            if between == "parked":
-                client.tell(b":hP#")
-                await polled(bridge, 60)
-                client.tell(b":I#")
-            if between in MOTIONS:
-                client.tell(MOTIONS[between])
-                await polled(bridge, 2)
-                client.tell(b":Qn#:Qe#:Qw#")
-            if between == "reconnected":
-                cable = Cable(bridge)
-                cable.pull()
-                await asyncio.sleep(3.0)
-                cable.plug()
-            await polled(bridge, 15)
-            assert await drift(bridge) == pytest.approx(before, abs=0.02)
-            lunar = b"58.7#" if driven == "nexstar" else b"57.9#"  # as its motors turn; a Meade's own number
-            assert await client.ask(b":GT#") == (lunar if rate == b":TL#" else b"58.0#")
-            assert (await client.ask(b":GW#", until=b"1"))[1:2] == b"T"
-
-    run(program())
+async def test_a_drive_rate_runs_on_after_whatever_interrupts_it(
+    mount: str, polar: bool, rate: bytes, between: str
+) -> None:
+    driven = "nexstar" if mount in ("cge", "cgx", "avx") else "lx200"
+    more = {"hibernate": True} if driven == "nexstar" else {}
+    async with Bridge(mount, driven=driven, surface="lx200gps", config=OPEN | more) as bridge:
+        if polar and driven == "lx200":
+            bridge.sim.feed(b":AP#")
+        await polled(bridge, 8)
+        client = bridge.client()
+        client.tell(rate)
+        await polled(bridge, 3)
+        before = await drift(bridge)
+        assert before == pytest.approx(RATES[rate], abs=0.02)
+        if between.startswith("off"):
+            client.tell(b":AL#")
+            await polled(bridge, 4)
+        if "goto" in between:
+            await client.ask(b":Sr08:00:00#:Sd+20*00:00#:MS#", until=b"0")
+            await polled(bridge, 3 if between.endswith("stopped") else 40)
+        if between.endswith("stopped"):
+            client.tell(b":Q#")
+        if between.endswith("on"):
+            client.tell(b":AP#")
+        if between == "slept":
+            client.tell(b":hN#")
+            await polled(bridge, 6)
+            client.tell(b":hW#")
+        if between == "parked":
+            client.tell(b":hP#")
+            await polled(bridge, 60)
+            client.tell(b":I#")
+        if between in MOTIONS:
+            client.tell(MOTIONS[between])
+            await polled(bridge, 2)
+            client.tell(b":Qn#:Qe#:Qw#")
+        if between == "reconnected":
+            cable = Cable(bridge)
+            cable.pull()
+            await asyncio.sleep(3.0)
+            cable.plug()
+        await polled(bridge, 15)
+        assert await drift(bridge) == pytest.approx(before, abs=0.02)
+        lunar = b"58.7#" if driven == "nexstar" else b"57.9#"  # as its motors turn; a Meade's own number
+        assert await client.ask(b":GT#") == (lunar if rate == b":TL#" else b"58.0#")
+        assert (await client.ask(b":GW#", until=b"1"))[1:2] == b"T"
 
 
 # --- registers ------------------------------------------------------------------------------------------------------
 
 
-def test_rates_that_were_set_while_the_line_was_down_are_in_force_afterwards() -> None:
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            cable.pull()
-            await asyncio.sleep(2.0)
-            assert await client.ask(b":Rg05.0#:Sw3#") == b"1"
-            client.tell(b":RE01.5#")
-            cable.plug()
-            await polled(bridge, 15)
-            assert bridge.sim.stored["Rg"] == pytest.approx(5.0)
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(2.0)
-            assert abs(truth_of(bridge.sim).rate1) == pytest.approx(3.0, abs=0.1)
-            client.tell(b":Qw#:RE01.5#:Mn#")
-            await asyncio.sleep(2.0)
-            assert abs(truth_of(bridge.sim).rate2) == pytest.approx(1.5, abs=0.1)
-
-    run(program())
+async def test_rates_that_were_set_while_the_line_was_down_are_in_force_afterwards() -> None:
+    async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        cable.pull()
+        await asyncio.sleep(2.0)
+        assert await client.ask(b":Rg05.0#:Sw3#") == b"1"
+        client.tell(b":RE01.5#")
+        cable.plug()
+        await polled(bridge, 15)
+        assert bridge.sim.stored["Rg"] == pytest.approx(5.0)
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(2.0)
+        assert abs(truth_of(bridge.sim).rate1) == pytest.approx(3.0, abs=0.1)
+        client.tell(b":Qw#:RE01.5#:Mn#")
+        await asyncio.sleep(2.0)
+        assert abs(truth_of(bridge.sim).rate2) == pytest.approx(1.5, abs=0.1)
 
 
 @pytest.mark.parametrize("off_and_on", [False, True])
-def test_nothing_is_taken_for_granted_of_registers_after_the_line_was_lost(off_and_on: bool) -> None:
+async def test_nothing_is_taken_for_granted_of_registers_after_the_line_was_lost(off_and_on: bool) -> None:
     """The telescope may have been switched off and on meanwhile, or not."""
-
-    async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
-            client, cable = bridge.client(), Cable(bridge)
-            await client.ask(b":Rg05.0#:Sw3#")
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(2.0)
-            client.tell(b":Qw#")
-            await polled(bridge, 4)
-            cable.pull()
-            await asyncio.sleep(2.0)
-            if off_and_on:
-                bridge.sim.power_on()
-            cable.plug()
-            await polled(bridge, 15)
-            await client.ask(b":Sw8#")
-            client.tell(b":RS#:Mw#")
-            await asyncio.sleep(3.0)
-            assert abs(truth_of(bridge.sim).rate1) == pytest.approx(8.0, abs=0.1)
-            client.tell(b":Qw#")
-            await polled(bridge, 6)
-            client.tell(b":Rg15.0#")
-            await polled(bridge, 3)
-            assert bridge.sim.stored["Rg"] == pytest.approx(15.0, abs=0.1)
-
-    run(program())
+    async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        await client.ask(b":Rg05.0#:Sw3#")
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(2.0)
+        client.tell(b":Qw#")
+        await polled(bridge, 4)
+        cable.pull()
+        await asyncio.sleep(2.0)
+        if off_and_on:
+            bridge.sim.power_on()
+        cable.plug()
+        await polled(bridge, 15)
+        await client.ask(b":Sw8#")
+        client.tell(b":RS#:Mw#")
+        await asyncio.sleep(3.0)
+        assert abs(truth_of(bridge.sim).rate1) == pytest.approx(8.0, abs=0.1)
+        client.tell(b":Qw#")
+        await polled(bridge, 6)
+        client.tell(b":Rg15.0#")
+        await polled(bridge, 3)
+        assert bridge.sim.stored["Rg"] == pytest.approx(15.0, abs=0.1)

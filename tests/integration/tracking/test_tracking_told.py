@@ -12,7 +12,6 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from gateway.diagnostics.virtual_time import run
 from tests.support.in_process_gateway import Bridge
 
 MOUNTS = [("autostar", False), ("lx200gps", False), ("autostar", True), ("lx200gps", True)]
@@ -32,80 +31,67 @@ async def over(mount: str, wedge: bool) -> AsyncIterator[Bridge]:
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
 @pytest.mark.parametrize("key", [3, 5, 7])
-def test_a_key_changes_no_mode(mount: str, wedge: bool, key: int) -> None:
+async def test_a_key_changes_no_mode(mount: str, wedge: bool, key: int) -> None:
     mode = bytes((2 if wedge else 1,)) + b"#"
-
-    async def program() -> None:
-        async with over(mount, wedge) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"t") == mode
-            for axis in (0x10, 0x11):
-                assert await client.ask(bytes((80, 2, axis, 0x24, key, 0, 0, 0))) == b"#"
-                for _ in range(30):
-                    assert await client.ask(b"t") == mode, "while it is held"
-                    await asyncio.sleep(0.2)
-                assert await client.ask(bytes((80, 2, axis, 0x24, 0, 0, 0, 0))) == b"#"
-                for _ in range(30):
-                    assert await client.ask(b"t") == mode, "after it"
-                    await asyncio.sleep(0.1)
-            assert bridge.sim.tracking
-
-    run(program())
-
-
-@pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-def test_who_restores_the_mode_that_was_read_switches_nothing_off(mount: str, wedge: bool) -> None:
-    async def program() -> None:
-        async with over(mount, wedge) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"P\x02\x10\x24\x04\0\0\0") == b"#"
-            await asyncio.sleep(4.0)
-            told = await client.ask(b"t")
-            assert await client.ask(b"P\x02\x10\x24\0\0\0\0") == b"#"
-            assert await client.ask(b"T" + told[:1]) == b"#"
-            await asyncio.sleep(4.0)
-            assert bridge.sim.tracking
-            assert b":AL#" not in bridge.sent()
-
-    run(program())
-
-
-@pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-def test_tracking_that_is_off_is_told_off_in_a_goto_and_a_key(mount: str, wedge: bool) -> None:
-    async def program() -> None:
-        async with over(mount, wedge) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"T\0") == b"#"
-            await asyncio.sleep(3.0)
-            assert await client.ask(b"t") == b"\0#"
-            ra, dec = bridge.sim.truth()
-            words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 30.0, dec - 10.0)]
-            assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
-            for _ in range(150):
+    async with over(mount, wedge) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"t") == mode
+        for axis in (0x10, 0x11):
+            assert await client.ask(bytes((80, 2, axis, 0x24, key, 0, 0, 0))) == b"#"
+            for _ in range(30):
+                assert await client.ask(b"t") == mode, "while it is held"
                 await asyncio.sleep(0.2)
-                assert await client.ask(b"t") == b"\0#"
-            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
-            for _ in range(8):
-                await asyncio.sleep(0.5)
-                assert await client.ask(b"t") == b"\0#", "while a key is held"
-            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
-            await asyncio.sleep(3.0)
-            assert not bridge.sim.tracking
-
-    run(program())
+            assert await client.ask(bytes((80, 2, axis, 0x24, 0, 0, 0, 0))) == b"#"
+            for _ in range(30):
+                assert await client.ask(b"t") == mode, "after it"
+                await asyncio.sleep(0.1)
+        assert bridge.sim.tracking
 
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-def test_switched_off_during_a_key_it_is_off(mount: str, wedge: bool) -> None:
-    async def program() -> None:
-        async with over(mount, wedge) as bridge:
-            client = bridge.client()
-            assert await client.ask(b"P\x02\x10\x24\x04\0\0\0") == b"#"
-            await asyncio.sleep(4.0)
-            assert await client.ask(b"T\0") == b"#"
-            assert await client.ask(b"P\x02\x10\x24\0\0\0\0") == b"#"
-            await asyncio.sleep(4.0)
-            assert not bridge.sim.tracking
-            assert await client.ask(b"t") == b"\0#"
+async def test_who_restores_the_mode_that_was_read_switches_nothing_off(mount: str, wedge: bool) -> None:
+    async with over(mount, wedge) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"P\x02\x10\x24\x04\0\0\0") == b"#"
+        await asyncio.sleep(4.0)
+        told = await client.ask(b"t")
+        assert await client.ask(b"P\x02\x10\x24\0\0\0\0") == b"#"
+        assert await client.ask(b"T" + told[:1]) == b"#"
+        await asyncio.sleep(4.0)
+        assert bridge.sim.tracking
+        assert b":AL#" not in bridge.sent()
 
-    run(program())
+
+@pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
+async def test_tracking_that_is_off_is_told_off_in_a_goto_and_a_key(mount: str, wedge: bool) -> None:
+    async with over(mount, wedge) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"T\0") == b"#"
+        await asyncio.sleep(3.0)
+        assert await client.ask(b"t") == b"\0#"
+        ra, dec = bridge.sim.truth()
+        words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 30.0, dec - 10.0)]
+        assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
+        for _ in range(150):
+            await asyncio.sleep(0.2)
+            assert await client.ask(b"t") == b"\0#"
+        assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
+        for _ in range(8):
+            await asyncio.sleep(0.5)
+            assert await client.ask(b"t") == b"\0#", "while a key is held"
+        assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
+        await asyncio.sleep(3.0)
+        assert not bridge.sim.tracking
+
+
+@pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
+async def test_switched_off_during_a_key_it_is_off(mount: str, wedge: bool) -> None:
+    async with over(mount, wedge) as bridge:
+        client = bridge.client()
+        assert await client.ask(b"P\x02\x10\x24\x04\0\0\0") == b"#"
+        await asyncio.sleep(4.0)
+        assert await client.ask(b"T\0") == b"#"
+        assert await client.ask(b"P\x02\x10\x24\0\0\0\0") == b"#"
+        await asyncio.sleep(4.0)
+        assert not bridge.sim.tracking
+        assert await client.ask(b"t") == b"\0#"
