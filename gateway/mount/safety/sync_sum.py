@@ -2,11 +2,9 @@
 
 Each sync may be off by the limit for syncs (``sync-limit``), and so may their sum, but no more. Near the zenith of an
 alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the sky turns the first axis by up to
-180 degrees, and every later goto with it. So the sum is kept for each axis, too: it tells where the tube is if the
-syncs were wrong (``TubeFrame``). A new alignment resets the sum.
-
-Where a mount may take its tube for pointing the other way (beyond the pole, a German mount on the other side of the
-pier), a sync may also turn its axes around. Both sums count from then on.
+180 degrees, so the sum is kept for each axis, too: it tells where the tube is if the syncs were wrong. Where a mount
+may take its tube for pointing the other way (beyond the pole, or on the other side of the pier), a sync may also turn
+its axes around, and both sums count. A new alignment resets the sum.
 """
 
 from __future__ import annotations
