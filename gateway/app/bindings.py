@@ -91,7 +91,7 @@ def make_surface(
             config.degree or ("0xDF" if beside_hardware(endpoint.where) else "*"),
         )
     )
-    directions = config.guide_directions or guides or spec.guide_directions
+    directions = config.guide_directions or guides or spec.guides_by
     return SurfaceBinding(
         spec.title,
         made.surface,
@@ -195,7 +195,10 @@ class AcceptorFactory:
 
 
 def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, Replies]:
-    """Return the factory of a protocol's framer, and the parser of a mount's replies; its model may be known."""
+    """Return the factory of a protocol's framer, and the parser of a mount's replies.
+
+    The replies of some models differ: ``model`` is the mount's, None if it is not known.
+    """
     spec = PROTOCOLS[protocol]
     if spec.reply_rules is None:
         return spec.framing, PlainReplies(spec.commands)

@@ -95,7 +95,7 @@ class StateStore:
         self._left: Callable[[], AsLeft | None] = lambda: saved.left
         self._site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
         self._motion: Callable[[], LeftMotion | None] = lambda: None
-        self._host: Callable[[], float] = lambda: 0.0
+        self._host_clock: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
         self._dirty = False
         self._closing = asyncio.Event()
@@ -153,7 +153,7 @@ class StateStore:
         self._memory = controller.driver.saved_state
         self._synced = lambda: controller.synced.value
         restore(controller, self.previous_run)
-        self._motion, self._host = controller.identification.left_motion, controller.site_clock.host
+        self._motion, self._host_clock = controller.identification.left_motion, controller.site_clock.host
         self._site = controller.site_clock.lasting_site
         self._left = lambda: controller.same_mount.left
         for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
@@ -190,7 +190,7 @@ class StateStore:
 
     def _content(self) -> MarkerContent:
         base, motion = self._marker_base, self._motion()
-        at = 0.0 if motion is None else self._host()  # guide pulses must not write the marker again and again
+        at = 0.0 if motion is None else self._host_clock()  # guide pulses must not write the marker again and again
         return MarkerContent(base.mount, base.baud, self._memory(True), at, motion)
 
     # --- saving -----------------------------------------------------------------------------------------------------

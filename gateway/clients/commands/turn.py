@@ -241,7 +241,7 @@ class TurnRunner:
                 self._start(turn, wanted.operation)
             elif isinstance(wanted, CheckPossible):
                 turn.reusable = False
-                fault = self._refused(wanted.operation, turn.arrived) or self._impossible(wanted.operation)
+                fault = self._refusal(wanted.operation, turn.arrived) or self._impossible(wanted.operation)
             elif isinstance(wanted, Defer):
                 turn.reusable = False
                 self._defer(wanted)
@@ -256,7 +256,7 @@ class TurnRunner:
                     if answer is not None:
                         continue
                 if not isinstance(wanted, Read):
-                    fault = self._refused(wanted, turn.arrived)
+                    fault = self._refusal(wanted, turn.arrived)
                     if fault is None:
                         return wanted
                     turn.reusable = False
@@ -295,7 +295,7 @@ class TurnRunner:
     def _start(self, turn: Turn, operation: Operation) -> None:
         """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
         turn.reusable = False
-        if self._refused(operation, turn.arrived):
+        if self._refusal(operation, turn.arrived):
             return
         turn.ended_motion = isinstance(operation, StopAxis | AbortSlew)
         if turn.ending is None or operation != turn.ending.operation:
@@ -303,7 +303,7 @@ class TurnRunner:
         if turn.held is not None and isinstance(operation, Move | MoveAxis):
             self.background.start(StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
 
-    def _refused(self, operation: Operation, arrived: float) -> Fault | None:
+    def _refusal(self, operation: Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
         if late > MAX_START_DELAY and (

@@ -193,7 +193,7 @@ def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
     yield "before the alignment", {"aligned": False}
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
         yield "on a wedge", {"wedge": True}
-    for part in (name for name, has in spec.rehearsed_with(False).items() if has):
+    for part in (name for name, has in spec.rehearsal_settings(False).items() if has):
         yield f"without a {part}", {"lacking": part}
 
 

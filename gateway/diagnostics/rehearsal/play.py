@@ -150,7 +150,7 @@ def stage(
         speed=HURRY,
         named=True,
         config={"site": DEFAULT_SITE} | ({"mode": "eq-north"} if wedge else {}),
-        simulated={name: has for name, has in spec.rehearsed_with(wedge).items() if name != lacking},
+        simulated={name: has for name, has in spec.rehearsal_settings(wedge).items() if name != lacking},
     )
 
 

@@ -103,7 +103,7 @@ class ReplyVerifier:
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
             if mute and not command.raw:
                 break  # the driver asked for this answer by ``patience``
-            if command.unverified(reply.values) if callable(command.unverified) else command.unverified:
+            if command.unverified_ok(reply.values) if callable(command.unverified_ok) else command.unverified_ok:
                 break
             took = reply.arrived_at - reply.asked
             if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:

@@ -61,7 +61,9 @@ class Ending(Struct, frozen=True):
 
 
 class Step(Enum):
-    """The next step for an end: none, read the position again, send it again, or send it again and warn the user."""
+    """What to do next so that a motion ends: nothing more, read the position again, send the command that ends it once
+    more, or send that and warn the user.
+    """
 
     DONE = auto()
     LOOK = auto()

@@ -216,17 +216,17 @@ class SunAhead:
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
         """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
         suns = self._mount.suns
-        up = {(sun.shift, sun.confirmed) for sun in suns.to_avoid()}
+        up = {(sun.sync_shift, sun.confirmed) for sun in suns.to_avoid()}
         for minute in range(round(AHEAD / STEP) + 1):
             for sun in suns.suns(self._mount.frame(), minute * STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)
                 if distance < suns.limit:
-                    return self._warning_for(sun, distance, minute, (sun.shift, sun.confirmed) not in up, tracks)
+                    return self._warning_for(sun, distance, minute, (sun.sync_shift, sun.confirmed) not in up, tracks)
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
         """How far a Sun of that time is from a tube that rests so long: the sky turns over it."""
-        tube = self._mount.suns.tube(position, sun.shift)
+        tube = self._mount.suns.tube(position, sun.sync_shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 
     def _warning_for(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:

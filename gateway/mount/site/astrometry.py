@@ -83,13 +83,16 @@ class SiteAstrometry:
         return op.Equatorial(*self.sky.equatorial(position.az, position.alt, place.latitude, place.longitude, unix))
 
     def axes(self, position: op.Equatorial, wedge: bool = False) -> op.Horizontal:
-        """Return the axis readings of an equatorial mount for a position; a fork on its ``wedge`` reads from north."""
+        """Return the axis readings of an equatorial mount for a position.
+
+        The first axis of a German mount reads 0 at hour angle 0, that of a fork on its ``wedge`` reads 0 in the north.
+        """
         geometry = Geometry(Build.WEDGE if wedge else Build.GERMAN, self.place().latitude)
         first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
-        """Return the position for axis readings of an equatorial mount; a fork on its ``wedge`` reads from north."""
+        """Return the position for axis readings of an equatorial mount; `axes` says from where they count."""
         build = Build.WEDGE if wedge else Build.GERMAN
         hour_angle, dec = Geometry(build, self.place().latitude).sky(wanted.az, wanted.alt)
         return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
@@ -158,8 +161,8 @@ class TubeFrame:
 class Sun(NamedTuple):
     """A Sun to avoid, in the mount's coordinates (equinox of date), with the site and time of its position.
 
-    ``confirmed``: by the mount's own data; only confirmed Suns stop a motion that is under way. With a ``shift`` its
-    distance is measured from the tube, not from the position that the mount reports.
+    ``confirmed``: by the mount's own data; only confirmed Suns stop a motion that is under way. With a ``sync_shift``
+    its distance is measured from the tube, not from the position that the mount reports.
     """
 
     ra: float
@@ -167,7 +170,7 @@ class Sun(NamedTuple):
     confirmed: bool
     time: Time
     site: Site | None = None
-    shift: Shift | None = None
+    sync_shift: Shift | None = None
 
 
 class SunAvoidance:
@@ -234,11 +237,14 @@ class SunAvoidance:
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
         """Return the distance of the tube from a Sun while the mount reports ``position``, degrees."""
-        tube = self.tube(position, sun.shift)
+        tube = self.tube(position, sun.sync_shift)
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, position: op.Equatorial) -> list[float]:
-        """Return the distances from every Sun to be avoided, degrees; those by the mount's own data come first."""
+        """Return the distance of the tube from each direction in which the Sun may stand, degrees.
+
+        Site, clock and syncs may be wrong, so there are several; those by the mount's own data come first.
+        """
         return [self.distance(position, sun) for sun in self.to_avoid()]
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
@@ -293,7 +299,8 @@ def _different(suns: list[Sun]) -> list[Sun]:
     """Return the Suns without those at the position of an earlier Sun."""
     distinct: list[Sun] = []
     for sun in suns:
-        if not any(sun.shift == other.shift and separation(*sun[:2], *other[:2]) < SAME for other in distinct):
+        same = (other for other in distinct if other.sync_shift == sun.sync_shift)
+        if not any(separation(*sun[:2], *other[:2]) < SAME for other in same):
             distinct.append(sun)
     return distinct
 
@@ -301,6 +308,8 @@ def _different(suns: list[Sun]) -> list[Sun]:
 def _continues(before: list[Sun], now: list[Sun]) -> bool:
     """Whether distances from the Suns can be compared with those a moment ago: only the sky has turned."""
     return len(before) == len(now) and all(
-        then.confirmed == sun.confirmed and then.shift == sun.shift and separation(*then[:2], *sun[:2]) < JUMPS
+        then.confirmed == sun.confirmed
+        and then.sync_shift == sun.sync_shift
+        and separation(*then[:2], *sun[:2]) < JUMPS
         for then, sun in zip(before, now, strict=True)
     )

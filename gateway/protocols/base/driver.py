@@ -36,7 +36,7 @@ class Send(NamedTuple):
                       meanwhile, other commands are refused as busy, and no reply at the end is a fault of the line
     at_once_or_never  it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
     raw               return the bytes of the reply too, as the field ``raw``
-    unverified        accept the first reply without verification, because nothing depends on it; or if this function of
+    unverified_ok     accept the first reply without verification, because nothing depends on it; or if this function of
                       its fields is true
     once              accept the reply as it is: it concerns the command just before it, or only the client that asked
     """
@@ -47,7 +47,7 @@ class Send(NamedTuple):
     long: bool = False
     at_once_or_never: bool = False
     raw: bool = False
-    unverified: bool | Callable[[Mapping[str, object]], bool] = False
+    unverified_ok: bool | Callable[[Mapping[str, object]], bool] = False
     once: bool = False
 
 

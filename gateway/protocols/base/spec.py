@@ -152,7 +152,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: The default equinox of its programs' coordinates: ``jnow`` or ``j2000``.
     equinox: str = "jnow"
     #: What its programs' guide pulses mean if nobody says: ``motor`` or ``sky``.
-    guide_directions: str = "motor"
+    guides_by: str = "motor"
     #: Whether its mounts are aligned or not; if not, they count as aligned.
     aligns: bool = True
     #: A mount for the demonstration, as an endpoint and in words.
@@ -174,7 +174,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     make_simulator: Callable[..., Simulated] | None = None
     #: Flags that only this simulated mount has, with their help texts; the settings used in rehearsals.
     simulator_switches: Mapping[str, str] = {}
-    rehearsed_with: Callable[[bool], dict[str, object]] = lambda wedge: {}
+    rehearsal_settings: Callable[[bool], dict[str, object]] = lambda wedge: {}
 
     # --- versions ---
     #: Version text -> the version whose command set a mount of that version has. Raises ValueError.

@@ -42,7 +42,7 @@ def _own_zenith(mount: Any, equatorial: bool) -> Any:
 
 
 def _one_frame(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
-    return [sun for sun in suns(self, frame, ahead) if sun.shift is None]
+    return [sun for sun in suns(self, frame, ahead) if sun.sync_shift is None]
 
 
 def _own(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:

@@ -22,26 +22,26 @@ from gateway.mount.site.astrometry import Shift
 
 
 class Source(NamedTuple):
-    """What an altitude is told by: the mount's own data, or a ``shift`` of the tube by syncs, or another source.
+    """What an altitude is told by: the mount's own data, or a ``sync_shift`` of the tube, or another source.
 
     ``contradicts`` is another source of site and time.
     """
 
     mount: Context
-    shift: Shift | None = None
+    sync_shift: Shift | None = None
     contradicts: Contradiction | None = None
 
     @property
     def own(self) -> bool:
         """Whether it is the mount's own data."""
-        return self.shift is None and self.contradicts is None
+        return self.sync_shift is None and self.contradicts is None
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
         if self.contradicts is not None and (place := self.contradicts.place) is not None:
             sky, unix = self.mount.astrometry.sky, self.contradicts.unix
             return sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
-        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.shift)).alt
+        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
         """Check an altitude by this source. Raises BelowHorizon or TooHigh; Contradicted, if it is not the mount's own,
@@ -54,9 +54,9 @@ class Source(NamedTuple):
             if self.contradicts is not None:
                 text = f"Too {which}, if {self.contradicts.sources[1]} is right: {at_length(self.contradicts)}"
                 raise Contradicted(text, f"Too {which} by {briefly(self.contradicts)}.") from None
-            if self.shift is None:
+            if self.sync_shift is None:
                 raise
-            off = max(abs(self.shift.first), abs(self.shift.second))
+            off = max(abs(self.sync_shift.first), abs(self.sync_shift.second))
             raise Contradicted(
                 f"Too {which}, if the syncs since the alignment were wrong: they have turned an axis by {off:.0f} "
                 "degrees. Align the mount again.",
@@ -74,7 +74,7 @@ def by_mount(mount: Context) -> Iterator[Source]:
 def by_syncs(mount: Context) -> Iterator[Source]:
     """Yield where the tube is if the syncs were wrong."""
     for shift in mount.frame().shifts:
-        yield Source(mount, shift=shift)
+        yield Source(mount, sync_shift=shift)
 
 
 def by_others(mount: Context, limits: Limits) -> Iterator[Source]:

@@ -83,8 +83,8 @@ class Contradiction(NamedTuple):
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
     text = "The way there passes too close to the Sun." if way else NearSun.default_text
-    if sun.confirmed and sun.shift is not None:
-        off = max(abs(sun.shift.first), abs(sun.shift.second))
+    if sun.confirmed and sun.sync_shift is not None:
+        off = max(abs(sun.sync_shift.first), abs(sun.sync_shift.second))
         return NearSun(
             f"{text} If the syncs were wrong, its axes are {off:.0f} degrees off: align the mount again.",
             f"The Sun, by its axes: {off:.0f} degrees off. Align it again.",

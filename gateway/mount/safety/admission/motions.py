@@ -273,7 +273,7 @@ class MotionAdmission:
         for sun in suns:
             allowed = min(limit, mount.suns.distance(position, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(is_clear(*way, place, allowed) for way in paths_of(mount, journey(sun.shift))):
+            if not all(is_clear(*way, place, allowed) for way in paths_of(mount, journey(sun.sync_shift))):
                 raise too_near(mount.sources, sun, way=True)
         if mount.sources.site() is None:
             return

@@ -114,7 +114,7 @@ class KeepOn(Operation, frozen=True):
     """Internal: check whether the arrow of this axis, pressed at this time, still moves the mount, as last observed."""
 
     axis: int
-    pressed: float
+    pressed_at: float
     observed_at: float
 
 
@@ -139,13 +139,13 @@ def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
         return not set(form["moves"]).isdisjoint(str(reply.get("letters")))
 
     try:
-        state = yield from read_report(mount, Send(form["command"], patience=patience, unverified=shows_motion))
+        state = yield from read_report(mount, Send(form["command"], patience=patience, unverified_ok=shows_motion))
     except (Silence, Garbled):
         yield Schedule(LOOK_AGAIN, operation)
         return
     if mount.moving.get(axis) != letter or mount.rate_sent is None:  # somebody has released it meanwhile
         return
-    ends = operation.pressed + mount.dialect["arrows"]["end"]
+    ends = operation.pressed_at + mount.dialect["arrows"]["end"]
     if state.moves:
         yield Schedule(LOOK_AGAIN, replace(operation, observed_at=mount.now()))
     elif state.fault or not operation.observed_at < ends < mount.now():

@@ -35,7 +35,7 @@ def contact(mount: Lx200Driver, _: object = None) -> Steps:
     mount.power_on()
     mount.corrects, mount.pushed = corrects, False
     mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
-    yield from _probe(mount, "ACK", unverified=True)
+    yield from _probe(mount, "ACK", unverified_ok=True)
     began = mount.now()
     first = yield from high_precision(mount)
     since = mount.now()
@@ -115,13 +115,13 @@ def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
     return answer
 
 
-def _probe(mount: Lx200Driver, command: str, unverified: bool = False) -> Steps:
+def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Steps:
     """Send a question that may stay unanswered; return its fields or None. Raises NoAnswer if the line is down."""
     if command in mount.mute or command not in mount.protocol.commands:
         return None
     try:
         patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.reply_time))
-        return (yield Send(command, patience=patience, unverified=unverified))
+        return (yield Send(command, patience=patience, unverified_ok=unverified_ok))
     except (Garbled, Silence):
         mount.mute |= {command}
     except Fault as fault:  # a busy telescope may answer this question later

@@ -69,7 +69,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
         return
     west = rate.degrees if letter == "w" else -rate.degrees
     speed = instead_of_tracking(mount.abilities, west, _drive(mount))
-    yield from _report(west, speed.degrees)
+    yield from _remark_other_speed(west, speed.degrees)
     if speed.hertz is not None:
         yield from look_at_drive_rate(mount)
         mount.drive_changed = True
@@ -93,11 +93,11 @@ def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     if rate.name is not None or rate.degrees is None:
         return None
     speed = nearest(mount.abilities, rate.degrees)
-    yield from _report(rate.degrees, speed.degrees)
+    yield from _remark_other_speed(rate.degrees, speed.degrees)
     return speed
 
 
-def _report(asked: float, done: float) -> Steps:
+def _remark_other_speed(asked: float, done: float) -> Steps:
     if ratio_error(asked, done) > _REPORT_FROM:
         yield Remark(
             f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "

@@ -374,9 +374,9 @@ def ask_unless(
     mount: Lx200Driver,
     command: str,
     values: Mapping[str, object],
-    unverified: Callable[[Mapping[str, object]], bool] | bool,
+    unverified_ok: Callable[[Mapping[str, object]], bool] | bool,
 ) -> Steps:
-    """Send a command, and verify the reply unless it may be ``unverified`` (see ``Send``). Retry a few times if the
+    """Send a command, and verify the reply unless it may be ``unverified_ok`` (see ``Send``). Retry a few times if the
     telescope is busy (NAK), unless the command begins a motion by hand.
 
     Raises Unsupported if the model lacks it, Busy while it seeks its home, and Refused if a sleeping mount would move.
@@ -392,7 +392,7 @@ def ask_unless(
         raise Refused("The mount is asleep: wake it first.")
     patience = row.long or (OWN_PATIENCE if row.may_be_silent else None)
     asked, once = {**values, "low": mount.low}, command in ONCE
-    send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified=unverified)
+    send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified_ok=unverified_ok)
     for _ in range(0 if row.by_hand else BUSY_RETRIES):
         try:
             return (yield send)

@@ -165,7 +165,7 @@ def test_a_mount_of_which_nothing_is_a_number(mount: str, driven: str, n: list[f
             ]
             shifts = Shift(n[0], n[1], True), Shift(n[2], n[3], False)
             for some_limits in (limits, context.policy.limits):
-                start = Start(here, status, (Source(context), *(Source(context, shift=one) for one in shifts)))
+                start = Start(here, status, (Source(context), *(Source(context, sync_shift=one) for one in shifts)))
                 journey = Journey(status.equatorial, here, {False, True}, goal)
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),
