@@ -106,9 +106,11 @@ def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, site), exact_end=False)
     scenario.syncs(telescope, truth)
     scenario.opposite_arrows(telescope, truth, behind.equatorial)
-    tracking = tracks(truth, behind.mode)
-    for state in (False, True):
-        telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON" if state else "TRACK_OFF")
+    tracking, vectors = tracks(truth, behind.mode), telescope.client.vectors
+    for shown, chosen, state in (("TRACK_ON", "TRACK_OFF", False), ("TRACK_OFF", "TRACK_ON", True)):
+        # what the driver shows already it does not send, and after an arrow it shows tracking off for a moment
+        telescope.client.wait_for(shown, lambda one=shown: vectors["TELESCOPE_TRACK_STATE"].values[one] == "On")  # type: ignore[misc]
+        telescope.choose("TELESCOPE_TRACK_STATE", chosen)
         telescope.client.wait_for(f"tracking {state}", lambda state=state: tracking(state))  # type: ignore[misc]
     telescope.park()
     assert not truth.goto_running()
