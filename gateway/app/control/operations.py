@@ -1,7 +1,7 @@
 """Operations as values of a request: checked, packed as name and fields, unpacked, and their answers as JSON.
 
 A Python program checks an operation before sending it, so that the error is raised where the mistake was made. The
-gateway checks what it receives, because other programs send requests, too.
+gateway also checks what it receives, because requests may come from other programs.
 """
 
 from __future__ import annotations

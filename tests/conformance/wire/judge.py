@@ -63,7 +63,7 @@ def differences(case: Case, seen: Seen, surface: Surface, asked: frozenset[str])
     """Return all differences of a play from the tables; ``asked`` are the commands that were sent to the mount."""
     found = [*_by_bytes(case, seen, surface, asked), *_unlisted(case, seen)]
     if not found and not case.lacking and case.said not in (shown := permitted(case, seen, surface)):
-        found.append(f"{case.said}, and what is seen is {' or '.join(sorted(shown))}")
+        found.append(f"the row says {case.said}, the test sees {' or '.join(sorted(shown))}")
     return found
 
 
