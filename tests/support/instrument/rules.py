@@ -63,7 +63,7 @@ RULES = {
     "the way and altitudes": Rule(("way is too",), "D2", "safety/admission/slew_paths.py", "gotos anywhere above", (
         (f"{ADMISSION}.slew_paths.paths_within", _every_way),)),
     "the way and the Sun": Rule(("way there passes", "Past the Sun"), "D1", "safety/admission/slew_paths.py", "Sun", (
-        (f"{MOTIONS}.is_clear", lambda *_: True),)),
+        (f"{MOTIONS}.are_clear", lambda *_: True),)),
     "the Sun of other sources": Rule(("Near the Sun by",), "D1", "site/astrometry.py", "to the Sun", (
         ("gateway.mount.site.astrometry.SunAvoidance.suns", _own),)),
     "the Sun where syncs put the tube": Rule(("by its axes",), "D1", "site/astrometry.py", "sync", (

@@ -1,8 +1,8 @@
 """The altitudes of a place by every source that counts.
 
-First by the mount's own site and clock. If the syncs since the alignment were wrong, the tube is
-elsewhere. And other sources of site and time may be right that contradict the best one. The first judges by all limits,
-the others by the altitudes that somebody has written.
+The mount's own site and clock judge by all limits. If the syncs since the alignment were wrong, the tube is elsewhere;
+and other sources of site and time may be right that contradict the best source. These judge by the altitudes that
+somebody has written.
 """
 
 from __future__ import annotations
@@ -17,19 +17,26 @@ from gateway.core.errors import BelowHorizon, Contradicted, Fault
 from gateway.core.operations import Equatorial
 from gateway.mount.context import Context
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.contradictions import Contradiction, at_length, briefly, contradictions
-from gateway.mount.site.astrometry import Shift
+from gateway.mount.safety.admission.contradictions import (
+    Contradiction,
+    at_length,
+    briefly,
+    contradictions_of,
+    skies_by_others,
+)
+from gateway.mount.site.astrometry import Shift, SiteAstrometry
 
 
 class Source(NamedTuple):
     """What an altitude is told by: the mount's own data, or a ``sync_shift`` of the tube, or another source.
 
-    ``contradicts`` is another source of site and time.
+    ``contradicts`` is another source of site and time, ``sky`` the astronomy by it.
     """
 
     mount: Context
     sync_shift: Shift | None = None
     contradicts: Contradiction | None = None
+    sky: SiteAstrometry | None = None
 
     @property
     def own(self) -> bool:
@@ -38,10 +45,7 @@ class Source(NamedTuple):
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
-        if self.contradicts is not None and (place := self.contradicts.place) is not None:
-            sky, unix = self.mount.astrometry.sky, self.contradicts.unix
-            return sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
-        return self.mount.astrometry.horizon(self.mount.suns.tube(position, self.sync_shift)).alt
+        return (self.sky or self.mount.astrometry).horizon(self.mount.suns.tube(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
         """Check an altitude by this source. Raises BelowHorizon or TooHigh; Contradicted, if it is not the mount's own,
@@ -82,9 +86,8 @@ def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
     written = limits.written()
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
-    for contradiction in contradictions(mount.sources.sites(), mount.sources.times()):
-        if contradiction.place is not None:
-            yield Source(mount, contradicts=contradiction)
+    for contradiction, sky in skies_by_others(mount):
+        yield Source(mount, contradicts=contradiction, sky=sky)
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> None:
@@ -103,7 +106,7 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
         limits.check_altitude(altitude)
     except Fault as fault:
         text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
-        text += [at_length(first) for first in list(contradictions(mount.sources.sites(), mount.sources.times()))[:1]]
+        text += [at_length(first) for first in list(contradictions_of(mount))[:1]]
         raise type(fault)(" ".join(text), str(fault)) from None
 
 

@@ -18,7 +18,7 @@ from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import GetStatus, Park, Place
 from gateway.mount.context import Context
 from gateway.mount.policy import check_own_park
-from gateway.mount.site.astrometry import Sun
+from gateway.mount.site.astrometry import KnownSource, SiteAstrometry, Sun
 from gateway.mount.site.site_clock import (
     COMPUTER,
     CONFIGURED,
@@ -131,6 +131,20 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
             yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_SET)
 
 
+def contradictions_of(mount: Context) -> Iterator[Contradiction]:
+    """Yield what contradicts the site and clock of a mount now."""
+    return contradictions(mount.sources.sites(), mount.sources.times())
+
+
+def skies_by_others(mount: Context) -> Iterator[tuple[Contradiction, SiteAstrometry]]:
+    """Yield what contradicts a mount's site and clock, each with the astronomy by it; nothing without a site."""
+    own = mount.astrometry
+    for contradiction in contradictions_of(mount):
+        if contradiction.place is not None:
+            known = KnownSource(contradiction.place, contradiction.unix)
+            yield contradiction, SiteAstrometry(own.sky, known, own.equinox)
+
+
 def site_text(place: Place) -> str:
     """Return a site in the usual notation: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
@@ -173,7 +187,7 @@ def time_unknown(best: Time) -> bool:
 
 def contradiction_warning(mount: Context) -> str:
     """Return the contradictions as one warning line, with how to set each; empty if there are none."""
-    doubts = [doubt.line for doubt in contradictions(mount.sources.sites(), mount.sources.times())]
+    doubts = [doubt.line for doubt in contradictions_of(mount)]
     doubts += _park_warning(mount)
     return f"WARNING: {'; '.join(doubts)}" if doubts else ""
 

@@ -26,8 +26,8 @@ from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.altitudes import check_goal
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
-from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions, time_unknown, too_near
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, is_clear, paths_of, paths_within
+from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions_of, time_unknown, too_near
+from gateway.mount.safety.admission.slew_paths import Journey, are_clear, check_ways, paths_of, paths_within
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
 from gateway.mount.safety.hour_angle import LEVEL, check_past
@@ -253,8 +253,7 @@ class MotionAdmission:
         if not status.aligned:
             return
         # where another clock or site may be the mount's, its way is not the calculated one
-        doubted = next(contradictions(mount.sources.sites(), mount.sources.times()), None) is not None
-        lost = 180.0 if doubted else LOST
+        lost = 180.0 if any(contradictions_of(mount)) else LOST
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
             if mount.sources.site() is not None:
                 last, ends = self._watch.observed.last, astrometry.horizon(goal).alt
@@ -271,15 +270,14 @@ class MotionAdmission:
             return Journey(status.equatorial, start, others, end, axes if shift is None else None)
 
         for sun in suns:
-            allowed = min(limit, mount.suns.distance(position, sun) - 0.01)
             place = slew_paths.sun_reading(astrometry, sun, status.equatorial)
-            if not all(is_clear(*way, place, allowed) for way in paths_of(mount, journey(sun.sync_shift))):
+            if not are_clear(paths_of(mount, journey(sun.sync_shift)), place, limit):
                 raise too_near(mount.sources, sun, way=True)
         if mount.sources.site() is None:
             return
         for sky, sun in slew_paths.suns_by_others(mount) if suns and not status.equatorial else ():
-            place, ways = slew_paths.sun_reading(sky, sun, False), paths_of(mount, journey(None)._replace(sky=sky))
-            if not all(is_clear(*way, place, min(limit, separation(*way[0], *place) - 0.01)) for way in ways):
+            place = slew_paths.sun_reading(sky, sun, False)
+            if not are_clear(paths_of(mount, journey(None)._replace(sky=sky)), place, limit):
                 raise too_near(mount.sources, sun, way=True)
         unsynced = [journey(shift) for shift in mount.frame().shifts]
         ways = check_ways(mount, written, journey(None), unsynced)

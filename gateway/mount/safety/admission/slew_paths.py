@@ -9,7 +9,7 @@ expressed like a German mount's, so that Sun, zenith and nadir are the same for 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
 from math import copysign, isfinite, sqrt
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
 from gateway.mount.context import Context
 from gateway.mount.policy import AT_LIMIT, Limits
-from gateway.mount.safety.admission.contradictions import contradictions
+from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
 from gateway.mount.site.astrometry import SUN_IS_UP, KnownSource, SiteAstrometry, Sun
 
 #: Readings of both axes at the beginning, and by how much they turn.
@@ -67,12 +67,9 @@ def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equa
 
 def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
     """Return the axis readings at which this mount points at the zenith: by its own site and clock, and by others."""
-    astrometry, places = mount.astrometry, [(mount.sources.unix(), mount.astrometry.place())]
-    for contradiction in contradictions(mount.sources.sites(), mount.sources.times()):
-        if contradiction.place is not None:
-            places.append((contradiction.unix, contradiction.place))
-    overhead = (op.Equatorial(astrometry.sky.sidereal_time(unix, at.longitude), at.latitude) for unix, at in places)
-    return [sun_reading(astrometry, place, equatorial) for place in overhead]
+    skies = [mount.astrometry, *(sky for _, sky in skies_by_others(mount))]
+    overhead = (op.Equatorial(sky.sidereal_time(), sky.place().latitude) for sky in skies)
+    return [sun_reading(mount.astrometry, place, equatorial) for place in overhead]
 
 
 def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
@@ -161,6 +158,11 @@ def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
         turned = min(length, turned + max(STEP, (distance - limit) / sqrt(2.0)))
 
 
+def are_clear(paths: Iterable[Path], place: Pair, limit: float) -> bool:
+    """Whether all paths keep ``limit`` degrees from ``place``. One that begins nearer must never come nearer still."""
+    return all(is_clear(*path, place, min(limit, separation(*path[0], *place) - 0.01)) for path in paths)
+
+
 def path_points(path: Path) -> Iterator[Pair]:
     """Yield readings along a path."""
     start, turn = path
@@ -222,6 +224,5 @@ def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     paths, suns = paths_of(mount, leg), mount.suns.to_avoid()
     places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in suns]
     return len(paths_within(mount, limits, leg)) == len(paths) and all(
-        is_clear(*path, place, min(mount.suns.limit, separation(*path[0], *place) - 0.01))
-        for path in paths for place in places
-    )  # fmt: skip
+        are_clear(paths, place, mount.suns.limit) for place in places
+    )

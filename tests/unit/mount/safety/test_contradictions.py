@@ -15,7 +15,7 @@ from gateway.core.errors import Contradicted, Fault
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.altitudes import by_others
 from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, too_near
-from gateway.mount.site.astrometry import Shift, Sun
+from gateway.mount.site.astrometry import Shift, SiteAstrometry, Sun
 from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, SiteClock, Time
 from tests.support.in_process_gateway import EVENING, Bridge
 
@@ -43,7 +43,8 @@ def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1]), way=True), best, other)
     zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
-    mount: Any = SimpleNamespace(sources=known, astrometry=SimpleNamespace(sky=Sky()))
+    astrometry, as_told = SiteAstrometry(Sky(), known, "jnow"), SimpleNamespace(tube=lambda position, shift: position)
+    mount: Any = SimpleNamespace(sources=known, astrometry=astrometry, suns=as_told)
     [source] = by_others(mount, Limits(lowest=20.0))
     with pytest.raises(Contradicted) as raised:
         source.check(Limits(lowest=20.0), source.altitude(zenith))
