@@ -10,7 +10,6 @@ gateway for its end or its remainder.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -48,15 +47,6 @@ from gateway.protocols.base.driver import Schedule
 
 #: The number of guide pulses that may wait; with more of them guiding makes no sense.
 PULSES = 8
-#: Seconds after which a program that guides has measured what a guide pulse has done.
-SEEN_AFTER = 10.0
-
-
-class PulseEnded(NamedTuple):
-    """A guide pulse that the gateway times was ended, ``late`` seconds later than planned."""
-
-    axis: int
-    late: float
 
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -288,11 +278,9 @@ def removed(wanted: Wanted, order: Order) -> Wanted:
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
 
 
-def carried_out(wanted: Wanted, order: Order, now: float, answer: object = None) -> Wanted:
+def carried_out(wanted: Wanted, order: Order, now: float) -> Wanted:
     """Remove an order that the mount has carried out; note the time if it was a halt."""
     wanted = removed(wanted, order)
-    if isinstance(answer, PulseEnded):
-        wanted = pulse_ended(wanted, answer)
     if not isinstance(order, Halt):
         return wanted
     others = tuple(halt for halt in wanted.halted if halt.operation != order.operation)
@@ -394,36 +382,6 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
         rest = replace(order, number=number, operation=operation, at=until, follow_up=True)
         return replace(wanted, pending=(*wanted.pending, rest))
     return wanted
-
-
-def pulse_ended(wanted: Wanted, ended: PulseEnded) -> Wanted:
-    """Note by how much a guide pulse was too long."""
-    return replace(
-        wanted,
-        pulses=tuple(
-            replace(pulse, excess=max(0.0, ended.late)) if pulse.axis == ended.axis else pulse
-            for pulse in wanted.pulses
-        ),
-    )
-
-
-def without_excess(wanted: Wanted, order: Order, now: float) -> tuple[Wanted, Order]:
-    """Subtract the excess length of the last guide pulse of an axis from the next pulse in the same direction.
-
-    After some time the excess no longer counts: the guiding program has measured its effect on the star.
-    """
-    pulse, axis = order.operation, order.pulse_axis
-    last = next(
-        (earlier for earlier in wanted.pulses if earlier.axis == axis and now < earlier.until + SEEN_AFTER), None
-    )
-    if order.follow_up or not isinstance(pulse, op.Pulse | op.PulseAxis) or last is None or last.operation is None:
-        return wanted, order
-    taken = min(pulse.ms, round(1000.0 * last.excess)) if replace(last.operation, ms=pulse.ms) == pulse else 0
-    pulses = tuple(
-        replace(earlier, excess=max(0.0, earlier.excess - taken / 1000.0)) if earlier is last else earlier
-        for earlier in wanted.pulses
-    )
-    return replace(wanted, pulses=pulses), replace(order, operation=replace(pulse, ms=pulse.ms - taken))
 
 
 def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:

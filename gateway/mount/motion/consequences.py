@@ -8,7 +8,6 @@ from gateway.core import operations as op
 from gateway.core.motion_kinds import ENDS, GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
-from gateway.mount.motion.changes import PulseEnded
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.wanted import Slew, Wanted
 from gateway.mount.readings.reader import Reader
@@ -82,9 +81,9 @@ class Consequences:
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
-    def pulse_ended(self, axis: int, asked: float, began: float) -> PulseEnded:
-        """Return how late a guide pulse was ended, and log it if that matters. ``asked`` and ``began``: the loop times
-        at which its end was due, and was sent.
+    def pulse_ended(self, axis: int, asked: float, began: float) -> None:
+        """Log how late a guide pulse was ended, if that matters. ``asked`` and ``began``: the loop times at which its
+        end was taken up, and was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else began - pulse.until
@@ -93,10 +92,8 @@ class Consequences:
             computer = f"this computer did not run the gateway for {asleep:.2f} s"
             self._context.note(
                 f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: "
-                f"{computer if asleep > late / 2 else 'the line was busy'}. The next pulse "
-                "in this direction is shortened by that"
+                f"{computer if asleep > late / 2 else 'the line was busy'}"
             )
-        return PulseEnded(axis, late)
 
     def _note_replaced(self, before: object, after: object) -> None:
         """Log that a goto replaces another program's: the last goto wins, and the other program gets no message."""

@@ -269,10 +269,7 @@ class Reconciler:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            wanted = self.wanted
-            if wanted.pulses:
-                wanted, order = changes.without_excess(wanted, order, self._loop.time())
-            self._put(replace(wanted, active=order.number))
+            self._put(replace(self.wanted, active=order.number))
             self._active, self._given_up = order.number, False
         elif self.wanted.pending and (moment := self.wanted.next_moment()) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
@@ -366,9 +363,9 @@ class Reconciler:
         special = self._follow_ups.get(type(operation))
         steps = special(self._driver, operation) if special else self._driver.perform(operation)
         answer = await self._runner.drive(steps, STOP if order.urgent else MOTION)
-        if not isinstance(operation, op.StopAxis):
-            return answer
-        return self._consequences.pulse_ended(operation.axis, began, self._runner.began_at)
+        if isinstance(operation, op.StopAxis):
+            self._consequences.pulse_ended(operation.axis, began, self._runner.began_at)
+        return answer
 
     # --- outcomes ---------------------------------------------------------------------------------------------------
 
@@ -397,7 +394,7 @@ class Reconciler:
         now = self._loop.time()
         if (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_result(value)
-        self._want(changes.carried_out(self.wanted, order, now, value))
+        self._want(changes.carried_out(self.wanted, order, now))
         if isinstance(value, op.Pulsed):
             self._want(changes.pulsed(self.wanted, order, value, next(self._numbers), now))
             if not value.ends:

@@ -195,12 +195,11 @@ class FocusMotion(Struct, frozen=True):
 
 
 class GuidePulse(Struct, frozen=True):
-    """A guide pulse on an axis, under way until this loop time; ``excess``: the seconds that it was too long."""
+    """A guide pulse on an axis, under way until this loop time."""
 
     axis: int
     until: float
     operation: op.Pulse | op.PulseAxis | None = None
-    excess: float = 0.0
 
 
 class Tap(Struct, frozen=True):

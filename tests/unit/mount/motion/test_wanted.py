@@ -210,42 +210,6 @@ def test_the_rest_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
     assert waiting(desk) == [op.StopAxis(1)] and desk.wanted.pulses == ()
 
 
-def after_a_late_end(late: float) -> Desk:
-    """A pulse of 500 ms was ended so much too late."""
-    desk = Desk().ask(PULSE)
-    desk.do(op.Pulsed(0.5, ends=False))
-    desk.now = 0.5 + late
-    assert desk.do() == op.StopAxis(1)
-    desk.wanted = changes.pulse_ended(desk.wanted, changes.PulseEnded(1, late))
-    return desk
-
-
-def taken_up(desk: Desk) -> op.Operation:
-    """The next order, as it is begun."""
-    order = desk.begin()
-    assert order is not None
-    desk.wanted, order = changes.without_excess(desk.wanted, order, desk.now)
-    desk.finish(order)
-    return order.operation
-
-
-def test_what_a_pulse_was_too_long_is_taken_from_the_next_one_of_that_axis_and_direction() -> None:
-    same, other = replace(PULSE, ms=400), op.PulseAxis(2, 1, 400)
-    desk = after_a_late_end(0.3).ask(other, same, same)
-    assert [taken_up(desk) for _ in range(3)] == [other, replace(same, ms=100), same]
-    back = replace(PULSE, sense=-1, ms=400)
-    assert taken_up(after_a_late_end(0.3).ask(back)) == back
-    assert taken_up(after_a_late_end(0.0).ask(same)) == same
-    desk = after_a_late_end(0.7).ask(same, same)
-    assert [taken_up(desk) for _ in range(2)] == [replace(same, ms=0), replace(same, ms=100)]
-
-
-def test_a_program_that_has_measured_since_has_seen_the_excess() -> None:
-    desk = after_a_late_end(0.3)
-    desk.now += 11.0
-    assert taken_up(desk.ask(PULSE)) == PULSE
-
-
 def test_an_end_counts_from_when_the_pulse_was_sent() -> None:
     desk = Desk().ask(PULSE)
     desk.now = 7.0
