@@ -248,6 +248,7 @@ class MountLink:
                 self.transaction.send(self.reply_rules.closing)
                 await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWay):
+                await self._write_stop()  # one that waits: the check of a slow mount takes seconds
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
 

@@ -126,6 +126,21 @@ async def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, d
         bridge.entries.clear()  # half a command has no form in the manual
 
 
+async def test_a_stop_that_a_slow_mount_missed_is_written_again_before_the_line_is_checked() -> None:
+    """The end of the stop is lost with the beginning of the read behind it, which therefore gets no reply."""
+    async with bridge_to("classic") as bridge:
+        client = bridge.client()
+        client.tell(b":RS#:Me#")
+        await poll(bridge, 3.0)
+        line, since = LossyLine(bridge, MOUNTS["classic"].latency), asyncio.get_running_loop().time()
+        line.lose_bytes(range(2, 5))
+        client.tell(b":Qe#")
+        await asyncio.sleep(0.1)
+        client.tell(b":Q#")
+        assert await seconds_to_rest(bridge, since) <= 3.3 + BRAKES
+        bridge.entries.clear()  # half a command has no form in the manual
+
+
 #: What is on the wire when the stop comes, after what.
 TRAFFIC = {
     "read": (b":RS#:Me#", b":GR#:GD#"), "second arrow": (b":RS#:Me#", b":RC#:Mn#"), "release": (b":RS#:Me#", b":Qe#"),
