@@ -43,13 +43,11 @@ Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 class QueuedCommand:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
-    __slots__ = ("asked", "chosen", "command", "future", "number", "priority")
+    __slots__ = ("asked", "command", "future", "number", "priority")
 
     def __init__(self, command: Send, priority: int, number: int, future: Outcome) -> None:
         self.command, self.priority, self.number, self.future = command, priority, number, future
         self.asked = future.get_loop().time()
-        #: It was this request's turn and it only waits for quiet on the line: a read that comes now goes after it.
-        self.chosen = False
 
     def fail(self, fault: Fault) -> None:
         if not self.future.done():
@@ -128,7 +126,6 @@ class RequestQueue:
             return None
         quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
         if quiet > 0:
-            first.chosen = True
             await self.wait_within(quiet)
             return None
         self.take(first)
@@ -197,8 +194,6 @@ def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_o
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
 
     def turn(queued: QueuedCommand) -> tuple[float, int, int]:
-        if queued.chosen and queued.priority in READS:
-            return POSITION - 0.5, queued.priority, queued.number
         aged = now - queued.asked > AGED.get(queued.priority, 1e9)
         return min(queued.priority, risen[queued.priority]) if aged else queued.priority, queued.priority, queued.number
 

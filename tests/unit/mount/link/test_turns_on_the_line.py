@@ -29,7 +29,6 @@ class Waits(NamedTuple):
     priority: int
     number: int = 0
     asked: float = NOW
-    chosen: bool = False
     command: Send = Send("e")
 
 
@@ -44,10 +43,6 @@ def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_bef
     assert priorities(Waits(MOTION), aged) == [MOTION, priority]
     assert priorities(Waits(MOTION), aged, motions=IN_A_ROW) == [priority, MOTION]
     assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
-
-
-def test_read_that_had_its_turn_before_a_pause_keeps_it() -> None:
-    assert priorities(Waits(POSITION), Waits(READ, 1, chosen=True)) == [READ, POSITION]
 
 
 def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
