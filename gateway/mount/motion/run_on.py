@@ -50,19 +50,15 @@ class RunOn(Struct, frozen=True):
     places: tuple[TimedPosition, ...] = ()
 
 
-def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
-    """Return the motion between two positions that tracking, on or off, does not explain, degrees."""
+def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float, equatorial: bool = False) -> float:
+    """Return the motion between two positions that tracking, on or off, does not explain, degrees.
+
+    On an ``equatorial`` mount the first axis also counts alone, because near the pole its turning hardly shows.
+    """
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
-    return min(distance, passed) - DRIVES * elapsed
-
-
-def turned_beyond_tracking(before: op.Equatorial, after: op.Equatorial, elapsed: float) -> float:
-    """Like ``unexplained_motion``, for the first axis of an equatorial mount alone, whose turning hardly shows near the
-    pole.
-    """
-    way = wrap180(after.ra - before.ra)
-    return min(abs(way), abs(way - SKY * elapsed)) - DRIVES * elapsed
+    turned = wrap180(after.ra - before.ra) * equatorial
+    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - DRIVES * elapsed
 
 
 def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
@@ -74,10 +70,7 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
     older = [place for place in run_on.places if position.at - place.at >= APART]
     if older:
         before, elapsed = older[-1], position.at - older[-1].at
-        moved = unexplained_motion(before.sky, position.sky, elapsed)
-        if equatorial:
-            moved = max(moved, turned_beyond_tracking(before.sky, position.sky, elapsed))
-        if moved <= DIGITS * resolution:
+        if unexplained_motion(before.sky, position.sky, elapsed, equatorial) <= DIGITS * resolution:
             return None
     places = (*older[-1:], *run_on.places[len(older) :], position)
     return replace(run_on, heard=position.at, places=places)

@@ -1,9 +1,9 @@
 """Checks that the mount is at rest: two samples differ by no more than tracking explains.
 
 On the sky, a drive that is on keeps the position, and a drive that is off lets the sky pass. That check alone would
-miss an axis that turns the tube about the direction in which it points (at the pole, in the zenith), so the axes are
-compared as well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is not
-missed.
+miss a first axis that turns the tube about the direction in which it points (at the pole, in the zenith), so that axis
+is compared as well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is
+not missed.
 """
 
 from __future__ import annotations
@@ -26,18 +26,20 @@ TIME_TO_REST = 8.0
 APART, BREATH = 0.7, 0.2
 #: Degrees a second: the motion below which none is noticed.
 CREEP = 30.0 * ARCSECOND
-#: Degrees a second that an axis at rest may turn by tracking; the azimuth of a fork near the zenith, ZENITH times the
-#: rate that the sky needs there, but no faster than FASTEST.
+#: Degrees a second that the azimuth of a fork may turn by tracking; near the zenith, ZENITH times the rate that the sky
+#: needs there, but no faster than FASTEST.
 TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
-    """A sample: position and axes in degrees, and how fast the first axis may turn by tracking, degrees a second."""
+    """A position; of an alt-azimuth mount also the azimuth in degrees, and how fast it may turn by tracking, degrees a
+    second.
+    """
 
     at: float
     position: op.Equatorial
-    axes: tuple[float, float]
-    tracking_speed: float
+    azimuth: float | None = None
+    tracking_speed: float = 0.0
 
 
 async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_TO_REST) -> None:
@@ -86,23 +88,20 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
     status: op.Status = await reader.read(op.GetStatus())
     position: op.Equatorial = await reader.read_now(op.Position())
     at = context.now()
-    if context.driver.implementation(op.AxisPosition) or not status.equatorial:
-        kind = op.AxisPosition if context.driver.implementation(op.AxisPosition) else op.HorizontalPosition
-        reading: op.Horizontal = await reader.read_now(kind())
-        axes = (reading.az, reading.alt)
-    else:
-        axes = (position.ra, position.dec)
+    if status.equatorial:
+        return RestSample(at, position)
+    reading: op.Horizontal = await reader.read_now(op.HorizontalPosition())
     tracking_speed = TRACKING_SPEED
-    if not status.equatorial and status.tracking is not op.Tracking.OFF:
-        tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
-    return RestSample(at, position, axes, tracking_speed)
+    if status.tracking is not op.Tracking.OFF:
+        tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(reading.alt))), 1e-6)))
+    return RestSample(at, position, reading.az, tracking_speed)
 
 
 def _unexplained(before: RestSample, after: RestSample, fine: float) -> float:
     """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
-    elapsed = after.at - before.at
-    moved = unexplained_motion(before.position, after.position, elapsed)
-    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.tracking_speed, after.tracking_speed) * elapsed
-    second = abs(wrap180(after.axes[1] - before.axes[1])) - TRACKING_SPEED * elapsed
-    most = max(moved, first, second)
-    return most / elapsed if most > fine else 0.0
+    elapsed, equatorial = after.at - before.at, after.azimuth is None
+    moved = unexplained_motion(before.position, after.position, elapsed, equatorial)
+    if before.azimuth is not None and after.azimuth is not None:
+        tracking = max(before.tracking_speed, after.tracking_speed) * elapsed
+        moved = max(moved, abs(wrap180(after.azimuth - before.azimuth)) - tracking)
+    return moved / elapsed if moved > fine else 0.0
