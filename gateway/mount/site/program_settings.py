@@ -71,8 +71,6 @@ class ProgramSettings:
     def __init__(self) -> None:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}
         self.newest: SiteOfProgram | None = None
-        #: Whether a half of a site waits for the other.
-        self.half = False
 
     def of(self, program: ProgramId) -> SettingsOfProgram:
         return self._by_program.get(program, NOTHING)
@@ -83,7 +81,6 @@ class ProgramSettings:
             self._by_program[program] = settings
         if len(self._by_program) > REMEMBERED:
             del self._by_program[next(iter(self._by_program))]
-        self.half = any(settings.half is not None for settings in self._by_program.values())
 
     def __iter__(self) -> Iterator[SettingsOfProgram]:
         return iter(self._by_program.values())
