@@ -226,7 +226,7 @@ class CommandProcessor:
         """Send a cached reply to the same command again if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
-        cached = self._cache.reply(data, controller.version, now)
+        cached = self._cache.reply(data, now)
         if cached is None:
             return False
         reply, kinds = cached
@@ -323,8 +323,7 @@ class CommandProcessor:
         if not (turn.reusable and turn.readings):
             self._cache.clear()
         elif reply:
-            until = self.controller.fresh_until(turn.readings)
-            self._cache.remember(frame, reply, turn.readings, self.controller.version, now, until)
+            self._cache.remember(frame, reply, turn.readings, now)
         if reply and now - turn.arrived > ANSWER_WITHIN and not turn.lasting:
             reply = None
             self._log_no_reply(frame)

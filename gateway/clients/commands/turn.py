@@ -147,18 +147,21 @@ SAME_INSTANT = 1.0
 class ReplyCache:
     """Caches replies by command. Times are those of the event loop, seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, controller: MountController) -> None:
+        self._controller = controller
         self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
         self._version, self._until = -1, 0.0
 
-    def reply(self, command: bytes, version: int, now: float) -> tuple[bytes, Kinds] | None:
+    def reply(self, command: bytes, now: float) -> tuple[bytes, Kinds] | None:
         """Return the cached reply to this command and the kinds of readings it was made of; None if there is no valid
         reply.
         """
-        return self._replies.get(command) if self._version == version and now < self._until else None
+        current = now < self._until and self._version == self._controller.version
+        return self._replies.get(command) if current else None
 
-    def remember(self, command: bytes, reply: bytes, kinds: Kinds, version: int, now: float, until: float) -> None:
-        """Cache a reply that is valid until this time."""
+    def remember(self, command: bytes, reply: bytes, kinds: Kinds, now: float) -> None:
+        """Cache a reply that is valid until one of these readings expires."""
+        version, until = self._controller.version, self._controller.fresh_until(kinds)
         if self._version != version or now >= self._until or len(self._replies) >= MAX_REPLIES:
             self._replies.clear()
             self._version, self._until = version, float("inf")
@@ -223,7 +226,7 @@ class TurnRunner:
         rights: Rights,
     ) -> None:
         self._controller, self._surface, self._session = controller, binding.surface, session
-        self._activity, self._log, self.cache = activity, log, ReplyCache()
+        self._activity, self._log, self.cache = activity, log, ReplyCache(controller)
         self.rights, self.equinox = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
