@@ -27,6 +27,7 @@ from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver, Remark
 
+#: The rate of the mount's fastest motion.
 FASTEST = op.Rate(name="max")
 
 
@@ -84,17 +85,8 @@ class Context:
     def timing(self) -> StopTiming:
         """The stop timing for the present speed of the line."""
         return StopTiming(
-            self.link.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position], self.policy.run_on
+            self.link.times.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position], self.policy.run_on
         )
-
-    @property
-    def fastest(self) -> float:
-        """The speed of the mount's fastest motion, degrees a second."""
-        return self.driver.speed(FASTEST)
-
-    def speed(self, moving: op.Move | op.MoveAxis) -> float:
-        """Return the speed of a motion by hand, degrees a second."""
-        return self.driver.speed(moving.rate)
 
     def note(self, text: str) -> None:
         """Log a line about the mount."""

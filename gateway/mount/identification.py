@@ -75,7 +75,7 @@ class Identification:
 
     def left_motion(self) -> LeftMotion | None:
         """Return what the gateway has set moving; None if positions cannot show later whether that goes on."""
-        return left_motion(self._reconciler.wanted, self._context.speed, self._ends.samples)
+        return left_motion(self._reconciler.wanted, self._context.driver.speed, self._ends.samples)
 
     def judge_first(self, left: LeftMotion) -> None:
         """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""

@@ -287,7 +287,7 @@ class Trial:
         """Return the time before which nothing that is reported now may come from."""
         line = self.line
         old = line.state != "up" or self.bridge.controller.reader.gives_last_position  # and the log says so
-        allowed = 10.0 if old else max(AGE, 2.5 * line.typical_rtt)
+        allowed = 10.0 if old else max(AGE, 2.5 * line.times.typical_rtt)
         return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:

@@ -119,7 +119,7 @@ async def tap(face: str, mount: str, seconds: float, latency: float) -> Tapped:
         one, axes, speeds = FACES[face], Axes(own), list[float]()
         own.controller.reconciler.begins.connect(
             lambda operation: (
-                speeds.append(own.controller.context.speed(operation))
+                speeds.append(own.driver.speed(operation.rate))
                 if isinstance(operation, op.Move | op.MoveAxis)
                 else None
             )

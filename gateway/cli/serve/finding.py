@@ -69,7 +69,13 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
             return True
         if heard is None and line.transaction.ever_answered:
             heard = now()
-        hope = (FIRST_WORD if more is None else more) if heard is None else FIND_MOUNT if line.answers else FIRST_SENSE
+        hope = (
+            (FIRST_WORD if more is None else more)
+            if heard is None
+            else FIND_MOUNT
+            if line.times.answers
+            else FIRST_SENSE
+        )
         if line.unopened or now() > (heard or began) + hope:
             break
         if not said and now() > began + SAID_AFTER and not line.unopened:

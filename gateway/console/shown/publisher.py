@@ -134,7 +134,7 @@ class ShownMount:
         many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
         if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
             self._programs_at, self._program_list = now, list(self._programs.connections(now))
-        rate = self.answer_times.rate.per_second(controller.now(), controller.line.answers)
+        rate = self.answer_times.rate.per_second(controller.now(), controller.line.times.answers)
         state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
         times = self.answer_times.newest(controller.wire_log.clock())
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}

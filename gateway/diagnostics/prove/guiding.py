@@ -28,7 +28,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
         return
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
-    if (exchange := telescope.controller.line.typical_rtt) > SOON:
+    if (exchange := telescope.controller.line.times.typical_rtt) > SOON:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
@@ -54,7 +54,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             rate = abs(rate)
         assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
         finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
-        if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.typical_rtt > SOON):
+        if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.times.typical_rtt > SOON):
             reason = "this computer or its line was too busy for such short pulses"
             finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
         report.add(finding)

@@ -78,7 +78,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
             continue
         took[name] = telescope.now() - began
     report.add(_forms(len(took), silent, strange))
-    report.add(_times(took, telescope.controller.line.typical_rtt))
+    report.add(_times(took, telescope.controller.line.times.typical_rtt))
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:

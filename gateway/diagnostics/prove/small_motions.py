@@ -105,7 +105,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     for axis, pair in enumerate(PAIRS, 1):
         report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST for distance in rate.run_ons]
-    report.add(run_on_finding(run_ons, telescope.controller.line.typical_rtt, telescope.controller.policy.run_on))
+    report.add(run_on_finding(run_ons, telescope.controller.line.times.typical_rtt, telescope.controller.policy.run_on))
     report.add(await tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
     if real := {assumed: rate for assumed, rate in even if 1.0 / BELIEVED < rate / assumed < BELIEVED}:

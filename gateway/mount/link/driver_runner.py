@@ -106,7 +106,7 @@ class ReplyVerifier:
             if command.unverified_ok(reply.values) if callable(command.unverified_ok) else command.unverified_ok:
                 break
             took = reply.arrived_at - reply.asked
-            if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.typical_rtt:
+            if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.times.typical_rtt:
                 slow += 1
                 continue
             if not (agreeing and self._agree(kind, agreeing[-1], reply)):
@@ -187,7 +187,7 @@ class ReplyVerifier:
             return least
         if moved <= self._possible_motion(known, reply):
             return max(2, least)
-        return max(UNREACHABLE if self._line.typical_rtt <= QUICK else IF_SLOW, least)
+        return max(UNREACHABLE if self._line.times.typical_rtt <= QUICK else IF_SLOW, least)
 
     def _agree(self, kind: str, before: ReceivedReply, after: ReceivedReply) -> bool:
         """Whether both replies can be correct."""
@@ -202,7 +202,7 @@ class ReplyVerifier:
 
     def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
-        took = min(before.arrived_at - before.asked, 2.5 * self._line.typical_rtt)
+        took = min(before.arrived_at - before.asked, 2.5 * self._line.times.typical_rtt)
         return NEAR + self._fastest * (after.arrived_at - before.arrived_at + took)
 
     def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:

@@ -53,6 +53,8 @@ class MountLink:
         self.transaction = Transaction(wire, self.queue, reply_rules, wire_log)
         #: Emitted when the port is lost, perhaps in the middle of an exchange.
         self.lost = self.transaction.wire_lost
+        #: How long the mount takes to reply, and how often it has replied.
+        self.times = self.transaction.times
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         self.exchanged: Signal[Values | Fault] = Signal()
@@ -100,11 +102,6 @@ class MountLink:
         return self.reason if self.reason.startswith(CANNOT_OPEN) else ""
 
     @property
-    def typical_rtt(self) -> float:
-        """The average reply time in seconds."""
-        return self.transaction.times.typical_rtt
-
-    @property
     def occupied(self) -> bool:
         """Whether the mount works on a long operation and accepts nothing but a stop."""
         return self.state == "busy" or self.transaction.long
@@ -114,15 +111,11 @@ class MountLink:
         """Whether a reply is missing for so long that the mount may not be listening."""
         if self._silent_since is None or self.occupied:
             return False
-        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical_rtt)
+        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.times.typical_rtt)
 
     def worked_after(self, when: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
         return self.occupied or self.transaction.long_until >= when
-
-    @property
-    def answers(self) -> int:
-        return self.transaction.times.answers
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -224,7 +217,7 @@ class MountLink:
             if self._used_by_others:
                 self._used_by_others = False
                 await self._recover()
-            request = await self.queue.next(self.typical_rtt, self.transaction.quiet_needed, answered)
+            request = await self.queue.next(self.times.typical_rtt, self.transaction.quiet_needed, answered)
             answered = False
             if request is None:
                 continue
@@ -239,14 +232,14 @@ class MountLink:
                 self._silent_since = None
             if not request.future.done():
                 if isinstance(outcome, Fault):
-                    outcome.took = self.transaction.times.last_rtt
+                    outcome.took = self.times.last_rtt
                     request.future.set_exception(outcome)
                 else:
-                    request.future.set_result((outcome, self.transaction.times.last_rtt))
+                    request.future.set_result((outcome, self.times.last_rtt))
                 answered = True
             if isinstance(outcome, Silence) and self.reply_rules.expected(request.command).leaves_open:
                 self.transaction.send(self.reply_rules.closing)
-                await self.transaction.drain(max(QUIET, 2.0 * self.transaction.times.typical_rtt))
+                await self.transaction.drain(max(QUIET, 2.0 * self.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWay):
                 await self._write_stop()  # one that waits: the check of a slow mount takes seconds
                 await self._recover()

@@ -103,7 +103,7 @@ class Consequences:
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:
-            self._ends.sent((axis,), self._context.speed(moved))
+            self._ends.sent((axis,), self._context.driver.speed(moved.rate))
             self._context.run_on.ended(goto=False)
         self._watch.axis_stopped()
         if not self._context.wanted.by_hand:

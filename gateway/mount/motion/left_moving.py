@@ -38,9 +38,7 @@ class LeftMotion(Struct, frozen=True, omit_defaults=True):
     goto: bool = False
 
 
-def left_motion(
-    wanted: Wanted, speed: Callable[[op.Move | op.MoveAxis], float], samples: list[AxisSample]
-) -> LeftMotion | None:
+def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list[AxisSample]) -> LeftMotion | None:
     """Return what the gateway has set moving; None if positions could not show whether that goes on."""
     begun = [
         *wanted.by_hand.values(),
@@ -54,9 +52,9 @@ def left_motion(
         return LeftMotion(goto=True)
     speeds: dict[int, float] = {}
     for operation in begun:
-        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation) < 2.0 * SLOW:
+        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation.rate) < 2.0 * SLOW:
             return None
-        speeds[operation.axis] = speed(operation)
+        speeds[operation.axis] = speed(operation.rate)
     rate = turning(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
     shown = abs(rate) >= PART * speeds.get(1, 0.0)
     return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)

@@ -121,7 +121,7 @@ class Reconciler:
             )
             return self.begin_stop()
         guides = isinstance(operation, op.Move) and taps.at_guide_rate(operation)
-        exchange = self._link.typical_rtt if guides else 0.0
+        exchange = self._link.times.typical_rtt if guides else 0.0
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # earlier orders would get no reply
         kind = Halt if isinstance(operation, ENDS) else Order
         order = kind(

@@ -381,22 +381,20 @@ class Movement:
     """Reports the present motion, from the orders and the mount's last replies."""
 
     def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
-        self._wanted, self._cache, self._ordered_by_client = wanted, cache, False
+        self._wanted, self._ordered_by_client = wanted, False
+        #: Whether the mount reports a goto.
+        self.slewing = False
         cache.slews.connect(self._note_slewing)
         #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
         self.by_others_until = -1e9
-
-    @property
-    def slewing(self) -> bool:
-        """Whether the mount reports a goto."""
-        return bool(self._cache.value(op.Slewing))
 
     @property
     def anything(self) -> bool:
         """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
-    def _note_slewing(self, _: object) -> None:
+    def _note_slewing(self, slewing: bool) -> None:
+        self.slewing = slewing
         self._ordered_by_client = self.ordered
 
     @property

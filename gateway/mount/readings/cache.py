@@ -107,8 +107,8 @@ class ReadingsCache:
         self.version = self.orders = 0
         #: Positions that were requested before this loop time are outdated for clients.
         self.outdated = -1e9
-        #: Emitted when the answer to Slewing is another, or none.
-        self.slews: Signal[None] = Signal()
+        #: Emitted with the last answer to Slewing, False if there is none, whenever it may be another.
+        self.slews: Signal[bool] = Signal()
         #: Set when the next read of a kind may be due earlier than it was.
         self.due = {kind: TimedEvent() for kind in POLL_PERIOD}
 
@@ -145,7 +145,7 @@ class ReadingsCache:
         for woken in WAKES.get(kind, ()):
             self.due[woken].set()
         if kind is op.Slewing:
-            self.slews.emit(None)
+            self.slews.emit(bool(self.value(kind)))
 
     def outdate(self, now: float) -> None:
         """Treat positions that were requested before ``now`` as outdated for clients."""
@@ -172,7 +172,7 @@ class ReadingsCache:
         age, link = now - entry.at, self._link
         if age <= min(entry.fresh_for, LAST_POSITION):  # whatever the line
             return entry.value
-        fresh_for = max(entry.fresh_for, EXCHANGES * link.typical_rtt) if link.state == "up" else LAST_POSITION
+        fresh_for = max(entry.fresh_for, EXCHANGES * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
         return entry.value if age <= fresh_for else NOT_CACHED
 
     def last(self, kind: Kind) -> Any:

@@ -150,7 +150,7 @@ class Poller:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if not self._needed(kind, now):
             return self._status_pause(now) if kind is op.GetStatus else IDLE
-        ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.typical_rtt
+        ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.times.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.Position and self._watch.found_moving:
             every = FOUND_MOVING

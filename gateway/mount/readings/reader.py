@@ -375,7 +375,7 @@ class Reader:
             value = self._astrometry.from_mount(cast(op.Equatorial, value))
         if not isinstance(value, op.Equatorial | op.Horizontal):
             return CachedAnswer(value)
-        half = self._link.typical_rtt / 2.0
+        half = self._link.times.typical_rtt / 2.0
         first, second = self._driver.read_at or (self._now(), self._now())
         reading = Reading(angles(value), (first - half, second - half))
         return CachedAnswer(value, asked=self._runner.asked_at, reading=reading)

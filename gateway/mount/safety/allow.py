@@ -268,12 +268,12 @@ def altitude(view: View) -> Verdict:
     before, last, changes = view.observed.before, view.observed.last, view.observed.changes
     if before is None or last is None or changes is None:
         return ALLOWED
-    earlier, soonest, written = view.observed.earlier, ALLOWED, view.limits.written()
+    earlier, soonest = view.observed.earlier, ALLOWED
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
     beyond = (OVERSHOOT + APART * view.observed.across) * view.on_checked_path
     own, count = last.own, None if view.moving.by_hand else last.own
     for number, (then, now) in enumerate(zip(before.altitudes[:count], last.altitudes[:count], strict=False)):
-        limits = written if goes or number else view.limits
+        limits = view.limits.written() if goes or number else view.limits
         grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
         rate = view.ahead(changes.altitudes[number], grew)
         if goes and now < min(view.floor, then):

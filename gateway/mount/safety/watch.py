@@ -18,13 +18,13 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVING
 from gateway.core.signals import Signal
-from gateway.mount.context import Context
+from gateway.mount.context import FASTEST, Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.altitudes import by_mount, by_others
+from gateway.mount.safety.admission.altitudes import by_others, by_syncs
 from gateway.mount.safety.admission.slew_paths import APART, sun_reading
 from gateway.mount.safety.allow import (
     FASTER_THAN_TRACKING,
@@ -137,8 +137,8 @@ class LimitWatch:
         """How fast the mount may be moving on command, degrees a second; 0 if no commanded motion is under way."""
         moving = self._mount.movement.now()
         if moving.slewing:
-            return self.observed.across or self._mount.fastest
-        return max((self._mount.speed(motion) for motion in moving.by_hand.values()), default=0.0)
+            return self.observed.across or self._mount.driver.speed(FASTEST)
+        return max((self._mount.driver.speed(motion.rate) for motion in moving.by_hand.values()), default=0.0)
 
     @property
     def on_clear_path(self) -> bool:
@@ -164,7 +164,7 @@ class LimitWatch:
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.ways == []
         self._checked_path = replace(self.path) if isinstance(operation, GOTOS) else CheckedPath()
         self._parked = False
-        ordered_speed = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        ordered_speed = mount.driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.observed = replace(self.observed, before=None, last=None, farthest=())
             self.hour_angle.forget()
@@ -172,7 +172,9 @@ class LimitWatch:
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
-            speed = sum(mount.speed(motion) for motion in {**moving.by_hand, operation.axis: operation}.values())
+            speed = sum(
+                mount.driver.speed(motion.rate) for motion in {**moving.by_hand, operation.axis: operation}.values()
+            )
             self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
@@ -237,15 +239,15 @@ class LimitWatch:
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
-        mount, astrometry = self._mount, self._mount.astrometry
+        mount, frame = self._mount, self._mount.frame()
         position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        own = tuple(by_mount(mount))
-        others = by_others(mount, self._limits) if own else ()
-        altitudes = tuple(source.altitude(position) for source in (*own, *others))
-        altitude, hour_angle = (altitudes[0], astrometry.sidereal_time() - position.ra) if own else (None, None)
+        altitude, hour_angle = mount.astrometry.overhead(position)
+        shifted = tuple(by_syncs(mount, frame))
+        others = () if altitude is None else (*shifted, *by_others(mount, self._limits))
+        further = tuple(source.altitude(position) for source in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era = (mount.suns.era, mount.frame(), len(altitudes))
-        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, altitudes[1:], len(own))
+        era = (mount.suns.era, frame, altitude is None, len(further))
+        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
 
     def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
@@ -256,10 +258,10 @@ class LimitWatch:
         mount.driver.moved_by_others = self.moved_by_others
         if self.others.begins and mount.driver.moved_by_others:
             mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
-        if self.observed.across > REALIGNED * mount.fastest:
+        if self.observed.across > REALIGNED * mount.driver.speed(FASTEST):
             mount.synced.forget()
         if status is not None and last is not None and last.lifting is not None:
-            self.observed = fold.lifted(self.observed, status.equatorial, mount.speed(last.lifting))
+            self.observed = fold.lifted(self.observed, status.equatorial, mount.driver.speed(last.lifting.rate))
         if not moving.ordered and (not self._at_own_park or self._left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
@@ -306,8 +308,8 @@ class LimitWatch:
         status, axes = mount.cache.value(op.GetStatus), self._axes(now, place)
         self._ends.look(axes)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
-        ordered = {axis: mount.speed(motion) for axis, motion in by_hand.items()} if judged else {}
-        stalled = self._stalls.find_stalled(axes, ordered, mount.link.typical_rtt * mount.timing.reads)
+        ordered = {axis: mount.driver.speed(motion.rate) for axis, motion in by_hand.items()} if judged else {}
+        stalled = self._stalls.find_stalled(axes, ordered, mount.link.times.typical_rtt * mount.timing.reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} should move, but its position does not change; check the "

@@ -127,7 +127,7 @@ async def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -
             await bridge.controller.reader.shared(op.Position())
         for _ in range(8):
             await bridge.controller.perform(op.StopAxis(2))
-        assert bridge.controller.line.typical_rtt > 0.19
+        assert bridge.controller.line.times.typical_rtt > 0.19
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("nexstar", "cpc")])

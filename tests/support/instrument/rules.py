@@ -57,7 +57,7 @@ RULES = {
     "the Sun, watched": Rule(("stopped at the Sun",), "D1", "safety/allow.py", "arrows at the Sun", (
         (f"{WATCH}.near_sun", lambda view: ALLOWED),)),
     "altitude after syncs": Rule(("syncs",), "D2", "safety/admission/altitudes.py", "a sync of", (
-        (f"{ALTITUDES}.by_syncs", lambda *_: ()),)),
+        (f"{ALTITUDES}.by_syncs", lambda *_: ()), ("gateway.mount.safety.watch.by_syncs", lambda *_: ()))),
     "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/altitudes.py", "low gotos", (
         (f"{ALTITUDES}.by_others", lambda *_: ()), (f"{ADMISSION}.slew_paths.zeniths", _own_zenith))),
     "the way and altitudes": Rule(("way is too",), "D2", "safety/admission/slew_paths.py", "gotos anywhere above", (

@@ -65,7 +65,7 @@ def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
         async with opened(scripts, 0.0, mount, latency) as (own, [page]):
             speeds: list[float] = []
             own.controller.reconciler.begins.connect(
-                lambda one: speeds.append(own.controller.context.speed(one)) if isinstance(one, op.Move) else None
+                lambda one: speeds.append(own.driver.speed(one.rate)) if isinstance(one, op.Move) else None
             )
             axes = Axes(own)
             await axes.begin()

@@ -36,7 +36,7 @@ def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
             await there.gateway.controller.stop()
             there.gateway.wire_log.refused("a program", "no")
             async with there.page():
-                await until(lambda: there.gateway.controller and there.gateway.controller.line.answers)
+                await until(lambda: there.gateway.controller and there.gateway.controller.line.times.answers)
             text, after = await figures(there)
             assert after["mount_gateway_stops_total", "pier"] == 1.0
             assert after["mount_gateway_refusals_total", "pier"] == 1.0

@@ -21,9 +21,9 @@ def test_a_histogram_counts_what_is_no_more_than_each_bound() -> None:
 async def test_exchanges_and_the_time_of_answers_are_counted() -> None:
     async with Bridge() as bridge:
         counts = Counts(bridge.controller)
-        before = bridge.controller.line.answers
+        before = bridge.controller.line.times.answers
         await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
-        assert counts.exchanges >= bridge.controller.line.answers - before > 0
+        assert counts.exchanges >= bridge.controller.line.times.answers - before > 0
         assert sum(counts.answering.counts) == counts.exchanges - sum(counts.faults.values())
         counts.close()
         seen = counts.exchanges

@@ -24,7 +24,7 @@ from gateway.mount.safety.admission.contradictions import (
     contradictions_of,
     skies_by_others,
 )
-from gateway.mount.site.astrometry import Shift, SiteAstrometry
+from gateway.mount.site.astrometry import PointingFrame, Shift, SiteAstrometry
 
 
 class Source(NamedTuple):
@@ -72,12 +72,12 @@ def by_mount(mount: Context) -> Iterator[Source]:
     """Yield what the mount itself tells of altitudes, its own data first; nothing without a site."""
     if mount.sources.site() is not None:
         yield Source(mount)
-        yield from by_syncs(mount)
+        yield from by_syncs(mount, mount.frame())
 
 
-def by_syncs(mount: Context) -> Iterator[Source]:
+def by_syncs(mount: Context, frame: PointingFrame) -> Iterator[Source]:
     """Yield where the tube is if the syncs were wrong."""
-    for shift in mount.frame().shifts:
+    for shift in frame.shifts:
         yield Source(mount, sync_shift=shift)
 
 
@@ -90,17 +90,18 @@ def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
         yield Source(mount, contradicts=contradiction, sky=sky)
 
 
-def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goal by every source. Raises BelowHorizon or TooHigh, with its value, when it rises, and
-    the sources that say otherwise; Contradicted. It needs a site.
+def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
+    """Return the altitude of a goal, checked by every source. Raises BelowHorizon or TooHigh, with its value, when it
+    rises, and the sources that say otherwise; Contradicted. It needs a site.
     """
-    check_altitude(mount, limits, goal)
-    for source in (*by_syncs(mount), *by_others(mount, limits)):
+    altitude = check_altitude(mount, limits, goal)
+    for source in (*by_syncs(mount, mount.frame()), *by_others(mount, limits)):
         source.check(limits, source.altitude(goal))
+    return altitude
 
 
-def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
-    """Check the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh."""
+def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> float:
+    """Return the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh."""
     altitude = mount.astrometry.horizon(goal).alt
     try:
         limits.check_altitude(altitude)
@@ -108,6 +109,7 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> None:
         text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
         text += [at_length(first) for first in list(contradictions_of(mount))[:1]]
         raise type(fault)(" ".join(text), str(fault)) from None
+    return altitude
 
 
 def _where(limits: Limits, altitude: float) -> str:

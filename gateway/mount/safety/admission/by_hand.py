@@ -60,7 +60,7 @@ def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     degrees.
     """
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
-    return operation.sense * mount.speed(operation) * (mount.timing.reaction + MIN_INTERVAL + age)
+    return operation.sense * mount.driver.speed(operation.rate) * (mount.timing.reaction + MIN_INTERVAL + age)
 
 
 def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:

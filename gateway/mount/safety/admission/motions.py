@@ -18,7 +18,7 @@ from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
-from gateway.mount.context import Context
+from gateway.mount.context import FASTEST, Context
 from gateway.mount.motion.run_on import SKY
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
@@ -136,8 +136,7 @@ class MotionAdmission:
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
         mount, goal = self._mount, op.Equatorial(operation.ra, operation.dec)
         limits = mount.policy.limits.narrowed(operation.lowest, operation.highest)
-        self._check_target(limits, goal)
-        await self._check_path(limits, goal)
+        await self._check_path(limits, goal, self._check_target(limits, goal))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -179,7 +178,7 @@ class MotionAdmission:
             return op.GotoAxes(wrap360(first), second, operation.fastest)
         position = await self._ask.read_now(op.Position())
         seconds = SETTLES + separation(position.ra, position.dec, goto.ra, goto.dec) / (
-            operation.fastest or mount.fastest
+            operation.fastest or mount.driver.speed(FASTEST)
         )
         return await self._admit_goto(replace(goto, ra=(goto.ra + SKY * seconds) % 360.0, track=False))
 
@@ -202,22 +201,23 @@ class MotionAdmission:
         except (BelowHorizon, TooHigh) as fault:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
-    def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+    def _check_target(self, limits: Limits, goal: op.Equatorial) -> float | None:
         """Check the altitude of a target by the mount's own site and clock, and written limits also by every other
-        source.
+        source. Return it; None if the site is unknown.
 
         Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
         """
-        mount = self._mount
+        mount, altitude = self._mount, None
         if mount.sources.site() is None:
             self._note_once("site unknown: gotos are not checked against the horizon")
         else:
-            check_goal(mount, limits, goal)
+            altitude = check_goal(mount, limits, goal)
             status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
             if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
                 check_past(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
         if limits.sun > 0.0 and time_unknown(mount.sources.times()[0]):
             raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
+        return altitude
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
         """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
@@ -225,24 +225,27 @@ class MotionAdmission:
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)
             if mount.sources.site() is not None:
-                await self._check_path(limits, mount.astrometry.equatorial(wanted), (wanted.az, wanted.alt))
+                await self._check_path(limits, mount.astrometry.equatorial(wanted), wanted.alt, (wanted.az, wanted.alt))
             return
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
             self._note_once("site unknown: axis gotos are not checked")
             return
-        limits.check_altitude(mount.astrometry.horizon(goal).alt)
+        altitude = mount.astrometry.horizon(goal).alt
+        limits.check_altitude(altitude)
         turned = wanted.az - LEVEL if mount.driver.german else mount.astrometry.sidereal_time() - goal.ra
         check_past(limits, turned, mount.driver.german)
-        await self._check_path(limits, goal, (wanted.az, wanted.alt))
+        await self._check_path(limits, goal, altitude, (wanted.az, wanted.alt))
 
-    async def _check_path(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
+    async def _check_path(
+        self, limits: Limits, goal: op.Equatorial, altitude: float | None, axes: Pair | None = None
+    ) -> None:
         """Raises NearSun if a way comes too near to a Sun, WayBlocked if all lead beyond a written altitude limit.
 
-        ``axes`` are the target readings, if they are given. A path out of the circle around a Sun is clear if it
-        never comes nearer than where it begins. Before the alignment the direction of the tube is unknown, so only the
-        target is checked.
+        ``altitude`` is that of the goal, None without a site; ``axes`` are the target readings, if they are given. A
+        path out of the circle around a Sun is clear if it never comes nearer than where it begins. Before the alignment
+        the direction of the tube is unknown, so only the target is checked.
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
         limit, suns = mount.suns.limit, mount.suns.to_avoid()
@@ -255,10 +258,10 @@ class MotionAdmission:
         # where another clock or site may be the mount's, its way is not the calculated one
         lost = 180.0 if any(contradictions_of(mount)) else LOST
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
-            if mount.sources.site() is not None:
-                last, ends = self._watch.observed.last, astrometry.horizon(goal).alt
-                begins = ends if last is None or last.altitude is None else last.altitude
-                self._path.floor = min(0.0, begins - lost, ends - lost)
+            if altitude is not None:
+                last = self._watch.observed.last
+                begins = altitude if last is None or last.altitude is None else last.altitude
+                self._path.floor = min(0.0, begins - lost, altitude - lost)
                 self._path.clear = limits.hour_angle is None
             return
         others = await pointing(self._mount, self._ask, self._watch)

@@ -20,7 +20,7 @@ from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
-from gateway.mount.context import Context
+from gateway.mount.context import FASTEST, Context
 from gateway.mount.policy import AT_LIMIT, Limits
 from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
 from gateway.mount.site.astrometry import SUN_IS_UP, KnownSource, SiteAstrometry, Sun
@@ -200,7 +200,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
     also one of the tube's if the syncs were wrong (``unsynced``). Its text names a place to go to first, if there is
     one, and has at most 60 characters, because LX200 programs show no more.
     """
-    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.fastest
+    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST)
     begin = [
         len(paths_within(mount, limits, path, stretch)) == len(paths_of(mount, path)) for path in (journey, *unsynced)
     ]

@@ -29,7 +29,8 @@ def position(mount: NexStar, _: op.Position) -> Steps:
     answer = yield Send("e" if mount.supports("e") else "E")
     mount.told_beyond = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
-    ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
+    if any(mount.offset):
+        ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
     mount.last = op.Equatorial(ra, dec)
     return mount.last
 

@@ -298,7 +298,7 @@ def test_motion_by_hand_is_one_value_of_two_axes() -> None:
 
 async def test_by_whose_order_it_moves_does_not_depend_on_who_asked_before() -> None:
     """A stopped mount that runs on reports that it slews: that is no motion that a client ordered."""
-    line: Any = SimpleNamespace(state="up", typical_rtt=0.02)
+    line: Any = SimpleNamespace(state="up", times=SimpleNamespace(typical_rtt=0.02))
     wanted, cache = WantedState(), ReadingsCache(line)
     movement = Movement(wanted, cache)
 
