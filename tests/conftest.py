@@ -119,7 +119,7 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.delenv("CACHE_DIRECTORY", raising=False)
         for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME", "TMPDIR"):
             patch.setenv(name, str(tmp_path_factory.mktemp(name.lower())))
-        patch.setattr(keeper, "AHEAD", 0)
+        patch.setattr(keeper, "DAYS_PER_CALCULATION", 0)
         patch.setattr(keeper, "calculated", _calculated)
         yield base
 

@@ -320,7 +320,7 @@ MUTATIONS = [
     ),
     Mutation(
         "what a connection has left is inherited for ever",
-        r"state if self\.controller\.now\(\) - at <= INHERIT_FOR else None",
+        r"state if self\.controller\.now\(\) - at <= INHERIT_TIME else None",
         "state",
         "tests/unit/protocols/lx200/surface/test_sessions.py",
     ),

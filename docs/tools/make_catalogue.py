@@ -19,7 +19,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.deepsky import _KINDS, _REPLACEMENTS
+from gateway.astro.catalog.deepsky import _KIND_LETTERS, _REPLACEMENTS
 from gateway.astro.catalog.names import HIPPARCOS
 from gateway.astro.catalog.objects import data_file
 from gateway.astro.catalog.stars import HipparcosRow, hipparcos_row, with_proper_motion
@@ -128,7 +128,7 @@ def _deep_sky(row: tuple[Any, ...], also: dict[str, list[str]]) -> list[Any]:
     names = "|".join(dict.fromkeys((*numbers, *called)))
     place = [round(math.degrees(ra), 5), round(math.degrees(dec), 5)]
     measured = [None if value is None else round(value, 1) for value in (magnitude, length, width)]
-    return [names, _KINDS.get(kind, "?"), *place, *measured]
+    return [names, _KIND_LETTERS.get(kind, "?"), *place, *measured]
 
 
 def _short(name: str) -> str:

@@ -23,7 +23,15 @@ from gateway.app.config.describing import keys, title  # noqa: E402
 from gateway.app.config.showing import toml  # noqa: E402
 from gateway.core.errors import MappingError  # noqa: E402
 from gateway.core.wire_log import show  # noqa: E402
-from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, MountKind, outcome, remarks, taken, versions  # noqa: E402
+from gateway.diagnostics.command_outcomes import (  # noqa: E402
+    MISSING_OUTCOME,
+    OUTCOME_MEANINGS,
+    MountKind,
+    outcome,
+    remarks,
+    taken,
+    versions,
+)
 from gateway.protocols.base.spec import ProtocolSpec  # noqa: E402
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces  # noqa: E402
 from gateway.protocols.wireformat.command import Command  # noqa: E402
@@ -35,7 +43,7 @@ TARGET, KEYS, PROVE = (ROOT / page for page in ("mappings/README.md", "docs/conf
 BEGIN, END = "<!-- table: python docs/tools/tables.py -->\n", "<!-- end of table -->"
 #: What the words for outcomes mean.
 _LEGEND = "| outcome | meaning |\n|---|---|\n" + "\n".join(
-    f"| {name} | {words} |" for name, words in STANDS_FOR.items()
+    f"| {name} | {words} |" for name, words in OUTCOME_MEANINGS.items()
 )
 #: What stands in braces in a command.
 _FIELDS = """\
@@ -207,7 +215,9 @@ def missing(client: str, mount: str) -> list[str]:
     protocol, driven = load(client), load(mount)
     every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
     rows = protocol.surface
-    return [name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING for one in every)]
+    return [
+        name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING_OUTCOME for one in every)
+    ]
 
 
 def _cell(words: str) -> str:

@@ -18,7 +18,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import AccessRules, Networks, networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
-from gateway.clients.reply_pace import AS_HARDWARE, paced
+from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, paced
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.shutdown import stop_commands
@@ -29,7 +29,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, request_bytes
-from gateway.transport.listening import SERVED
+from gateway.transport.listening import WEB_SERVED
 from gateway.transport.tcp import exposed
 from gateway.transport.web_server import WebPort, WebServer
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
@@ -108,10 +108,10 @@ def make_surface(
 async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accept, web: WebServer) -> Listener:
     """Open the port of a surface; ``web`` serves the protocols that use HTTP. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
-    if endpoint.where == SERVED:
+    if endpoint.where == WEB_SERVED:
         return WebPort()
     if spec is None or spec.web is None:
-        seconds = AS_HARDWARE if beside_hardware(endpoint.where) else 0.0
+        seconds = HARDWARE_REPLY_TIME if beside_hardware(endpoint.where) else 0.0
         if surface.reply_after is not None:
             seconds = surface.reply_after / 1000.0
         return await open_port(endpoint.where, paced(accept, seconds), surface.baud)
@@ -120,7 +120,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
 
 def beside_hardware(where: str) -> bool:
     """Whether programs connect here as to a telescope's own serial port, and not over a plain network connection."""
-    return not where.startswith("tcp://") and where not in (SERVED, "-")
+    return not where.startswith("tcp://") and where not in (WEB_SERVED, "-")
 
 
 #: Accepts the connections of a surface.
@@ -170,7 +170,7 @@ class AcceptorFactory:
         several.
         """
         entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
-        later = endpoint.where == SERVED and endpoint.protocol != self._mount.protocol  # with the web server
+        later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not titles
         return ConnectionAcceptor(
             self._controller, made, self._shared, self._clock, number, entry, where, self._warn, only

@@ -47,7 +47,7 @@ from gateway.system.computer_clock import Kernel
 from gateway.system.locks import Claim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
-from gateway.transport.listening import SERVED, split_address
+from gateway.transport.listening import WEB_SERVED, split_address
 from gateway.transport.web_server import WebDevice, WebServer
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ class Gateway:
         return [
             f"{shown(endpoint.protocol, acceptor.model)}@{port.where}{name}"
             for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=False)
-            if port.where != SERVED
+            if port.where != WEB_SERVED
         ]
 
     def served(self) -> Iterator[tuple[str, WebDevice]]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gateway.mount.controller import MountController
 
 #: Events of the last so many seconds are shown, and at most so many of them.
-LATELY, MOST = 60.0, 10
+RECENT_AGE, MAX_RECENT_EVENTS = 60.0, 10
 
 
 class MountState(Struct, frozen=True, dict=True):
@@ -159,10 +159,10 @@ class MountState(Struct, frozen=True, dict=True):
         """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
         counted: dict[tuple[str, str], tuple[int, float]] = {}
         for notice in self.notices:
-            if self.clock - notice.time <= LATELY:
+            if self.clock - notice.time <= RECENT_AGE:
                 key = notice.side, notice.text
                 counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, notice.time)
-        for (side, text), (count, at) in list(counted.items())[-MOST:]:
+        for (side, text), (count, at) in list(counted.items())[-MAX_RECENT_EVENTS:]:
             yield f"{self.clock - at:.0f} s ago, {side}: {text}{f' ({count} times)' if count > 1 else ''}"
 
 
@@ -223,12 +223,12 @@ def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
 
 
 #: What the arrows of an alt-azimuth mount do to its tube.
-_TUBE = {"north": "up", "south": "down", "east": "left", "west": "right"}
+_TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "right"}
 
 
 def _arrow(operation: op.Move | op.MoveAxis, axis: int, tube: bool) -> str:
     """Return an arrow as text: as it moves the ``tube`` of an alt-azimuth mount, else on the sky."""
     if isinstance(operation, op.Move):
         word = operation.direction.word
-        return f"an arrow {_TUBE[word] if tube else word}"
+        return f"an arrow {_TUBE_DIRECTIONS[word] if tube else word}"
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"

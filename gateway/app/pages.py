@@ -27,11 +27,11 @@ from gateway.core.wire_log import WireLog
 from gateway.system.own_names import host_of
 from gateway.transport.http_requests import READ_ONLY, addressed_here, local_address, turned_away
 
-_IMPORT = re.compile(r'^import\s+(?:\*\s+as\s+(\w+)|(\{[^}]*\}))\s+from\s+"([^"]+)";', re.M)
-_LATER = re.compile(r'\bimport\("([^"]+)"\)')
-_EXPORT = re.compile(r"^export\s+((?:async\s+)?(?:function|class|const)\s+(\w+))", re.M)
+_IMPORT_LINE = re.compile(r'^import\s+(?:\*\s+as\s+(\w+)|(\{[^}]*\}))\s+from\s+"([^"]+)";', re.M)
+_DYNAMIC_IMPORT = re.compile(r'\bimport\("([^"]+)"\)')
+_EXPORT_LINE = re.compile(r"^export\s+((?:async\s+)?(?:function|class|const)\s+(\w+))", re.M)
 _COMMENT = re.compile(r"^[ \t]*(?://.*|/\*\*(?:.|\n)*?\*/[ \t]*)\n", re.M)
-_UNKNOWN = re.compile(r"^(?:import|export)\b.*", re.M)
+_UNBUNDLED_LINE = re.compile(r"^(?:import|export)\b.*", re.M)
 
 
 def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
@@ -66,12 +66,12 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
             picked = ", ".join(": ".join(map(str.strip, name)) for name in names)
             return f"const {whole or f'{{ {picked} }}'} = get({number});"
 
-        text = _IMPORT.sub(imported, text)
-        text = _LATER.sub(lambda match: f"Promise.resolve().then(() => get({visit(of(match[1]))}))", text)
-        exports.setdefault(path, set()).update(name for _, name in _EXPORT.findall(text))
-        text = _EXPORT.sub(r"\1", text)
+        text = _IMPORT_LINE.sub(imported, text)
+        text = _DYNAMIC_IMPORT.sub(lambda match: f"Promise.resolve().then(() => get({visit(of(match[1]))}))", text)
+        exports.setdefault(path, set()).update(name for _, name in _EXPORT_LINE.findall(text))
+        text = _EXPORT_LINE.sub(r"\1", text)
         text = re.sub(r"^export (?=const\b)", "", text, flags=re.M)
-        if unknown := _UNKNOWN.search(text):
+        if unknown := _UNBUNDLED_LINE.search(text):
             raise ValueError(f"{path}: {unknown[0]}")
         relative = posixpath.relpath(path, at or ".")
         bodies[path] = text.replace("import.meta.url", f'new URL("{relative}", import.meta.url)')
@@ -93,24 +93,24 @@ TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".j
          ".txt": "text/plain"}  # fmt: skip
 
 #: The longest body of a request, bytes.
-LONGEST = 8192
+MAX_BODY = 8192
 #: The answer to a request that is addressed to another computer. Its name is left out: many would hide all else.
-OTHER_NAME = (
+FOREIGN_HOST_ANSWER = (
     "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
     'router, add it: names = ["pier.example.org"] on the surface or under [console], or --names pier.example.org.'
 )
-_PORTS: web.AppKey[Mapping[int, AccessRules]] = web.AppKey("rules of ports")
+_PORT_RULES: web.AppKey[Mapping[int, AccessRules]] = web.AppKey("rules of ports")
 _TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
 #: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
-_INSIDE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
+_INLINE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
 _SCRIPT = re.compile(r'<script type="module" src="([^"]+)">')
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
-POLICY = "Content-Security-Policy"
+CSP_HEADER = "Content-Security-Policy"
 HEADERS = {
-    POLICY: (
+    CSP_HEADER: (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
         "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
@@ -132,7 +132,7 @@ class Pages:
         self._packed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
         self._files_path = f"files/{digest.hexdigest()[:16]}/"
-        self._policy = HEADERS[POLICY]
+        self._policy = HEADERS[CSP_HEADER]
         self._index = self._in_one(self._files["index.html"][0].decode())
 
     def _in_one(self, page: str) -> str:
@@ -154,14 +154,14 @@ class Pages:
             self._policy = self._policy.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
             return f"<{tag}>{text}</{tag}>"
 
-        return _INSIDE.sub(inside, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(script, page)))
+        return _INLINE.sub(inside, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(script, page)))
 
     async def index(self, request: web.Request, **texts: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by its value."""
         page = self._index
         for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
-        headers = {"Cache-Control": "no-store", POLICY: self._policy}
+        headers = {"Cache-Control": "no-store", CSP_HEADER: self._policy}
         return await self._answer(request, page, page.encode(), TYPES[".html"], headers)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
@@ -200,7 +200,7 @@ def application(
         try:
             if not addressed_here(request, names):
                 turned_away(request, "it uses a name for this computer that is not in names", logs)
-                raise web.HTTPForbidden(reason=OTHER_NAME)
+                raise web.HTTPForbidden(reason=FOREIGN_HOST_ANSWER)
             response = await handler(request)
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=f"{error.reason}\n")
@@ -209,15 +209,15 @@ def application(
                 response.headers.setdefault(name, value)
         return response
 
-    app = web.Application(middlewares=[admit], client_max_size=LONGEST)
-    app[_PORTS] = ports
+    app = web.Application(middlewares=[admit], client_max_size=MAX_BODY)
+    app[_PORT_RULES] = ports
     app[READ_ONLY] = lambda request: rules_of(request).is_read_only(request.remote or "")
     return app
 
 
 def rules_of(request: web.Request) -> AccessRules:
     """Return the access rules of the port at which a request has come."""
-    return request.app[_PORTS].get(local_address(request)[1], AccessRules())
+    return request.app[_PORT_RULES].get(local_address(request)[1], AccessRules())
 
 
 def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:

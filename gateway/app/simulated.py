@@ -13,11 +13,11 @@ from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.baud import SerialPace
-from gateway.transport.wires import BAUD, SimulatedTransport
+from gateway.transport.wires import DEFAULT_BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
 #: Endpoints without a baud rate, where bytes take no time.
-NETWORK = ("tcp:", "rfc2217:")
+NETWORK_PREFIXES = ("tcp:", "rfc2217:")
 
 
 def parse_time(text: str) -> float:
@@ -124,6 +124,6 @@ async def serve_simulator(
         return lambda connected: _SimulatedConnection(simulator, latency, pace, connected.write)
 
     return [
-        await open_port(place, arrivals(baud or (None if place.startswith(NETWORK) else BAUD)), baud)
+        await open_port(place, arrivals(baud or (None if place.startswith(NETWORK_PREFIXES) else DEFAULT_BAUD)), baud)
         for place in places
     ]

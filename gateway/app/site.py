@@ -13,7 +13,7 @@ from gateway.clients.access import AccessRules
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.system import garbage
 from gateway.transport.listening import split_address
-from gateway.transport.web_server import NONE
+from gateway.transport.web_server import NO_PAGE_RESPONSE
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -78,6 +78,6 @@ def _add_none(app: web.Application) -> None:
     from aiohttp import web
 
     async def none(request: web.Request) -> web.StreamResponse:
-        return web.Response(status=404, text=NONE[1], headers={"Connection": "close"})
+        return web.Response(status=404, text=NO_PAGE_RESPONSE[1], headers={"Connection": "close"})
 
     app.add_routes([web.get("/{path:.*}", none)])

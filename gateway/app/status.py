@@ -15,9 +15,9 @@ from gateway.core.operations import Equatorial, Status
 from gateway.protocols.wireformat.sexagesimal import hours, signed
 
 #: A position older than this many seconds is shown with its age.
-OLD_AFTER = 10.0
+MAX_POSITION_AGE = 10.0
 #: The first two parts, name and position, are shown at any width.
-LEAST = 2
+MIN_PARTS = 2
 
 
 class StatusLine(Struct, frozen=True):
@@ -122,7 +122,7 @@ def status_text(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
     parts = [_parts(line) for line in lines]
     text = ""
-    for count in range(len(parts[0]), LEAST - 1, -1):
+    for count in range(len(parts[0]), MIN_PARTS - 1, -1):
         text = "  |  ".join("  ".join(part for part in of_one[:count] if part) for of_one in parts)
         if columns is None or len(text) <= columns:
             return text
@@ -144,7 +144,7 @@ def position_text(line: StatusLine) -> str:
     """Return where the mount points, as text."""
     if line.position is None:
         return "no position yet"
-    old = f" {line.age:.0f} s ago" if line.age > OLD_AFTER else ""
+    old = f" {line.age:.0f} s ago" if line.age > MAX_POSITION_AGE else ""
     return f"{format_position(line.position)}{old}"
 
 

@@ -110,7 +110,7 @@ def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
 
 
 #: The cosine of 89.4 degrees: closer to the zenith or a pole, the rate of an angle is limited to its value there.
-_NEAR_ZENITH = 0.01
+_MIN_ZENITH_COSINE = 0.01
 
 
 # -- horizon --------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
 def hour_angle_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return how (azimuth, altitude) change per degree of hour angle, degrees. Limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
-    up = max(math.cos(h), _NEAR_ZENITH)
+    up = max(math.cos(h), _MIN_ZENITH_COSINE)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
@@ -146,5 +146,5 @@ def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     across = -math.cos(phi) * math.sin(a)
     along = math.sin(phi) * math.cos(h) - math.cos(phi) * math.sin(h) * math.cos(a)
-    from_pole = max(math.hypot(across, along), _NEAR_ZENITH)
-    return across / from_pole / max(math.cos(h), _NEAR_ZENITH), along / from_pole
+    from_pole = max(math.hypot(across, along), _MIN_ZENITH_COSINE)
+    return across / from_pole / max(math.cos(h), _MIN_ZENITH_COSINE), along / from_pole

@@ -16,17 +16,17 @@ from gateway.core.errors import UserError, explain_os_error
 from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
-ABOUT = ("-h", "--help", "--version")
+INFORMATION_FLAGS = ("-h", "--help", "--version")
 #: Flags that may have no value -> the values that may also follow as a word of their own; their meaning without a
 #: value.
-_SIDES = ("program", "mount", "changes", "refusals")
-LOG = ("all", "true", "false", *_SIDES, "json", *(f"json-{side}" for side in _SIDES))
-ALONE = {"--log": LOG, "--read-only": ("all", "true")}
-BARE = {"--log": "true", "--read-only": "all"}
+_LOG_FILTERS = ("program", "mount", "changes", "refusals")
+LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
+CHOICES_OF_BARE_FLAGS = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
+VALUES_OF_BARE_FLAGS = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
-POINTING = ("goto", "sync")
+POSITION_COMMANDS = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
-LONGEST = 500
+MAX_LENGTH = 500
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -65,7 +65,7 @@ def _parsed(typed: list[str]) -> argparse.Namespace:
     if not typed:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     typed = suggestions.normalized_help(typed)
-    if typed[0] not in (*COMMANDS, *ABOUT):
+    if typed[0] not in (*COMMANDS, *INFORMATION_FLAGS):
         raise suggestions.unknown_command(typed[0], commands_of(parser()))
     arguments, left = parser(typed[:1]).parse_known_args(typed)
     if left:
@@ -87,7 +87,7 @@ def _stdout_failed(failed: Exception, code: int) -> int:
 
 def _shortened(text: str) -> str:
     """Return a message without its middle if it is too long, because a user typed a thousand digits."""
-    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+    return text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
 
 
 def _protected(argv: list[str]) -> list[str]:
@@ -101,16 +101,16 @@ def _protected(argv: list[str]) -> list[str]:
     rewritten: list[str] = []
     alone = ""
     for word in argv:
-        if word in ALONE.get(alone, ()):
+        if word in CHOICES_OF_BARE_FLAGS.get(alone, ()):
             rewritten[-1], alone = f"{alone}={word}", ""
             continue
         if alone == "--log" and re.fullmatch(r"\w[\w-]*", word) and not os.path.exists(word):
-            raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG)}")
-        alone = word if word in ALONE else ""
-        word = f"{word}={BARE[word]}" if alone else word
+            raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG_VALUES)}")
+        alone = word if word in CHOICES_OF_BARE_FLAGS else ""
+        word = f"{word}={VALUES_OF_BARE_FLAGS[word]}" if alone else word
         if rewritten and re.fullmatch(r"--[a-z-]+", rewritten[-1]) and re.match(r"-[\d.]", word):
             rewritten[-1] += f"={word}"
-        elif rewritten and rewritten[0] in POINTING and re.match(r"-[\d.]", word):
+        elif rewritten and rewritten[0] in POSITION_COMMANDS and re.match(r"-[\d.]", word):
             rewritten.append(f" {word}")
         else:
             rewritten.append(word)

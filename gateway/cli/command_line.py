@@ -19,10 +19,10 @@ from gateway.core.about import full_version
 from gateway.core.errors import UserError
 
 #: The flags for help.
-HELP = ("-h", "--help")
+HELP_FLAGS = ("-h", "--help")
 #: The word behind ``--help`` that asks for all of it: every command or flag, models and exit codes.
-ALL = "all"
-EXIT_CODES = """\
+ALL_HELP_WORD = "all"
+EXIT_CODES_HELP = """\
 Exit codes:
   0  done
   1  no: detect found no mount, doctor found a problem, stop could not stop a mount, the command of explain is not \
@@ -31,7 +31,7 @@ valid; no gateway runs, or it refused (status, goto, sync, move, park, unpark)
 says what is wrong and where
 """
 
-WHERE = """\
+FILES_HELP = """\
 PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: the place where programs connect.
 The gateway asks a mount for its model, and presents one that fits to programs.
   PROTOCOL  of a mount: lx200 (Meade, OnStep, TeenAstro), nexstar (Celestron, Sky-Watcher), alpaca (any ASCOM Alpaca \
@@ -49,14 +49,14 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 #: A line of an epilog that begins with a blank: a word and, after a gap, what it means; or a command and a remark.
-_ROW = r"( +\S.*?)( {2,})(\S.*)"
+_EPILOG_ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
 def _row(line: str, width: int) -> list[str]:
     """Wrap a line that begins with a blank: its second column stays one column, and a command can be copied."""
     if len(line) <= width:
         return [line]
-    indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_ROW, line)
+    indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_EPILOG_ROW, line)
     first, gap, rest = row.groups() if row else (line, "", "")
     if first.startswith("  mount-gateway "):
         below = indent + "    "
@@ -97,7 +97,7 @@ class _Help(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, word: Any, __: str | None = None) -> None:
         assert isinstance(parser, Parser)
-        parser.whole = word == ALL
+        parser.whole = word == ALL_HELP_WORD
         parser.print_help()
         parser.exit()
 
@@ -119,7 +119,7 @@ class Parser(argparse.ArgumentParser):
         self.whole = False
         self.hidden: Sequence[argparse.Action] = ()
         self.elsewhere: Sequence[argparse.Action] = ()
-        self.add_argument(*HELP, action=_Help, nargs="?", help=argparse.SUPPRESS)
+        self.add_argument(*HELP_FLAGS, action=_Help, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
         """Return the help, with all flags and the rest of the text if it is to be ``whole``."""
@@ -154,7 +154,7 @@ def endpoints() -> str:
     """Return the help on endpoints, with the list of all models."""
     from gateway.core.tables import mappings_folder, read_table
 
-    lines = [WHERE + "models:"]
+    lines = [FILES_HELP + "models:"]
     for models in sorted(mappings_folder().glob("*/models.toml")):
         protocol = models.parent.name
         lines.append(f"  {protocol:<9} {' '.join(read_table(f'{protocol}/models.toml'))}")
@@ -162,7 +162,7 @@ def endpoints() -> str:
 
 
 #: Every command by group, its module and what ``--help`` says of it, in the order of ``--help``.
-GROUPS = {
+COMMAND_GROUPS = {
     "Commands:": {
         "demo": ("serve.demo", "try it without a mount, in a browser"),
         "detect": ("inspect.detect", "find the mount, and print the command that starts the gateway"),
@@ -191,12 +191,12 @@ GROUPS = {
         "completion": ("completion", "print a script that completes commands and flags in your shell"),
     },
 }
-COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
+COMMANDS = {name: command for group in COMMAND_GROUPS.values() for name, command in group.items()}
 
-FIRST = """\
+FIRST_STEPS_HELP = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
 """
-BELOW = """\
+HELP_EPILOG = """\
 Start without a mount: mount-gateway demo. Start with one: mount-gateway detect prints the command for yours, such as
   mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
 
@@ -207,7 +207,7 @@ the exit codes.
 
 def listed(group: str) -> str:
     """Return a group of commands as help shows it."""
-    rows = [f"  {name:<11} {summary}" for name, (_, summary) in GROUPS[group].items()]
+    rows = [f"  {name:<11} {summary}" for name, (_, summary) in COMMAND_GROUPS[group].items()]
     return "\n".join([group, *rows, ""])
 
 
@@ -230,20 +230,20 @@ def parser(asked: Sequence[str] = ()) -> Parser:
     """Return the parser of the whole command line, or of the commands in ``asked`` alone; for help without
     their flags.
     """
-    *shown, rest = GROUPS
+    *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",
         usage="mount-gateway COMMAND [options]",
-        description=FIRST,
-        late=lambda: "\n".join([*map(listed, shown), BELOW]),
-        more=lambda: f"{listed(rest)}\n{endpoints()}\n\n{EXIT_CODES}",
+        description=FIRST_STEPS_HELP,
+        late=lambda: "\n".join([*map(listed, shown), HELP_EPILOG]),
+        more=lambda: f"{listed(rest)}\n{endpoints()}\n\n{EXIT_CODES_HELP}",
     )
     whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(
         prog=whole.prog, required=True, metavar="COMMAND", action=_Commands, help=argparse.SUPPRESS
     )
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        if asked and asked[0] in HELP:
+        if asked and asked[0] in HELP_FLAGS:
             commands.add_parser(name)
         else:
             getattr(import_module(f"gateway.cli.{COMMANDS[name][0]}"), f"add_{name}")(commands)

@@ -14,7 +14,7 @@ from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
 
-HOW = """\
+INSTALL_HELP = """\
 Examples:
   mount-gateway completion bash | less      to look at it
 
@@ -35,7 +35,7 @@ def add_completion(commands: Commands) -> None:
     completion = commands.add_parser(
         "completion",
         description="Prints a script with which your shell completes commands and flags when you press TAB.",
-        epilog=HOW,
+        epilog=INSTALL_HELP,
     )
     completion.add_argument("shell", choices=SHELLS, help="your shell")
     completion.set_defaults(run=lambda arguments: print(script(arguments.shell)))

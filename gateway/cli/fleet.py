@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PORT = 4090
 #: The keys of ``[mqtt]`` that are flags here.
-KEYS = ("prefix", "password-file", "ca")
+MQTT_KEYS = ("prefix", "password-file", "ca")
 EXAMPLES = """\
 Examples:
   mount-gateway fleet --mqtt mqtt://broker.local
@@ -40,19 +40,19 @@ def add_fleet(commands: Commands) -> None:
     )  # fmt: skip
     fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")
     for key in keys("mqtt"):
-        if key.name in KEYS:
+        if key.name in MQTT_KEYS:
             fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.shown, help=key.help)
     fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")
     fleet.set_defaults(run=_fleet)
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
-    from gateway.app.config.tables import PARTS
+    from gateway.app.config.tables import TOPIC_PREFIX_PATTERN
     from gateway.fleet.client import access
 
     if not 0 <= arguments.port <= 65535:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
-    if re.match(PARTS, arguments.prefix) is None:
+    if re.match(TOPIC_PREFIX_PATTERN, arguments.prefix) is None:
         raise UserError(f"--prefix {arguments.prefix!r}: write words of letters, digits and _ . -, with / between")
     broker_access = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
     return asyncio.run(_serve(broker_access, arguments.prefix, arguments.port))
@@ -60,7 +60,7 @@ def _fleet(arguments: argparse.Namespace) -> int:
 
 async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import until_signal
-    from gateway.console.server import PAGE
+    from gateway.console.server import PAGE_FOLDER
     from gateway.fleet.overview.server import Overview
 
     done, was_there = until_signal(), True
@@ -72,7 +72,7 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
             streams.warn(f"the broker {access.broker} {state}", streams.WARNING)
         was_there = connected
 
-    page = Overview(access, prefix, PAGE, time.time, on_connection)
+    page = Overview(access, prefix, PAGE_FOLDER, time.time, on_connection)
     await page.open(port)
     streams.say(f"ready fleet {page.where}")
     try:

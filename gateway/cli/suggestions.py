@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from gateway.core.errors import UserError, similar
 
 #: Patterns of argparse's messages, and the message in plain words for each.
-_PLAINLY = (
+_PLAIN_MESSAGES = (
     (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
     (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
     (
@@ -26,7 +26,7 @@ _PLAINLY = (
 )
 
 #: Other names for commands: what a user may type, and the command or flag that does it.
-_OTHER_WORDS = {
+_SYNONYMS = {
     word: command
     for command, mistyped in {
         "run": "start serve connect",
@@ -43,7 +43,7 @@ _OTHER_WORDS = {
     for word in mistyped.split()
 }
 #: Words in place of a command that ask for help or the version.
-_PAGES = {
+_HELP_WORDS = {
     "help": "--help",
     "-?": "--help",
     "/?": "--help",
@@ -55,7 +55,7 @@ _PAGES = {
 
 def normalized_help(arguments: Sequence[str]) -> list[str]:
     """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
-    flag = _PAGES.get(arguments[0]) if arguments else None
+    flag = _HELP_WORDS.get(arguments[0]) if arguments else None
     if flag == "--help":
         return [flag, *arguments[1:2]] if arguments[1:2] == ["all"] else [*arguments[1:2], flag]
     return list(arguments) if flag is None else [flag]
@@ -74,14 +74,14 @@ def unknown_command(word: str, commands: Mapping[str, argparse.ArgumentParser]) 
         return UserError(f"{word!r} is not a command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is not a command; did you mean mount-gateway run --mount {word}?")
-    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *similar(word.lower(), list(commands))]
+    close = [*filter(None, [_SYNONYMS.get(word.lower())]), *similar(word.lower(), list(commands))]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 
 
 def in_plain_words(message: str, prog: str, example: str) -> str:
     """Return argparse's message in plain words, with an example if an argument is missing."""
-    for pattern, ours in _PLAINLY:
+    for pattern, ours in _PLAIN_MESSAGES:
         if match := re.fullmatch(pattern, message):
             parts = [part.replace("'", "") if number == 2 else part for number, part in enumerate(match.groups())]
             message = ours.format(*parts)

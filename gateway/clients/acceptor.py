@@ -23,10 +23,10 @@ from gateway.protocols.base.session import ClientState, Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Connected
 
-INHERIT_FOR = 60.0
+INHERIT_TIME = 60.0
 #: Seconds for which a client on a serial line, or a client that connects for each command, counts as present when
 #: silent.
-PRESENT_FOR = 10.0
+PRESENCE_TIME = 10.0
 
 
 class ConnectionAcceptor:
@@ -126,7 +126,7 @@ class ConnectionAcceptor:
         present = [
             connection.host
             for connection in self._connections
-            if not connection.lasting or now - connection.heard <= PRESENT_FOR
+            if not connection.lasting or now - connection.heard <= PRESENCE_TIME
         ]
         return present + [host for host in self.reconnecting_hosts() if host not in connected]
 
@@ -135,7 +135,7 @@ class ConnectionAcceptor:
 
     def reconnecting_hosts(self) -> list[str]:
         """Return the hosts whose last connection ended a few seconds ago."""
-        return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENT_FOR]
+        return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENCE_TIME]
 
     def connections(self) -> list[ClientConnection]:
         return [connection for connection in self._connections if not connection.stranger]
@@ -157,12 +157,12 @@ class ConnectionAcceptor:
     def _saved_state(self, host: str) -> ClientState | None:
         """Return what the last connection from this host has left, unless that is too long ago."""
         at, state = self._saved_states.get(host, (-1e9, None))
-        return state if self.controller.now() - at <= INHERIT_FOR else None
+        return state if self.controller.now() - at <= INHERIT_TIME else None
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
         if client.activity.closed is None:
             self.controller.presence.disconnected(client.activity)
         self._saved_states[host] = (self.controller.now(), copy(client.session.client))
-        for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_FOR]:
+        for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_TIME]:
             del self._saved_states[old]

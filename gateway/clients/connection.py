@@ -13,19 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.turn import LONG_AGO
+from gateway.clients.commands.turn import NO_DEADLINE
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, Piece, StrangerFilter, answer
 from gateway.clients.wrong_preset import FirstCommands
 from gateway.transport.handler import Connected
-from gateway.transport.tcp import SHARE
+from gateway.transport.tcp import READ_BYTES
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
-UNRECOGNISED = "no command of this surface's protocol begins like this"
+UNRECOGNISED_MESSAGE = "no command of this surface's protocol begins like this"
 #: Seconds after which a connection that is behind is late.
-LATE = 1.0
+LATE_TIME = 1.0
 #: Seconds without data after which a connection that was behind has caught up.
-CAUGHT_UP = 5.0
+CATCH_UP_TIME = 5.0
 
 
 #: Takes bytes, the count of stops when they were sent if that was earlier, and when they arrived if that was earlier.
@@ -47,14 +47,14 @@ class Backlog:
         """Return the number of stops at the time when the next bytes may have been sent; None if they were sent just
         now.
         """
-        if self._stops is not None and now - self._last > (LATE if self.late else CAUGHT_UP):
+        if self._stops is not None and now - self._last > (LATE_TIME if self.late else CATCH_UP_TIME):
             self._stops, self.late = None, False
-        self.late = self.late or (self._stops is not None and now - self._since > LATE)
-        return LONG_AGO if self.late else self._stops
+        self.late = self.late or (self._stops is not None and now - self._since > LATE_TIME)
+        return NO_DEADLINE if self.late else self._stops
 
     def add(self, size: int, now: float, stops: int) -> None:
         """Record that ``size`` bytes were read at ``now``, after ``stops`` stops."""
-        if size >= SHARE:
+        if size >= READ_BYTES:
             if self._stops is None:
                 self._stops, self._since = stops, now
             self._last = now
@@ -192,6 +192,6 @@ class ClientConnection:
 
     def close(self) -> None:
         if self._filter is not None and not self.stranger and self._filter.waiting:
-            self.client.log.put("x", self._filter.waiting, UNRECOGNISED)
+            self.client.log.put("x", self._filter.waiting, UNRECOGNISED_MESSAGE)
         self.client.close()
         self._closed()

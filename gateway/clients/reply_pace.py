@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from gateway.transport.handler import Connected, ConnectionHandler
 
 #: Seconds from the last byte of a request to its reply on ports of programs that were written beside hardware.
-AS_HARDWARE = 0.006
+HARDWARE_REPLY_TIME = 0.006
 
 
 class ReplyPace:

@@ -24,12 +24,12 @@ from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.web_server import answer_of
 
 #: Characters of a method (RFC 9110), those that follow it (two of the address), and the longest method examined.
-_METHOD = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
+_METHOD_CHARACTERS = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
 _PRINTABLE = frozenset(range(0x20, 0x7F))
 _AFTER_METHOD = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
-MAX_METHOD = 65536
+MAX_METHOD_LENGTH = 65536
 #: Bytes that clients send before their first command: they end nothing, read nothing, and the protocols ignore them.
-IDLE = b"#\r\n\0 ?"
+IDLE_BYTES = b"#\r\n\0 ?"
 
 #: The allowed values of a byte of a greeting.
 Octet = frozenset[int]
@@ -45,15 +45,15 @@ class Greeting(Struct, frozen=True):
 
 
 #: The greeting that is recognised by its form.
-OWN_METHOD = Greeting("an HTTP request with a method of its own", (), http=True)
+OTHER_METHOD_GREETING = Greeting("an HTTP request with a method of its own", (), http=True)
 
 
 #: By byte, the octet that is this byte only: shared, because the first connection waits for all greetings.
-_ONLY = [frozenset((byte,)) for byte in range(256)]
+_SINGLE_OCTETS = [frozenset((byte,)) for byte in range(256)]
 
 
 def _from_bytes(data: bytes) -> tuple[Octet, ...]:
-    return tuple(_ONLY[byte] for byte in data)
+    return tuple(_SINGLE_OCTETS[byte] for byte in data)
 
 
 def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
@@ -129,14 +129,14 @@ class OwnMethod:
     def feed(self, data: bytes) -> bool:
         """Examine more bytes. Return whether they complete the beginning of such a request."""
         for byte in data if self.possible else b"":
-            if not self._letters and byte in IDLE:
+            if not self._letters and byte in IDLE_BYTES:
                 continue
             if self._letters and byte in _AFTER_METHOD[self._after_method]:
                 self._after_method += 1
                 if self._after_method == len(_AFTER_METHOD):
                     self.possible = False
                     return True
-            elif self._after_method or byte not in _METHOD or self._letters == MAX_METHOD:
+            elif self._after_method or byte not in _METHOD_CHARACTERS or self._letters == MAX_METHOD_LENGTH:
                 self.possible = False
                 break
             else:
@@ -172,14 +172,14 @@ class Recogniser:
     def feed(self, data: bytes) -> Greeting | None:
         """Examine more bytes. Return the greeting that they complete, if any."""
         known = self._match_known(data) if self._known else None
-        return OWN_METHOD if self._own_method.feed(data) and known is None else known
+        return OTHER_METHOD_GREETING if self._own_method.feed(data) and known is None else known
 
     def _match_known(self, data: bytes) -> Greeting | None:
         for byte in data:
             partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
             if self._leading:
                 partial += [(greeting, 1) for greeting in _beginning_with(byte, self._served)]
-                self._leading = byte in IDLE
+                self._leading = byte in IDLE_BYTES
             for greeting, count in partial:
                 if count == len(greeting.first):
                     self._known = False

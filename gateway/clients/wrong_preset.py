@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.clients.strangers import IDLE
+from gateway.clients.strangers import IDLE_BYTES
 from gateway.core.wire_log import show
 from gateway.mount.controller import MountController
 from gateway.protocols.base.frames import Framer
@@ -16,7 +16,7 @@ from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Seconds within which a command of the surface's own protocol must follow.
-WITHIN = 3.0
+OWN_COMMAND_WINDOW = 3.0
 #: Bytes of a connection that are examined, and hosts that are remembered.
 MAX_BYTES, MAX_HOSTS = 64, 1000
 
@@ -24,7 +24,7 @@ MAX_BYTES, MAX_HOSTS = 64, 1000
 def foreign(served: str, sent: bytes) -> tuple[str, bytes] | None:
     """Return the other protocol to which these bytes belong, and the first command; None if they belong to none."""
     for protocol in streams():
-        if protocol != served and (first := _first_command(load(protocol), sent.lstrip(IDLE))):
+        if protocol != served and (first := _first_command(load(protocol), sent.lstrip(IDLE_BYTES))):
             return protocol, first
     return None
 
@@ -34,7 +34,7 @@ def _first_command(protocol: CommandSet, sent: bytes) -> bytes:
     first = protocol.first(sent)
     rest = sent
     while command := protocol.first(rest):
-        rest = rest[len(command) :].lstrip(IDLE)
+        rest = rest[len(command) :].lstrip(IDLE_BYTES)
     return first if protocol.may_begin(rest) else b""
 
 
@@ -125,7 +125,7 @@ class FirstCommands:
         presets = self._presets
         if not self._sent:
             began = presets.controller.now()
-            presets.controller.loop.call_later(WITHIN, self._decide, began)
+            presets.controller.loop.call_later(OWN_COMMAND_WINDOW, self._decide, began)
         self._sent = (self._sent + data)[:MAX_BYTES]
         if any(
             load(presets.served).find(frame) is not None for frame in self._framer.feed(data, presets.controller.now())

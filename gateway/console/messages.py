@@ -101,7 +101,7 @@ Common = (
 )  # fmt: skip
 Wish = Looks | Record | Jog | Common
 #: What a page calls otherwise than ``core/requests.py``.
-_NAMES = {"wake": "unpark", "ask": "look_up", "guide_rate": "guide rate"}
+_PAGE_NAMES = {"wake": "unpark", "ask": "look_up", "guide_rate": "guide rate"}
 
 
 class _Numbered(Struct):
@@ -134,7 +134,7 @@ def read(text: str | bytes, who: str) -> Message:
     """Decode a message of a page; ``who`` asks. Raises ValueError."""
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
     head = msgspec.convert(fields, _Head)
-    fields |= {"type": _NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
+    fields |= {"type": _PAGE_NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
     if head.do in ("goto", "sync", "look_up", "ask"):
         kind = "spot" if fields.get("name") is None else "named"
         fields["where"] = {**fields, "type": kind}

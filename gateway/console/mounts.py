@@ -16,7 +16,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import unescape
 from gateway.app.recording.recorder import Recorder, record
 from gateway.clients.any_protocol.deciding import decide
-from gateway.clients.strangers import IDLE
+from gateway.clients.strangers import IDLE_BYTES
 from gateway.console.arrows import Arrows
 from gateway.console.pin import Pin
 from gateway.console.shown.publisher import Publisher
@@ -28,9 +28,9 @@ from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
 
 #: Timeout of an explanation, seconds; it runs a complete gateway in another process.
-EXPLAIN = 20.0
-FOLDER = "recordings"
-_NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
+EXPLAIN_TIMEOUT = 20.0
+RECORDINGS_FOLDER = "recordings"
+_RECORDING_NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
 
 
 class Mounts:
@@ -78,12 +78,12 @@ class Mounts:
                 *argv, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
             )
             try:
-                async with asyncio.timeout(EXPLAIN):
+                async with asyncio.timeout(EXPLAIN_TIMEOUT):
                     out, err = await process.communicate()
             except TimeoutError:
                 process.kill()
                 await process.wait()
-                return False, f"no {what} within {EXPLAIN:.0f} seconds; the command line waits longer"
+                return False, f"no {what} within {EXPLAIN_TIMEOUT:.0f} seconds; the command line waits longer"
         if not out:
             return False, err.decode("utf-8", "replace").strip() or f"no {what}"
         return True, out.decode("utf-8", "replace")
@@ -103,7 +103,7 @@ def _surface_argument(surface: str, command: str) -> str:
     """Return the surface as an argument of ``explain``; for a surface of any protocol, that of the command."""
     if surface != ANY:
         return surface
-    sent = unescape(command).lstrip(IDLE)
+    sent = unescape(command).lstrip(IDLE_BYTES)
     verdict = decide(sent) if sent else None
     return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else surface_protocols(ANY)[0]
 
@@ -129,7 +129,7 @@ class MountRecorder:
         if self._recorder is not None:
             raise UserError("a recording is running already; end it first")
         gateway = self._gateway
-        folder = state_folder(gateway.config.state) / FOLDER
+        folder = state_folder(gateway.config.state) / RECORDINGS_FOLDER
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -152,7 +152,7 @@ class MountRecorder:
 
     def file(self, name: str) -> Path | None:
         """Return the path of a recording by its name, or None."""
-        if not _NAME.fullmatch(name):
+        if not _RECORDING_NAME.fullmatch(name):
             return None
-        path = state_folder(self._gateway.config.state) / FOLDER / name
+        path = state_folder(self._gateway.config.state) / RECORDINGS_FOLDER / name
         return path if path.is_file() else None

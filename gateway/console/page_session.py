@@ -29,7 +29,7 @@ from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types; the length of a night and of its steps, seconds.
-SUGGESTED, NIGHT, STEP = 12, 57600.0, 7200.0
+MAX_SUGGESTIONS, NIGHT_LENGTH, TRACK_STEP = 12, 57600.0, 7200.0
 
 
 async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
@@ -50,7 +50,7 @@ async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
 
 async def suggestions(text: str) -> list[str]:
     """Return names of objects that begin with the text typed so far."""
-    return await asyncio.to_thread(objects.completions, text, SUGGESTED) if text.strip() else []
+    return await asyncio.to_thread(objects.completions, text, MAX_SUGGESTIONS) if text.strip() else []
 
 
 def night(controller: MountController) -> dict[str, Any]:
@@ -64,10 +64,10 @@ def night(controller: MountController) -> dict[str, Any]:
     if site is None:
         return {"begins": None}
     until = (180.0 - wrap180(derived.sidereal_time() - sky.sun(unix)[0])) / 15.0 * 3600.0
-    begins = (until - 86400.0 if until > 57600.0 else until) - NIGHT / 2
-    times = [unix + begins + part * STEP for part in range(round(NIGHT / STEP) + 1)]
+    begins = (until - 86400.0 if until > 57600.0 else until) - NIGHT_LENGTH / 2
+    times = [unix + begins + part * TRACK_STEP for part in range(round(NIGHT_LENGTH / TRACK_STEP) + 1)]
     moon = (sky.moon(time, site.latitude, site.longitude) for time in times)
-    return {"begins": round(controller.wire_log.clock() + begins), "step": STEP,
+    return {"begins": round(controller.wire_log.clock() + begins), "step": TRACK_STEP,
             "sun": [_rounded(sky.sun(time)) for time in times],
             "moon": [_rounded(place) for place in moon]}  # fmt: skip
 
@@ -77,10 +77,10 @@ def _rounded(place: Sequence[float]) -> tuple[float, float]:
 
 
 #: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
-SILENT, CHECK, REPEAT = 1.5, 0.2, 5.0
+KEY_TIMEOUT, KEY_CHECK_PERIOD, REFUSAL_REPEAT_PERIOD = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
-AT_ONCE = 32
-LOOKS_ONLY = "This page only looks. Enter the pin to act; STOP needs none."
+MAX_PAGE_REQUESTS = 32
+READ_ONLY_MESSAGE = "This page only looks. Enter the pin to act; STOP needs none."
 
 
 class Socket(Protocol):
@@ -148,11 +148,11 @@ class PageSession:
     async def _watch_keys(self) -> None:
         """Release keys when the page is silent; else repeat their orders. A stalled browser does not delay this."""
         while True:
-            await asyncio.sleep(CHECK)
+            await asyncio.sleep(KEY_CHECK_PERIOD)
             now = self._loop.time()
-            repeats = now - self._repeated > REPEAT
+            repeats = now - self._repeated > REFUSAL_REPEAT_PERIOD
             for arrows in filter(None, self._arrows):
-                if now - self._heard > SILENT:
+                if now - self._heard > KEY_TIMEOUT:
                     arrows.release(lost=True)
                 elif repeats:
                     self._repeated = now
@@ -177,7 +177,7 @@ class PageSession:
                     {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
                 )
             return
-        if len(self._tasks) >= AT_ONCE and not isinstance(wish, StopRequest | messages.ReleaseArrow):
+        if len(self._tasks) >= MAX_PAGE_REQUESTS and not isinstance(wish, StopRequest | messages.ReleaseArrow):
             self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
@@ -217,7 +217,7 @@ class PageSession:
             return
         gateway = mounts.gateway(message.mount)
         if not self._acts and not isinstance(wish, messages.Looks):
-            await self._answer(message.id, False, LOOKS_ONLY)
+            await self._answer(message.id, False, READ_ONLY_MESSAGE)
             return
         match wish:
             case messages.Talk():

@@ -15,9 +15,9 @@ from gateway.app.pages import same_token
 from gateway.core.errors import UserError
 
 #: Wrong tries that an address has without waiting; the seconds between two further ones.
-FREE, PAUSE = 5, 60.0
-#: Wrong tries of all addresses together within ``PAUSE`` seconds.
-TOGETHER = 10
+FREE_TRIES, TRY_PERIOD = 5, 60.0
+#: Wrong tries of all addresses together within ``TRY_PERIOD`` seconds.
+FREE_TRIES_OF_ALL = 10
 #: Addresses that are remembered.
 MAX_HOSTS = 1000
 
@@ -30,7 +30,7 @@ class Pin:
         #: Number and time of the last wrong tries by address; those that gave the right PIN; the times of all.
         self._wrong: dict[str, tuple[int, float]] = {}
         self._known: set[str] = set()
-        self._times: deque[float] = deque(maxlen=TOGETHER)
+        self._times: deque[float] = deque(maxlen=FREE_TRIES_OF_ALL)
 
     def __bool__(self) -> bool:
         return bool(self._right)
@@ -57,7 +57,7 @@ class Pin:
     def _free_at(self, host: str) -> float:
         """Return the time from which this address may try."""
         count, last = self._wrong.get(host, (0, 0.0))
-        allowed_at = last + PAUSE if count >= FREE else 0.0
-        if host in self._known or len(self._times) < TOGETHER:
+        allowed_at = last + TRY_PERIOD if count >= FREE_TRIES else 0.0
+        if host in self._known or len(self._times) < FREE_TRIES_OF_ALL:
             return allowed_at
-        return max(allowed_at, self._times[0] + PAUSE)
+        return max(allowed_at, self._times[0] + TRY_PERIOD)

@@ -27,16 +27,16 @@ from gateway.diagnostics.metrics import Metrics, missing
 from gateway.transport.http_requests import turned_away
 from gateway.transport.room import Room
 
-PAGE = Path(__file__).parent / "page"
+PAGE_FOLDER = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
-LONGEST, MOST_PAGES, HEARTBEAT = 16384, 64, 10.0
+MAX_MESSAGE_BYTES, MAX_PAGES, HEARTBEAT_PERIOD = 16384, 64, 10.0
 
 
 @cache
 def page_files() -> Pages:
     """Return the files of the page. Reading them takes tens of milliseconds: call it on a thread if clients wait."""
-    files = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*")}
-    return Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.SHARED})
+    files = {path.relative_to(PAGE_FOLDER).as_posix(): path for path in PAGE_FOLDER.rglob("*")}
+    return Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.PAGE_FILES})
 
 
 class Console:
@@ -47,7 +47,7 @@ class Console:
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
-        self._room = Room(MOST_PAGES)
+        self._room = Room(MAX_PAGES)
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes."""
@@ -120,7 +120,7 @@ class Console:
         if not same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         host = request.remote or "?"
-        ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
+        ws = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_PERIOD, compress=False)
         await ws.prepare(request)
         if not self._room.enter(host):  # the page tries again much later
             await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)

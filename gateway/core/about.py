@@ -11,18 +11,18 @@ import re
 from pathlib import Path
 
 #: Unix seconds, 2026-01-01: it is later than that wherever this version runs.
-RELEASED = 1767225600.0
+RELEASE_TIME = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
-PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
 #: How many digits of a commit are shown.
-DIGITS = 12
+COMMIT_DIGITS = 12
 _PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 
 
 @functools.cache
 def version() -> str:
     """Return the version, such as ``0.2.0``."""
-    project = _text(PACKAGE.parent / "pyproject.toml")
+    project = _text(PACKAGE_FOLDER.parent / "pyproject.toml")
     if f'name = "{_PROJECT}"' in project and (match := re.search(r'(?m)^version = "(.+)"$', project)):
         return match[1]
     from importlib import metadata  # it takes longer to import than all that most commands do
@@ -36,8 +36,8 @@ def version() -> str:
 @functools.cache
 def commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
-    built = _text(PACKAGE / "commit.txt") or checked_out(PACKAGE.parent / ".git") or _installed_from()
-    return match[0][:DIGITS] if (match := _COMMIT.search(built)) else ""
+    built = _text(PACKAGE_FOLDER / "commit.txt") or checked_out(PACKAGE_FOLDER.parent / ".git") or _installed_from()
+    return match[0][:COMMIT_DIGITS] if (match := _COMMIT.search(built)) else ""
 
 
 def full_version(number: str | None = None, built_from: str = "") -> str:

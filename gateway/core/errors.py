@@ -11,11 +11,11 @@ import errno
 from collections.abc import Iterable
 from pathlib import Path
 
-_NOT_YOURS = "choose a folder that you may write to, or run this as its owner"
-_NO_ROOM = "free space on that disk (df -h shows which is full), or choose a folder on another disk"
+_FOLDER_REMEDY = "choose a folder that you may write to, or run this as its owner"
+_DISK_REMEDY = "free space on that disk (df -h shows which is full), or choose a folder on another disk"
 #: Error of the system -> what to do about it.
-_STEPS = {
-    errno.EACCES: _NOT_YOURS, errno.EPERM: _NOT_YOURS, errno.ENOSPC: _NO_ROOM, errno.EDQUOT: _NO_ROOM,
+_ERROR_REMEDIES = {
+    errno.EACCES: _FOLDER_REMEDY, errno.EPERM: _FOLDER_REMEDY, errno.ENOSPC: _DISK_REMEDY, errno.EDQUOT: _DISK_REMEDY,
     errno.EROFS: "choose a folder on a disk that can be written to",
 }  # fmt: skip
 
@@ -40,7 +40,7 @@ class SunIsNoGoal(UserError):
 def explain_os_error(error: OSError) -> str:
     """Return what the system says of an error, and what to do about it if that is known."""
     text = error.strerror or str(error)
-    return f"{text}; {step}" if (step := _STEPS.get(error.errno or 0)) else text
+    return f"{text}; {step}" if (step := _ERROR_REMEDIES.get(error.errno or 0)) else text
 
 
 def explain_file_error(path: Path | str, error: OSError, *, reading: bool = False) -> str:

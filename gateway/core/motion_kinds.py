@@ -6,16 +6,16 @@ from gateway.core import operations as op
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 #: Motions that last as long as a key is pressed, or less. They are never begun late: the user has released the key.
-BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
+HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: What sets the mount moving, even if the gateway is killed then. An LX200GPS that stores its home searches for it.
-MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
+MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 MOTIONS = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
 #: What ends a motion before any other order is carried out, and what such an end interrupts and is then begun again.
-ENDS = (op.StopAxis, op.AbortSlew)
-RESTARTED_AFTER_END = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
+END_ORDERS = (op.StopAxis, op.AbortSlew)
+RESUMABLE_ORDERS = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 
 
 def axis_moved(operation: op.Operation) -> int | None:
@@ -35,9 +35,9 @@ def survives_abort(operation: op.Operation) -> bool:
 
 def begins_motion(operation: object) -> bool:
     """Whether the operation sets the mount or its focuser moving."""
-    return isinstance(operation, MOVING) or (isinstance(operation, op.Focus) and operation.direction != 0)
+    return isinstance(operation, MOVERS) or (isinstance(operation, op.Focus) and operation.direction != 0)
 
 
 def may_begin_motion(names: list[str]) -> bool:
     """Whether any of the operations with these names sets the mount moving."""
-    return any(issubclass(kind, MOVING) for name in names if (kind := op.named(name)) is not None)
+    return any(issubclass(kind, MOVERS) for name in names if (kind := op.named(name)) is not None)

@@ -11,14 +11,14 @@ from typing import Any
 
 import tomli
 
-from gateway.core.about import PACKAGE
+from gateway.core.about import PACKAGE_FOLDER
 from gateway.core.errors import MappingError
 
 
 def mappings_folder() -> Path:
     """Return the folder ``mappings/``: inside the installed package, or beside it in a checkout."""
-    inside = PACKAGE / "mappings"
-    return inside if inside.is_dir() else PACKAGE.parent / "mappings"
+    inside = PACKAGE_FOLDER / "mappings"
+    return inside if inside.is_dir() else PACKAGE_FOLDER.parent / "mappings"
 
 
 def read_table(file: str, folder: Path | None = None) -> dict[str, Any]:

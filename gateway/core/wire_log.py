@@ -12,9 +12,9 @@ from functools import partial
 from typing import NamedTuple
 
 #: How many different notes are logged once; more of them mean that a client sends noise, and are dropped.
-MOST = 1000
+MAX_NOTES_ONCE = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
-REMEMBERED = 64
+MAX_REMEMBERED_NOTES = 64
 #: What the refusals of a program that tries many values differ by.
 _NUMBERS = re.compile(r"[\d.]+")
 
@@ -44,7 +44,7 @@ class Notice(NamedTuple):
 
 
 #: The side of the mount. Any other side is a client, or a part of the gateway itself.
-MOUNT = "mount"
+MOUNT_SIDE = "mount"
 
 
 def show(data: bytes) -> str:
@@ -54,7 +54,7 @@ def show(data: bytes) -> str:
 
 Sink = Callable[[Entry], None]
 #: Makes an entry in half the time of ``Entry(…)``: there are three for each command.
-_new = tuple.__new__
+_new_tuple = tuple.__new__
 
 
 class WireLog:
@@ -65,7 +65,7 @@ class WireLog:
         self.sinks: list[Sink] = []
         self._logged: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
-        self.recent: deque[Notice] = deque(maxlen=REMEMBERED)
+        self.recent: deque[Notice] = deque(maxlen=MAX_REMEMBERED_NOTES)
         #: The number of refusals, logged or not; and the function that is called with each that differs from the last.
         self.refusals = 0
         self.on_refusal: Callable[[str], object] | None = None
@@ -79,7 +79,7 @@ class WireLog:
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Pass bytes or a note to the sinks."""
         if self.sinks:
-            entry: Entry = _new(Entry, (self.clock(), side, arrow, data, note))
+            entry: Entry = _new_tuple(Entry, (self.clock(), side, arrow, data, note))
             broken = None
             for sink in self.sinks:
                 try:
@@ -91,7 +91,7 @@ class WireLog:
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision as text."""
-        if side == MOUNT:
+        if side == MOUNT_SIDE:
             self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 
@@ -99,7 +99,7 @@ class WireLog:
         """Like `note`, but only the first time that this text (or, if given, any text of its ``kind``) is logged for
         ``of``.
         """
-        if (of, kind or text) not in self._logged and len(self._logged) < MOST:
+        if (of, kind or text) not in self._logged and len(self._logged) < MAX_NOTES_ONCE:
             self._logged.add((of, kind or text))
             self.note(side, text)
 

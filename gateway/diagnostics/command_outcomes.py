@@ -19,9 +19,9 @@ from gateway.protocols.wireformat.rows import (
     Version,
 )
 
-MISSING = "missing"
+MISSING_OUTCOME = "missing"
 #: What each outcome means.
-STANDS_FOR = {
+OUTCOME_MEANINGS = {
     "translated": "the mount carries it out, by commands of its own protocol",
     "derived": "the reply is computed from other readings of the mount",
     "kept": "the gateway keeps it: a target, a format, a name, a search limit, a setting that the mount cannot take",
@@ -47,12 +47,12 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: fr
     operation.
     """
     if row is None:
-        return MISSING
+        return MISSING_OUTCOME
     ways = taken(row, mount, kind)
     word = next(word for traits, word in row.outcomes.items() if _fits(traits, mount, kind, not ways, face))
     if word != "translated":
         return word
-    return ways[0].outcome if ways else MISSING
+    return ways[0].outcome if ways else MISSING_OUTCOME
 
 
 @cache

@@ -19,7 +19,7 @@ from gateway.diagnostics.log.layout import Row, plain
 from gateway.diagnostics.log.printing import describe_event
 
 #: Bytes that are read from a file at once, and bytes of client data that suffice to recognise the protocol.
-PIECE = 16_384
+CHUNK_BYTES = 16_384
 _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
 _SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
 _HEX = re.compile(rb"((?: [0-9a-f]{2})+)")
@@ -52,14 +52,14 @@ class Capture:
         for event in self:
             if event.arrow == ">":
                 sent += event.data
-                if len(sent) >= PIECE:
+                if len(sent) >= CHUNK_BYTES:
                     break
-        return sent[:PIECE]
+        return sent[:CHUNK_BYTES]
 
 
 def _lines(path: Path) -> Iterator[bytes]:
     with path.open("rb") as file:
-        while line := file.readline(PIECE):
+        while line := file.readline(CHUNK_BYTES):
             yield line
 
 

@@ -24,14 +24,14 @@ from gateway.mount.motion.wanted import Wanted
 from gateway.system.own_commands import how_to_add
 
 #: Upper bounds of the histogram's buckets, seconds.
-BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
-NAME = "mount_gateway"
+BUCKET_BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
+PREFIX = "mount_gateway"
 
 
 class Histogram:
     """Counts values by upper bound; the last count is for values above all bounds."""
 
-    def __init__(self, bounds: Sequence[float] = BOUNDS) -> None:
+    def __init__(self, bounds: Sequence[float] = BUCKET_BOUNDS) -> None:
         self.bounds, self.counts, self.sum = bounds, [0] * (len(bounds) + 1), 0.0
 
     def add(self, value: float) -> None:
@@ -134,20 +134,20 @@ class Metrics:
         )
 
         mounts = [(gateway.config.name or "mount", gateway.state(), counts) for gateway, counts in self._mounts]
-        yield InfoMetricFamily(NAME, "The version of this gateway.", {"version": version(), "commit": commit()})
+        yield InfoMetricFamily(PREFIX, "The version of this gateway.", {"version": version(), "commit": commit()})
         for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
             for name, text, value in rows:
-                family = kind(f"{NAME}_{name}", text, labels=["mount"])
+                family = kind(f"{PREFIX}_{name}", text, labels=["mount"])
                 for mount, state, counts in mounts:
                     family.add_metric([mount], value(state, counts))
                 yield family
-        faults = CounterMetricFamily(f"{NAME}_faults", "Exchanges that failed.", labels=["mount", "kind"])
+        faults = CounterMetricFamily(f"{PREFIX}_faults", "Exchanges that failed.", labels=["mount", "kind"])
         for mount, _, counts in mounts:
             for fault, count in sorted(counts.faults.items()):
                 faults.add_metric([mount, fault], count)
         yield faults
         for name, text, histogram in HISTOGRAMS:
-            times = HistogramMetricFamily(f"{NAME}_{name}", text, labels=["mount"])
+            times = HistogramMetricFamily(f"{PREFIX}_{name}", text, labels=["mount"])
             for mount, _, counts in mounts:
                 times.add_metric([mount], histogram(counts).buckets(), histogram(counts).sum)
             yield times

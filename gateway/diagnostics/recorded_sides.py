@@ -8,7 +8,7 @@ from typing import Any
 from gateway.app.config import parse_endpoint
 from gateway.app.recording.format import Event, Recording
 from gateway.clients.any_protocol.deciding import may_change
-from gateway.core.wire_log import MOUNT
+from gateway.core.wire_log import MOUNT_SIDE
 from gateway.diagnostics.log.conversation import Side
 from gateway.protocols.registry import ANY, surface_protocols
 
@@ -21,7 +21,7 @@ class RecordedSides:
         self.surfaces = [protocol_of(surface) for surface in config["surface"]]
         #: The number of the surface of each connection.
         self.surface: dict[str, int] = {}
-        self.protocols = {MOUNT: protocol_of(config["mount"])}
+        self.protocols = {MOUNT_SIDE: protocol_of(config["mount"])}
 
     def _register(self, side: str, data: bytes) -> int:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
@@ -65,7 +65,7 @@ class RecordedSides:
 
     def protocol(self, side: str) -> str:
         """Return a connection's protocol; the mount's if it was connected before the recording began."""
-        return self.protocols.get(side, self.protocols[MOUNT])
+        return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
     def side(self, name: str) -> Side:
         """Return a decoder for a connection."""

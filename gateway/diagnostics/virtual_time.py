@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 #: Timers less than this apart run in the same iteration, seconds.
 RESOLUTION = 1e-9
 #: With more timers than this, cancelled ones are removed early.
-MANY = 500
+CLEANUP_THRESHOLD = 500
 
 _T = TypeVar("_T")
 
@@ -52,7 +52,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self.elapsed = 1000.0
         self._soon: deque[_Due] = deque()
         self._timers: list[_Due] = []
-        self._number, self._many = 0, MANY
+        self._number, self._many = 0, CLEANUP_THRESHOLD
         super().__init__(selectors.SelectSelector())
 
     def time(self) -> float:
@@ -130,7 +130,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if len(timers) > self._many:
             timers[:] = [due for due in timers if due[2] is not None]
             heapq.heapify(timers)
-            self._many = max(MANY, 2 * len(timers))
+            self._many = max(CLEANUP_THRESHOLD, 2 * len(timers))
         if timers:  # without a system call, which would take longer than most callbacks
             self.elapsed += max(0.0, timers[0][0] - self.elapsed)
             return

@@ -28,17 +28,17 @@ from gateway.core.errors import UserError, explain_file_error
 from gateway.fleet.topics import MqttMessage
 from gateway.system.own_commands import how_to_add
 
-PASSWORD = "MOUNT_GATEWAY_MQTT_PASSWORD"
+PASSWORD_VARIABLE = "MOUNT_GATEWAY_MQTT_PASSWORD"
 #: Seconds of silence after which the broker is pinged, and the timeout for an answer.
-KEEPALIVE, ANSWER = 10, 5.0
+KEEPALIVE_PERIOD, ANSWER_TIMEOUT = 10, 5.0
 #: The end of the topics on which mounts get orders.
-ORDERS = "/command"
+COMMAND_SUFFIX = "/command"
 #: The reason codes with which an older broker refuses MQTT 5: that of MQTT 3.1.1, and that of MQTT 5.
-OLD = (1, 132)
+OLD_BROKER_CODES = (1, 132)
 #: The maximum size of a message in bytes, and of the queue of received messages.
-LARGEST, WAITING = 65536, 2000
+MAX_MESSAGE_BYTES, MAX_WAITING_MESSAGES = 65536, 2000
 #: Bytes stored of a longer packet: enough to show that the payload behind the longest topic is too long.
-KEPT = 3 * LARGEST
+MAX_PACKET_BYTES = 3 * MAX_MESSAGE_BYTES
 
 
 class BrokerAccess(Struct, frozen=True):
@@ -71,7 +71,7 @@ def access(at: str, user: str | None = None, password_file: str | None = None, c
 
 def _password(file: str | None) -> str | None:
     if file is None:
-        return os.environ.get(PASSWORD) or None
+        return os.environ.get(PASSWORD_VARIABLE) or None
     try:
         return Path(file).expanduser().read_text("utf-8").strip("\r\n")
     except OSError as error:
@@ -104,7 +104,7 @@ class _Subscriber:
         from paho.mqtt.subscribeoptions import SubscribeOptions
 
         def how(topic: str) -> Any:
-            return SubscribeOptions(qos=1, retainAsPublished=topic.endswith(ORDERS)) if self._v5 else 1
+            return SubscribeOptions(qos=1, retainAsPublished=topic.endswith(COMMAND_SUFFIX)) if self._v5 else 1
 
         await self._client.subscribe([(topic, how(topic)) for topic in topics])
 
@@ -140,12 +140,12 @@ def connector(access: BrokerAccess) -> Connect:
             protocol=aiomqtt.ProtocolVersion.V311 if old else aiomqtt.ProtocolVersion.V5,
             # Orders sent while the gateway was not connected are not carried out later; MQTT 5 keeps no session anyway.
             clean_session=True if old else None,
-            timeout=ANSWER,
-            keepalive=KEEPALIVE,
-            max_queued_incoming_messages=WAITING,
+            timeout=ANSWER_TIMEOUT,
+            keepalive=KEEPALIVE_PERIOD,
+            max_queued_incoming_messages=MAX_WAITING_MESSAGES,
             tls_context=access.tls(),
             logger=quiet,
-            socket_options=[(socket.SOL_SOCKET, socket.SO_RCVBUF, LARGEST)],
+            socket_options=[(socket.SOL_SOCKET, socket.SO_RCVBUF, MAX_MESSAGE_BYTES)],
         )
         paho: Any = client._client
         _limit(paho)
@@ -154,7 +154,7 @@ def connector(access: BrokerAccess) -> Connect:
                 yield _Subscriber(client, not old)
         except Exception as error:
             reason = getattr(error, "rc", None)
-            old = old or getattr(reason, "value", reason) in OLD
+            old = old or getattr(reason, "value", reason) in OLD_BROKER_CODES
             raise
         finally:
             _cut(paho)
@@ -168,7 +168,7 @@ def _limit(paho: Any) -> None:
 
     def loop_read(*arguments: Any) -> Any:
         outcome = read(*arguments)
-        del paho._in_packet["packet"][KEPT:]
+        del paho._in_packet["packet"][MAX_PACKET_BYTES:]
         return outcome
 
     paho.loop_read = loop_read

@@ -17,18 +17,18 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import LARGEST, BrokerAccess, Client, Connect, Flooded, connector
+from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, Flooded, connector
 from gateway.fleet.topics import MqttMessage, Outbox, Received
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
 
 #: Seconds before the first, second and later attempts to reconnect.
-PAUSES = (0.25, 0.5, 1.0)
+DELAYS = (0.25, 0.5, 1.0)
 #: After so many failed attempts, or if the broker refuses or floods, the pause is ``LONG_PAUSE`` seconds.
 MANY_FAILURES, LONG_PAUSE = 300, 5.0
 #: Messages that are in flight at a time, and the maximum that a broker may send in a second.
-AT_A_TIME, FLOOD = 50, 500
+MAX_IN_FLIGHT, MAX_FLOOD = 50, 500
 #: Timeout in seconds for the last messages at the end.
 CLOSE_TIMEOUT = 1.0
 
@@ -64,7 +64,7 @@ class BrokerLink:
         first_messages: Sequence[MqttMessage] = (),
         last_messages: Sequence[MqttMessage] = (),
         connect: Connect | None = None,
-        flood: int = FLOOD,
+        flood: int = MAX_FLOOD,
     ) -> None:
         self._connect = connect or connector(access)
         self._subscriptions = list(subscriptions)
@@ -129,7 +129,7 @@ class BrokerLink:
     async def _serve(self) -> None:
         failures = 0
         while not self._ending.is_set():
-            pause = PAUSES[min(failures, len(PAUSES) - 1)] if failures < MANY_FAILURES else LONG_PAUSE
+            pause = DELAYS[min(failures, len(DELAYS) - 1)] if failures < MANY_FAILURES else LONG_PAUSE
             failures += 1
             try:
                 async with self._connect(self._last_messages[0] if self._last_messages else None) as client:
@@ -156,7 +156,7 @@ class BrokerLink:
         self._on_home_loop(self._on_connection, True, "")
         await _first_of(self._read(client), self._write(client), self._ending.wait())
         if self._ending.is_set():
-            for message in (*self._outbox.take(AT_A_TIME), *self._last_messages):
+            for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
                 await _send(client, message)
 
     def _report_lost(self, why: str) -> None:
@@ -172,12 +172,12 @@ class BrokerLink:
             count += 1
             if count > self._flood:
                 raise Flooded(f"it sent more than {self._flood} messages in a second")
-            payload = message.payload[: LARGEST + 1] if isinstance(message.payload, bytes) else b""
+            payload = message.payload[: MAX_MESSAGE_BYTES + 1] if isinstance(message.payload, bytes) else b""
             self._on_home_loop(self._on_message, Received(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
         while True:
-            messages = self._outbox.take(AT_A_TIME)
+            messages = self._outbox.take(MAX_IN_FLIGHT)
             if not messages:
                 await self._wake.wait()
                 self._wake.clear()

@@ -18,15 +18,15 @@ from gateway.app.gateway import Gateway
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.core.about import version
-from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.core.wire_log import MOUNT_SIDE, Entry, show
 from gateway.fleet.topics import MqttMessage, Topics
 
 #: Arrows of the wire log that are published, and the kinds of their events.
-KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
+EVENT_KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
 #: The maximum number of events at once, and per second after that; the maximum length of an event in characters.
-BURST, RATE, LONGEST = 20.0, 5.0, 500
+EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH = 20.0, 5.0, 500
 #: Key of the state -> name, unit, decimals that are shown.
-NUMBERS = {
+NUMBER_SENSORS = {
     "ra_hours": ("Right ascension", "h", 4),
     "dec_degrees": ("Declination", "°", 3),
     "altitude_degrees": ("Altitude", "°", 2),
@@ -34,7 +34,7 @@ NUMBERS = {
     "programs": ("Programs", None, 0),
 }
 #: Key of the state -> name, class.
-FLAGS = {
+BINARY_SENSORS = {
     "online": ("Mount answers", "connectivity"),
     "moving": ("Moving", "moving"),
     "tracking": ("Tracking", None),
@@ -76,34 +76,34 @@ class Events:
 
     def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish, self._clock = publish, clock
-        self._events_left, self._since, self._dropped = BURST, clock(), 0
+        self._events_left, self._since, self._dropped = EVENT_BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
         """Publish an entry of the wire log, if its kind is published."""
-        kind = KINDS.get(entry.arrow)
+        kind = EVENT_KINDS.get(entry.arrow)
         if kind is None:
             return
-        if entry.arrow == "!" and entry.side == MOUNT:
+        if entry.arrow == "!" and entry.side == MOUNT_SIDE:
             kind = "note"
         self.publish(kind, entry.side, entry.note)
 
     def publish(self, kind: str, who: str, text: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
-        self._events_left = min(BURST, self._events_left + max(0.0, now - self._since) * RATE)
+        self._events_left = min(EVENT_BURST, self._events_left + max(0.0, now - self._since) * EVENT_RATE)
         self._since = now
         if self._events_left < 1.0:
             self._dropped += 1
             return
         self._events_left -= 1.0
         if self._dropped:
-            self._send(now, "left out", MOUNT, f"{self._dropped} events, because there were too many")
+            self._send(now, "left out", MOUNT_SIDE, f"{self._dropped} events, because there were too many")
             self._dropped = 0
         self._send(now, kind, who, text)
 
     def _send(self, now: float, kind: str, who: str, text: str) -> None:
         time = datetime.fromtimestamp(now, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
-        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": text[:LONGEST]}
+        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": text[:MAX_TEXT_LENGTH]}
         self._publish(json.dumps(event).encode())
 
 
@@ -137,12 +137,12 @@ def _known(**values: Any) -> dict[str, Any]:
 
 def _readings() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "does", {"platform": "sensor", "name": "Does", "value_template": "{{ value_json.does }}"}
-    for key, (name, unit, decimals) in NUMBERS.items():
+    for key, (name, unit, decimals) in NUMBER_SENSORS.items():
         yield key, _known(
             platform="sensor", name=name, value_template=f"{{{{ value_json.{key} }}}}",
             suggested_display_precision=decimals, unit_of_measurement=unit,
         )  # fmt: skip
-    for key, (name, kind) in FLAGS.items():
+    for key, (name, kind) in BINARY_SENSORS.items():
         value = f"{{{{ 'ON' if value_json.{key} else 'OFF' }}}}"
         yield key, _known(platform="binary_sensor", name=name, device_class=kind, value_template=value)
 

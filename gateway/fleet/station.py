@@ -15,23 +15,23 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.config.checks import ALL
+from gateway.app.config.checks import ALL_GATEWAYS
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.core.about import version
 from gateway.core.requests import GotoRequest, HomeRequest, Named, ParkRequest, StopRequest, UnparkRequest
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import show
-from gateway.fleet.client import LARGEST, BrokerAccess, Connect
+from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.mount_messages import Events, discovery, state
-from gateway.fleet.topics import OFFLINE, ONLINE, UNNAMED, MqttMessage, Received, Topics, own_id
+from gateway.fleet.topics import DEFAULT_NAME, OFFLINE, ONLINE, MqttMessage, Received, Topics, own_id
 
-WHO = "mqtt"
+CLIENT = "mqtt"
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
-LONGEST, BETWEEN = 100, 0.25
+MAX_ORDER_LENGTH, STOP_PERIOD = 100, 0.25
 #: The orders without arguments, except stop.
-PLAIN: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
+PLAIN_ORDERS: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
     "park": ParkRequest,
     "wake": UnparkRequest,
     "home": HomeRequest,
@@ -60,7 +60,7 @@ class Orders:
 
     def take(self, payload: bytes, retained: bool, to: str) -> None:
         """Carry out or refuse an order; ``to`` is the mount's name, or ``all``."""
-        text = payload[: LONGEST + 1].decode("utf-8", "replace").strip()
+        text = payload[: MAX_ORDER_LENGTH + 1].decode("utf-8", "replace").strip()
         if not text and retained:
             return
         word, _, rest = text.partition(" ")
@@ -68,12 +68,12 @@ class Orders:
             self._refuse(text, "ignored because of its retain flag: publish orders without it")
         elif text == "stop":
             self._stop()
-        elif len(text) > LONGEST:
-            once = WHO if len(payload) > LARGEST else None
-            self._refuse(f"{text[:20]}…", f"no order is longer than {LONGEST} characters", once)
-        elif to == ALL:
+        elif len(text) > MAX_ORDER_LENGTH:
+            once = CLIENT if len(payload) > MAX_MESSAGE_BYTES else None
+            self._refuse(f"{text[:20]}…", f"no order is longer than {MAX_ORDER_LENGTH} characters", once)
+        elif to == ALL_GATEWAYS:
             self._refuse(text, "the only order for all mounts together is stop")
-        elif word not in (*PLAIN, GOTO) or (bool(rest) is not (word == GOTO)):
+        elif word not in (*PLAIN_ORDERS, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
         elif word not in self._allowed:
             self._refuse(text, f'the broker may not ask for this; orders = ["{word}"] under [mqtt] allows it')
@@ -91,11 +91,11 @@ class Orders:
         self._tasks.cancel()
 
     def _refuse(self, text: str, why: str, once_of: str | None = None) -> None:
-        self._gateway.wire_log.refused(WHO, f"{text}: {why}", once_of)
+        self._gateway.wire_log.refused(CLIENT, f"{text}: {why}", once_of)
 
     def _stop(self) -> None:
-        """Stop at once, or, after a recent stop, once more when ``BETWEEN`` seconds have passed since that."""
-        left = self._last_stop + BETWEEN - self._loop.time()
+        """Stop at once, or, after a recent stop, once more when ``STOP_PERIOD`` seconds have passed since that."""
+        left = self._last_stop + STOP_PERIOD - self._loop.time()
         if left <= 0:
             self._stop_now()
         elif self._later is None:
@@ -112,7 +112,7 @@ class Orders:
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
-            request = GotoRequest(Named(rest), who=WHO) if word == GOTO else PLAIN[word](who=WHO)
+            request = GotoRequest(Named(rest), who=CLIENT) if word == GOTO else PLAIN_ORDERS[word](who=CLIENT)
             answer = await self._gateway.request_handler.take(request)
         finally:
             self._busy = False
@@ -120,7 +120,7 @@ class Orders:
 
 
 #: The maximum number of other gateways that are answered.
-MOST = 100
+MAX_GATEWAYS = 100
 
 
 class BrokerPresence:
@@ -170,7 +170,7 @@ class BrokerPresence:
             f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: both obey only stop "
             f"until you change one of them (--mqtt-id)"
         )
-        if other not in self._answered and len(self._answered) < MOST:
+        if other not in self._answered and len(self._answered) < MAX_GATEWAYS:
             self._answered.add(other)
             self._publish(self._who)
             self._warn(self.conflict)
@@ -186,15 +186,15 @@ def _about(payload: bytes) -> tuple[str, str]:
 
 
 #: Seconds between two checks of the mounts for changes.
-EVERY_SECOND = 1.0
-OFF = "off"
+CHECK_PERIOD = 1.0
+OFF_WORD = "off"
 
 
 class _PublishedMount:
     """One mount, and its last published state."""
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
-        self.gateway, self.name = gateway, gateway.config.name or UNNAMED
+        self.gateway, self.name = gateway, gateway.config.name or DEFAULT_NAME
         self._station = station
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
@@ -204,7 +204,7 @@ class _PublishedMount:
         gateway.wire_log.sinks.append(self.events.put)
 
     def _report_result(self, kind: str, text: str) -> None:
-        self.events.publish(kind, WHO, text)
+        self.events.publish(kind, CLIENT, text)
 
     def update(self) -> None:
         """Queue the state for publishing if it has changed."""
@@ -216,7 +216,7 @@ class _PublishedMount:
         station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, newest=True))
         identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
-        if prefix != OFF and identity != self._identity:
+        if prefix != OFF_WORD and identity != self._identity:
             self._identity = identity
             station.link.put(discovery(prefix, station.topics, self.name, now, station.config.orders))
 
@@ -277,15 +277,15 @@ class Station:
                     mount.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
                 await asyncio.sleep(0)
             self.link.send()
-            await asyncio.sleep(EVERY_SECOND)
+            await asyncio.sleep(CHECK_PERIOD)
 
     def _on_message(self, received: Received) -> None:
         if self.presence.receive(received):
             return
         to = [*self.topics.parts(received.topic), ""]
-        if to[0] == ALL:
+        if to[0] == ALL_GATEWAYS:
             for mount in self._mounts.values():
-                mount.orders.take(received.payload, received.retained, ALL)
+                mount.orders.take(received.payload, received.retained, ALL_GATEWAYS)
         elif (addressed := self._mounts.get(to[1])) is not None:
             addressed.orders.take(received.payload, received.retained, addressed.name)
 

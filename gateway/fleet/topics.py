@@ -13,14 +13,14 @@ from collections import deque
 
 from msgspec import Struct
 
-from gateway.app.config.checks import ALL
-from gateway.app.config.keys import WORD
+from gateway.app.config.checks import ALL_GATEWAYS
+from gateway.app.config.keys import NAME_PATTERN
 
 #: The name of a mount without a name.
-UNNAMED = "mount"
+DEFAULT_NAME = "mount"
 ONLINE, OFFLINE = b"online", b"offline"
 #: The maximum number of events stored while the broker is not connected; then the oldest are dropped.
-EVENTS = 200
+MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
@@ -58,7 +58,7 @@ class Topics(Struct, frozen=True):
     @property
     def everyone(self) -> str:
         """The topic of orders for all mounts on the broker."""
-        return f"{self.prefix}/{ALL}/command"
+        return f"{self.prefix}/{ALL_GATEWAYS}/command"
 
     def of(self, mount: str, what: str) -> str:
         """Return a topic of a mount: ``state``, ``event`` or ``command``."""
@@ -71,8 +71,8 @@ class Topics(Struct, frozen=True):
 
 def own_id() -> str:
     """Return the name of this computer, reduced to characters that are allowed in a topic."""
-    name = "-".join(re.findall(WORD, socket.gethostname())) or "gateway"
-    return f"{name}-computer" if name == ALL else name
+    name = "-".join(re.findall(NAME_PATTERN, socket.gethostname())) or "gateway"
+    return f"{name}-computer" if name == ALL_GATEWAYS else name
 
 
 class Outbox:
@@ -86,7 +86,7 @@ class Outbox:
         self._lock = threading.Lock()
         self._newest: dict[str, MqttMessage] = {}
         self._waiting: dict[str, None] = {}
-        self._events: deque[MqttMessage] = deque(maxlen=EVENTS)
+        self._events: deque[MqttMessage] = deque(maxlen=MAX_EVENTS)
 
     def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous state of its topic."""

@@ -14,9 +14,9 @@ import time
 from pathlib import Path
 
 #: The state of the kernel's clock, and the bit of its status, that mean "not synchronised" (linux/timex.h).
-_ERROR, _UNSYNCHRONISED = 5, 0x40
+_CLOCK_ERROR_STATE, _UNSYNCHRONISED_BIT = 5, 0x40
 #: Seconds between two questions to the kernel.
-_ASK_AGAIN = 60.0
+_QUESTION_PERIOD = 60.0
 
 
 class _Timex(ctypes.Structure):
@@ -44,7 +44,7 @@ def synchronised() -> bool | None:
         result = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
     except (OSError, AttributeError):
         return None
-    return None if result < 0 else not (result == _ERROR or state.status & _UNSYNCHRONISED)
+    return None if result < 0 else not (result == _CLOCK_ERROR_STATE or state.status & _UNSYNCHRONISED_BIT)
 
 
 class Kernel:
@@ -55,6 +55,6 @@ class Kernel:
         self._asked, self._lost = float("-inf"), False
 
     def __call__(self) -> bool:
-        if self._board and time.monotonic() - self._asked > _ASK_AGAIN:
+        if self._board and time.monotonic() - self._asked > _QUESTION_PERIOD:
             self._asked, self._lost = time.monotonic(), synchronised() is False
         return self._lost

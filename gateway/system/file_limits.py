@@ -15,7 +15,7 @@ except ImportError:  # Windows, which has no such limit
     resource = None  # type: ignore[assignment]
 
 #: Files reserved while the gateway serves; those it has open itself then, and more for each mount and surface.
-SPARE, OWN, EACH = 16, 24, 6
+RESERVED_FILES, GATEWAY_FILES, FILES_PER_MOUNT = 16, 24, 6
 
 
 def limit() -> int | None:
@@ -28,7 +28,7 @@ def limit() -> int | None:
 
 def raise_limit(programs: int, parts: int) -> str:
     """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if this fails."""
-    wanted = SPARE + OWN + EACH * parts + programs
+    wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * parts + programs
     most = limit()
     if most is None or most >= wanted:
         return ""
@@ -54,17 +54,17 @@ def no_room() -> str:
         return ""
     held: list[int] = []
     try:
-        for _ in range(SPARE):  # some microseconds; the only portable way to find out
+        for _ in range(RESERVED_FILES):  # some microseconds; the only portable way to find out
             held.append(os.open(os.devnull, os.O_RDONLY))
     except OSError:
         pass
     finally:
         for number in held:
             os.close(number)
-    if len(held) == SPARE and max(held) < most:
+    if len(held) == RESERVED_FILES and max(held) < most:
         return ""
     return (
-        f"this system lets mount-gateway have {most} files open at a time, and all but {SPARE}, which it needs "
-        "itself, are open; connect fewer programs, or allow more files: ulimit -n before it is started, "
+        f"this system lets mount-gateway have {most} files open at a time, and all but {RESERVED_FILES}, which it "
+        "needs itself, are open; connect fewer programs, or allow more files: ulimit -n before it is started, "
         "LimitNOFILE= in its systemd unit"
     )

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 #: The user's folders on Linux: platformdirs' name, the variable that overrides it, and the default below HOME.
 _ON_LINUX = {"user_state_path": ("XDG_STATE_HOME", ".local/state"), "user_cache_path": ("XDG_CACHE_HOME", ".cache")}
-NOT_PLAIN = "this is a pipe or a device, and a plain file is needed: name another one"
+NOT_PLAIN_FILE = "this is a pipe or a device, and a plain file is needed: name another one"
 
 
 def state_folder(configured: str | None = None) -> Path:
@@ -55,7 +55,7 @@ def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
         number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
     except OSError as error:
         if error.errno == errno.ENXIO:  # a pipe that nobody reads, or a socket
-            raise OSError(errno.EINVAL, NOT_PLAIN) from None
+            raise OSError(errno.EINVAL, NOT_PLAIN_FILE) from None
         raise
     kind = os.fstat(number).st_mode
     if stat.S_ISREG(kind):
@@ -63,7 +63,7 @@ def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
     os.close(number)
     if stat.S_ISDIR(kind):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
-    raise OSError(errno.EINVAL, NOT_PLAIN)
+    raise OSError(errno.EINVAL, NOT_PLAIN_FILE)
 
 
 def open_plain(path: Path) -> BinaryIO:

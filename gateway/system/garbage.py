@@ -9,15 +9,15 @@ from __future__ import annotations
 import gc
 
 #: New objects before a collection of each of the three generations: at the start, and Python's own values.
-AT_START, USUAL = (200_000, 10, 10), (700, 10, 10)
+START_THRESHOLDS, USUAL_THRESHOLDS = (200_000, 10, 10), (700, 10, 10)
 
 
 def collect_rarely() -> None:
     """Collect rarely from now on: the program starts."""
-    gc.set_threshold(*AT_START)
+    gc.set_threshold(*START_THRESHOLDS)
 
 
 def exclude_present_objects() -> None:
     """Exclude all present objects from collection. May be called again after more objects were created."""
     gc.freeze()
-    gc.set_threshold(*USUAL)
+    gc.set_threshold(*USUAL_THRESHOLDS)

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from msgspec import Struct
 
-PROC = Path("/proc")
+PROC_FOLDER = Path("/proc")
 #: The commands that serve mounts.
-SERVING = ("run", "demo")
+SERVING_COMMANDS = ("run", "demo")
 #: The state of a listening TCP socket in the kernel's table.
-LISTENS = "0A"
+LISTEN_STATE = "0A"
 
 
 class Process(Struct, frozen=True):
@@ -30,7 +30,7 @@ class Process(Struct, frozen=True):
 def gateways() -> list[Process]:
     """Return all gateways that are visible, except this process; none on systems without ``/proc``."""
     running = []
-    for entry in PROC.iterdir() if PROC.is_dir() else ():
+    for entry in PROC_FOLDER.iterdir() if PROC_FOLDER.is_dir() else ():
         if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_argv(int(entry.name))):
             try:
                 running.append(Process(int(entry.name), entry.stat().st_uid))
@@ -41,7 +41,7 @@ def gateways() -> list[Process]:
 
 def is_gateway(pid: int) -> bool:
     """Whether a process is a gateway; without ``/proc``, whether the process exists."""
-    if PROC.joinpath(str(os.getpid())).is_dir():
+    if PROC_FOLDER.joinpath(str(os.getpid())).is_dir():
         return pid == os.getpid() or serves(_argv(pid))
     return os.name == "posix" and exists(pid)
 
@@ -62,7 +62,7 @@ def exists(pid: int) -> bool:
 def suspended(pid: int) -> bool:
     """Whether a process is suspended, by Ctrl-Z for example; False if the system does not tell."""
     try:
-        state = PROC.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]
+        state = PROC_FOLDER.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]
     except OSError:
         return False
     return state in ([b"T"], [b"t"])
@@ -71,8 +71,8 @@ def suspended(pid: int) -> bool:
 def age(pid: int) -> float:
     """Return for how many seconds a process has run; 0 if the system does not tell."""
     try:
-        ticks = int(PROC.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[19])
-        return float((PROC / "uptime").read_text().split()[0]) - ticks / os.sysconf("SC_CLK_TCK")
+        ticks = int(PROC_FOLDER.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[19])
+        return float((PROC_FOLDER / "uptime").read_text().split()[0]) - ticks / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError):
         return 0.0
 
@@ -80,7 +80,7 @@ def age(pid: int) -> float:
 def _argv(pid: int) -> list[str]:
     """Return the command line of a process; empty if it has ended or is hidden."""
     try:
-        return PROC.joinpath(str(pid), "cmdline").read_bytes().decode(errors="replace").split("\0")
+        return PROC_FOLDER.joinpath(str(pid), "cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return []
 
@@ -93,11 +93,11 @@ def serves(argv: list[str]) -> bool:
     for index, argument in enumerate(argv[:-1]):
         module = index > 0 and argv[index - 1 : index + 1] == ["-m", "gateway"]
         if module or os.path.basename(argument) == "mount-gateway" or argument.endswith("gateway/__main__.py"):
-            return argv[index + 1] in SERVING
+            return argv[index + 1] in SERVING_COMMANDS
     return False
 
 
-def listeners(ports: Collection[int], proc: Path = PROC) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
+def listeners(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
     """Yield each of these TCP ports on which a process listens, with its id and name if this user may see them."""
     sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
     owners = dict(openers([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
@@ -111,11 +111,11 @@ def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
         with contextlib.suppress(OSError):
             for line in (proc / "net" / name).read_text().splitlines()[1:]:
                 columns = line.split()
-                if len(columns) > 9 and columns[3] == LISTENS:
+                if len(columns) > 9 and columns[3] == LISTEN_STATE:
                     yield columns[9], int(columns[1].rpartition(":")[2], 16)
 
 
-def openers(targets: Collection[str], proc: Path = PROC) -> Iterator[tuple[str, tuple[int, str]]]:
+def openers(targets: Collection[str], proc: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
     """Yield each of these files or sockets with the id and name of a process that has it open, if it may be seen."""
     for process in proc.glob("[0-9]*"):
         with contextlib.suppress(OSError):

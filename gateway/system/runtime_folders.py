@@ -18,17 +18,17 @@ from pathlib import Path
 from gateway.system.files import state_folder
 
 #: The name of the folders, and of the folder in the state folder.
-NAME, FALLBACK = "mount-gateway", "run"
+FOLDER_NAME, FALLBACK_FOLDER_NAME = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
-SESSIONS = Path("/run/user")
+SESSIONS_FOLDER = Path("/run/user")
 
 
 def folders() -> tuple[list[Path], list[str]]:
     """Return the usable folders, and for every other folder why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
-    for folder in [*candidates(), state_folder() / FALLBACK]:
-        if folder.name == FALLBACK and usable:
+    for folder in [*candidates(), state_folder() / FALLBACK_FOLDER_NAME]:
+        if folder.name == FALLBACK_FOLDER_NAME and usable:
             break
         reason = _reason_unusable(folder)
         if reason:
@@ -42,8 +42,8 @@ def candidates() -> Iterator[Path]:
     """Yield the possible folders of this user."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if session and _owner(Path(session)) == user():
-        yield Path(session, NAME)
-    yield temporary() / (NAME if user() is None else f"{NAME}-{user()}")
+        yield Path(session, FOLDER_NAME)
+    yield temporary() / (FOLDER_NAME if user() is None else f"{FOLDER_NAME}-{user()}")
 
 
 def temporary() -> Path:
@@ -66,7 +66,7 @@ def folders_of_others() -> list[tuple[Path, int]]:
     """Return the folders of all other users with the users' ids; empty unless this user is root."""
     if user() != 0:
         return []
-    present = [*temporary().glob(f"{NAME}-*"), *SESSIONS.glob(f"*/{NAME}")]
+    present = [*temporary().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
     owned = [(folder, _owner(folder)) for folder in sorted(present)]
     return [(folder, owner) for folder, owner in owned if owner]
 
@@ -101,7 +101,7 @@ def _owner(folder: Path) -> int | None:
 def _reason_unusable(folder: Path) -> str:
     """Create a folder if it is missing. Return why it cannot be used; empty if it can."""
     try:
-        if folder.name == FALLBACK:
+        if folder.name == FALLBACK_FOLDER_NAME:
             folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             os.mkdir(folder, 0o700)

@@ -20,9 +20,9 @@ from typing import TextIO
 #: The syslog levels that are used.
 ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
 #: Control characters except tab and line feed.
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: Character -> how it is written where it cannot be encoded; any other is a question mark.
-PLAIN = {
+PLAIN_FORMS = {
     "°": "d", "′": "'", "″": '"', "…": "...", "–": "-", "—": "-", "−": "-", "×": "x", "·": "-", "±": "+/-", "≤": "<=",
     "≥": ">=", "→": "->", "←": "<-", "“": '"', "”": '"', "‘": "'", "’": "'",
 }  # fmt: skip
@@ -61,7 +61,7 @@ def say(text: str) -> None:
 def _plain(error: UnicodeError) -> tuple[str, int]:
     """Return the plain form of characters that a stream cannot encode, and where to go on."""
     assert isinstance(error, UnicodeEncodeError)
-    return "".join(PLAIN.get(character, "?") for character in error.object[error.start : error.end]), error.end
+    return "".join(PLAIN_FORMS.get(character, "?") for character in error.object[error.start : error.end]), error.end
 
 
 def replace_unencodable() -> None:
@@ -104,7 +104,7 @@ def message(text: str, number: int, stream: TextIO) -> str:
 
     Control characters are escaped, because parts of the text may come from a file or a command line.
     """
-    text = _CONTROL.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
+    text = _CONTROL_CHARACTERS.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
     return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"
 
 

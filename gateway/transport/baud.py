@@ -11,18 +11,18 @@ import math
 from collections.abc import Callable
 
 #: A start bit, eight bits of data and a stop bit.
-BITS = 10
+BITS_PER_BYTE = 10
 #: Bytes that may wait in a direction; more are lost, as on a port that is not read in time.
-MAX_BYTES = 65536
+MAX_WAITING_BYTES = 65536
 #: Seconds within which a command must be understood at the new rate.
-TRIAL = 5.0
+TRIAL_TIME = 5.0
 
 
 class SerialPace:
     """One direction of a line; ``deliver`` is called with bytes when they arrive at the other end."""
 
     def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
-        self._byte = BITS / baud
+        self._byte = BITS_PER_BYTE / baud
         self._deliver = deliver
         self._waiting = bytearray()
         self._timer: asyncio.TimerHandle | None = None
@@ -30,7 +30,7 @@ class SerialPace:
 
     def send(self, data: bytes) -> None:
         """Put bytes on the line, after the bytes that are still on it."""
-        self._waiting += data[: MAX_BYTES - len(self._waiting)]
+        self._waiting += data[: MAX_WAITING_BYTES - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()
             self._due = loop.time() + self._byte
@@ -75,7 +75,7 @@ class BaudTrial:
         previous = self._change(baud)
         self._previous = previous if self._previous is None else self._previous
         self.end()
-        self._timer = asyncio.get_running_loop().call_later(TRIAL, self._restore)
+        self._timer = asyncio.get_running_loop().call_later(TRIAL_TIME, self._restore)
 
     def understood(self) -> None:
         """A command was understood: keep the rate."""
@@ -104,13 +104,13 @@ def misread(data: bytes, sent: int, read: int) -> bytes:
         return data
     wire = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
     width = sent / read  # length of the receiver's bits, in bits of the sender
-    wire += [1] * (1 + int(BITS * width))  # idle after the last byte
+    wire += [1] * (1 + int(BITS_PER_BYTE * width))  # idle after the last byte
     received = bytearray()
     at = 0.0
     while (start := _fall(wire, at)) is not None:
         samples = [wire[int(start + (bit + 0.5) * width)] for bit in range(1, 9)]
         received.append(sum(level << place for place, level in enumerate(samples)))
-        at = start + (BITS - 0.5) * width
+        at = start + (BITS_PER_BYTE - 0.5) * width
     return bytes(received)
 
 

@@ -14,9 +14,9 @@ from gateway.system.locks import Claim, LockHeld
 from gateway.system.runtime_folders import user, user_name
 
 #: Folders of pseudo-terminals, on Linux and on macOS.
-TERMINALS = ("/dev/pts/", "/dev/ttys")
+TERMINAL_PREFIXES = ("/dev/pts/", "/dev/ttys")
 #: Groups that may use serial ports: Debian's, and that of Arch and the BSDs.
-GROUPS = ("dialout", "uucp")
+SERIAL_PORT_GROUPS = ("dialout", "uucp")
 
 
 class DeviceLink:
@@ -33,7 +33,7 @@ class DeviceLink:
     def check(self) -> None:
         """Raises UserError if the name belongs to another program."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
-        if os.path.exists(self.path) and not old.startswith(TERMINALS):
+        if os.path.exists(self.path) and not old.startswith(TERMINAL_PREFIXES):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
             raise UserError(
                 f"cannot make {self.path}: there is {what} of that name already: remove it, or choose another name"
@@ -95,7 +95,7 @@ def like_a_serial_port(device: str) -> None:
 
     with contextlib.suppress(OSError):
         os.chmod(device, 0o660)
-    for group in GROUPS:
+    for group in SERIAL_PORT_GROUPS:
         with contextlib.suppress(KeyError, OSError):
             os.chown(device, -1, grp.getgrnam(group).gr_gid)
             return

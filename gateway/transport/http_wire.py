@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from gateway.transport.wires import OnData, OnLost
 
 #: Seconds until a connection must be open, until the first answer, and until a request is given up.
-CONNECT, FIRST, LONGEST = 4.0, 6.0, 120.0
+CONNECT_TIMEOUT, FIRST_ANSWER_TIMEOUT, ANSWER_TIMEOUT = 4.0, 6.0, 120.0
 #: Seconds that an idle connection stays open, and the attempts of a read whose connection was closed.
-KEPT, ASKED = 60.0, 5
+IDLE_TIME, READ_ATTEMPTS = 60.0, 5
 #: Seconds between repetitions of a stop that has overtaken an order; and after it, in which it is repeated although no
 #: answer comes: if that is lost for good, it would end other programs' motions as well.
-AGAIN, REPEATED = 0.5, 15.0
+RETRY_DELAY, REPEAT_TIMEOUT = 0.5, 15.0
 #: Seconds in which a server answers beside an idle connection, unless it serves one at a time.
-BESIDE = 1.0
+PARALLEL_ANSWER_TIME = 1.0
 
 
 class HttpRequest(NamedTuple):
@@ -92,13 +92,13 @@ class HttpWire:
         """Ask the server its first questions. Raises OSError with a readable reason."""
         import aiohttp
 
-        connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=KEPT)  # a stop must not wait for a connection
+        connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=IDLE_TIME)  # a stop must not wait for a connection
         session = aiohttp.ClientSession(
-            connector=connector, timeout=aiohttp.ClientTimeout(total=LONGEST, sock_connect=CONNECT)
+            connector=connector, timeout=aiohttp.ClientTimeout(total=ANSWER_TIMEOUT, sock_connect=CONNECT_TIMEOUT)
         )
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
         try:
-            async with asyncio.timeout(FIRST):
+            async with asyncio.timeout(FIRST_ANSWER_TIMEOUT):
                 for request in self._dialect.first:
                     self._dialect.opened(request, *await self._ask(session, request))
                 address, beside = await self._reach()
@@ -120,7 +120,7 @@ class HttpWire:
         asking.write(request_bytes(self._server, self._dialect.first[0]))
         answers = False
         with contextlib.suppress(TimeoutError, ConnectionError):
-            async with asyncio.timeout(BESIDE):
+            async with asyncio.timeout(PARALLEL_ANSWER_TIME):
                 answers = bool(await reader.read(1))
         address = idle.get_extra_info("peername")
         for connection in (idle, asking):
@@ -141,7 +141,7 @@ class HttpWire:
             self._stops.clear()
             self._orders.add(task)
         elif request.moves is False:
-            self._stops[data], self._repeat_until = request, loop.time() + REPEATED
+            self._stops[data], self._repeat_until = request, loop.time() + REPEAT_TIMEOUT
             if self._orders and (self._stopping is None or self._stopping.done()):
                 self._stopping = loop.create_task(self._stop_again(self._session))
         self._tasks.add(task)
@@ -153,7 +153,7 @@ class HttpWire:
         each answer."""
         overtaken, now = set(self._orders), asyncio.get_running_loop().time
         while overtaken:
-            ended, _ = await asyncio.wait(overtaken, timeout=AGAIN)
+            ended, _ = await asyncio.wait(overtaken, timeout=RETRY_DELAY)
             unanswered = set(self._orders)
             if now() < self._repeat_until or any(order.result() for order in ended):
                 await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
@@ -165,7 +165,7 @@ class HttpWire:
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
         try:
-            for left in reversed(range(ASKED if request.method == "GET" or request.moves is False else 1)):
+            for left in reversed(range(READ_ATTEMPTS if request.method == "GET" or request.moves is False else 1)):
                 try:
                     answer = await self._ask(session, request)
                     break

@@ -13,11 +13,11 @@ from gateway.core.errors import UserError
 from gateway.system import processes
 
 #: Connections that may wait to be accepted: clients that open a connection per command arrive in bursts.
-BACKLOG = 512
+ACCEPT_BACKLOG = 512
 #: Schemes of addresses at which clients connect over the network.
-LISTENING = ("tcp://", "rfc2217://")
+NETWORK_SCHEMES = ("tcp://", "rfc2217://")
 #: Instead of an address: an existing web server serves the requests.
-SERVED = "web"
+WEB_SERVED = "web"
 
 
 async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: int = 0) -> tuple[asyncio.Server, str]:
@@ -46,11 +46,11 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: i
 async def _server(host: str, port: int, make: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
     loop = asyncio.get_running_loop()
     if host != "::":
-        return await loop.create_server(make, host, port, backlog=BACKLOG)
+        return await loop.create_server(make, host, port, backlog=ACCEPT_BACKLOG)
     both = socket.create_server(
-        (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
+        (host, port), family=socket.AF_INET6, backlog=ACCEPT_BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
     )
-    return await loop.create_server(make, sock=both, backlog=BACKLOG)
+    return await loop.create_server(make, sock=both, backlog=ACCEPT_BACKLOG)
 
 
 def _reason(error: OSError, host: str, port: int) -> str:

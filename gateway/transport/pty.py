@@ -25,7 +25,7 @@ from gateway.transport.handler import Accept, Connected, ConnectionHandler
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
 #: Bytes of a read, and reads before other connections get their turn.
-CHUNK, READS = 4096, 8
+CHUNK_BYTES, READS_PER_TURN = 4096, 8
 
 
 class PtyPort:
@@ -69,9 +69,9 @@ class PtyPort:
     def _read(self) -> None:
         """Read everything that is available, and notice that the last program has closed its end."""
         pair = self._pair
-        for _ in range(READS):
+        for _ in range(READS_PER_TURN):
             try:
-                data = os.read(pair.master, CHUNK)
+                data = os.read(pair.master, CHUNK_BYTES)
             except BlockingIOError:
                 return
             except OSError:
@@ -165,7 +165,7 @@ class _Pair:
         rest = b""
         while True:
             try:
-                rest += os.read(self.master, CHUNK)
+                rest += os.read(self.master, CHUNK_BYTES)
             except OSError:
                 return rest
 

@@ -23,7 +23,7 @@ IAC = b"\xff"
 #: IAC followed by any of these begins Telnet: WILL, WONT, DO, DONT.
 NEGOTIATION = frozenset(b"\xfb\xfc\xfd\xfe")
 #: The longest valid subnegotiation has 6 bytes, or a signature; anything longer is dropped.
-MAX_BYTES = 256
+MAX_SUBNEGOTIATION_BYTES = 256
 
 
 class NullSerialPort:
@@ -42,7 +42,7 @@ class NullSerialPort:
 
 
 #: pyserial's types require a real port; any object with its interface works.
-_server: Callable[[Any, Any], PortManager] = PortManager
+_port_manager: Callable[[Any, Any], PortManager] = PortManager
 
 
 class _TelnetFilter:
@@ -83,7 +83,7 @@ class _TelnetFilter:
                 self._held_iac = IAC
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
-                self._telnet = _server(NullSerialPort(), self)
+                self._telnet = _port_manager(NullSerialPort(), self)
                 return data[:at] + self._filtered(data[at:])
             at = data.find(IAC, at + 1)
         return data
@@ -97,7 +97,7 @@ class _TelnetFilter:
                 plain += b"".join(telnet.filter(bytes([number])))
             except (KeyError, TypeError, struct.error):  # invalid values, or too few bytes
                 telnet.suboption, telnet.mode = None, M_NORMAL
-            if telnet.suboption is not None and len(telnet.suboption) > MAX_BYTES:
+            if telnet.suboption is not None and len(telnet.suboption) > MAX_SUBNEGOTIATION_BYTES:
                 telnet.suboption = None
         return plain
 

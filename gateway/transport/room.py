@@ -12,7 +12,7 @@ from ipaddress import ip_address
 from gateway.system.own_names import plain_address
 
 #: Places for an address that has none.
-KEPT = 2
+RESERVED_PLACES = 2
 
 
 class Room:
@@ -26,7 +26,7 @@ class Room:
         """Take a place for this host, and return whether any was free."""
         address, free = plain_address(host), self._most - self._taken.total()
         has = self._taken[address]
-        if has >= share(address, self._most) or free <= (KEPT if has else 0):
+        if has >= share(address, self._most) or free <= (RESERVED_PLACES if has else 0):
             return False
         self._taken[address] += 1
         return True

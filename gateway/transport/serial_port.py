@@ -13,7 +13,7 @@ from gateway.transport.wires import SerialTransport
 #: Seconds between two attempts to open a lost port.
 RETRY_AFTER = 1.0
 #: What to do about a port for programs that does not exist.
-PAIR = (
+MISSING_PORT_ADVICE = (
     "; a program opens one end of a pair of ports and the gateway the other: make the pair first. On Linux and "
     "macOS, pty:/tmp/port makes both"
 )
@@ -37,7 +37,7 @@ class SerialPort:
         try:
             await self._wire.open(self._handler.feed, self._lost)
         except OSError as error:
-            advice = PAIR if error.errno == errno.ENOENT and "://" not in url else ""
+            advice = MISSING_PORT_ADVICE if error.errno == errno.ENOENT and "://" not in url else ""
             raise UserError(f"cannot open {url}: {error.strerror or error}{advice}") from None
         return self
 

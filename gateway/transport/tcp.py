@@ -15,16 +15,16 @@ import time
 from typing import cast
 
 from gateway.transport.handler import Accept, Connected, ConnectionHandler, ConnectionRefused, Taker
-from gateway.transport.listening import LISTENING, in_brackets, listen, split_address
+from gateway.transport.listening import NETWORK_SCHEMES, in_brackets, listen, split_address
 
 #: Bytes of a read: about a hundred commands, half a second of a serial line, two milliseconds of work.
-SHARE = 512
+READ_BYTES = 512
 #: Seconds for which a connection is not read after a whole share, and at least so many times the seconds that it took.
-PAUSE, OTHERS = 0.05, 4.0
+READ_PAUSE, PAUSE_FACTOR = 0.05, 4.0
 #: Bytes of unread replies after which a connection is closed.
-SLOW_READER = 65536
+MAX_UNREAD_BYTES = 65536
 #: Seconds that a client gets to read the last bytes before the connection is closed.
-LINGER = 2.0
+LINGER_TIME = 2.0
 #: Seconds between two checks whether all commands of a client that sends no more were answered.
 CHECK_EVERY = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
@@ -37,7 +37,7 @@ class _Connection(asyncio.BufferedProtocol):
         self._port = port
         self._handler: ConnectionHandler | None = None
         self._transport: asyncio.Transport | None = None
-        self._buffer = bytearray(SHARE)
+        self._buffer = bytearray(READ_BYTES)
         self._view = memoryview(self._buffer)
         #: While bytes are processed: the replies to them, which are sent together.
         self._replies: list[bytes] | None = None
@@ -45,7 +45,7 @@ class _Connection(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
         self._transport = stream
-        stream.set_write_buffer_limits(high=SLOW_READER)
+        stream.set_write_buffer_limits(high=MAX_UNREAD_BYTES)
         _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         host = str(peer[0])
@@ -63,9 +63,9 @@ class _Connection(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         began = time.perf_counter()
         self._process(bytes(self._view[:nbytes]))
-        if nbytes == SHARE and self._transport is not None and not self._transport.is_closing():
+        if nbytes == READ_BYTES and self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
-            pause = max(PAUSE, OTHERS * (time.perf_counter() - began))
+            pause = max(READ_PAUSE, PAUSE_FACTOR * (time.perf_counter() - began))
             asyncio.get_running_loop().call_later(pause, self._continue)
 
     def _process(self, data: bytes) -> None:
@@ -121,7 +121,7 @@ class _Connection(asyncio.BufferedProtocol):
             self._write(last)
         self._close_handler()
         loop.call_soon(self._send_eof)  # after the replies to the bytes being processed
-        loop.call_later(LINGER, self.abort)
+        loop.call_later(LINGER_TIME, self.abort)
 
     def _hand_over(self, take: Taker) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
@@ -193,7 +193,7 @@ class TcpPort:
 
 def exposed(where: str) -> bool:
     """Whether the real address of a port, ``SCHEME://HOST:PORT``, can be reached from other computers."""
-    if not where.startswith(LISTENING):
+    if not where.startswith(NETWORK_SCHEMES):
         return False
     try:
         return not ipaddress.ip_address(split_address(where)[0]).is_loopback

@@ -1,9 +1,9 @@
 """The web server of a process, for connections of its own ports and those that other ports hand over.
 
 It is loaded when its first byte arrives, because loading takes a quarter of a second, which would delay every start. A
-connection whose request is not complete ``WHOLE`` seconds after its first byte, or that sends none, ends; so does a
-connection that is idle for ``IDLE`` seconds. ``room.py`` shares out the places; a client without a place gets a
-refusal.
+connection whose request is not complete ``REQUEST_TIMEOUT`` seconds after its first byte, or that sends none, ends;
+so does a connection that is idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` shares out the places; a client without a
+place gets a refusal.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from msgspec import Struct
 from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room
 from gateway.transport.handler import Accept
-from gateway.transport.listening import SERVED, listen
+from gateway.transport.listening import WEB_SERVED, listen
 from gateway.transport.room import Room
 
 #: Connections at a time. Seconds: a request must arrive within, a connection may be idle, the last answers may take.
-MOST, WHOLE, IDLE, END = 256, 10.0, 60.0, 0.5
+MAX_CONNECTIONS, REQUEST_TIMEOUT, IDLE_TIMEOUT, CLOSE_TIMEOUT = 256, 10.0, 60.0, 0.5
 #: Bytes that a connection may send before the server is loaded: no legitimate request is longer.
-MAX_BYTES = 16384
+MAX_EARLY_BYTES = 16384
 
-NONE = (
+NO_PAGE_RESPONSE = (
     "404 Not Found",
     "There is no console here: mount-gateway was started without one (--no-console).\n"
     "Telescope programs can use this port.\n",
 )
-BUSY = (
+BUSY_RESPONSE = (
     "503 Service Unavailable",
     "mount-gateway is starting, or has too many connections. Load this page again in a moment.\n",
 )
@@ -40,7 +40,7 @@ BUSY = (
 class WebPort:
     """A port of the web server; without ``server``, a port that only receives connections from other ports."""
 
-    def __init__(self, where: str = SERVED, server: asyncio.Server | None = None) -> None:
+    def __init__(self, where: str = WEB_SERVED, server: asyncio.Server | None = None) -> None:
         self.where, self._server = where, server
 
     async def close(self) -> None:
@@ -57,7 +57,7 @@ class WebServer:
         self._loading: asyncio.Task[None] | None = None
         self._runner: Any = None
         self._ports: list[WebPort] = []
-        self.room = Room(MOST)
+        self.room = Room(MAX_CONNECTIONS)
         #: The address of the console, if it has a port of its own.
         self.where = ""
 
@@ -91,7 +91,12 @@ class WebServer:
 
         app.middlewares.insert(0, web.middleware(_whole))
         runner = web.AppRunner(
-            app, access_log=None, handle_signals=False, shutdown_timeout=END, keepalive_timeout=IDLE, logger=web_log()
+            app,
+            access_log=None,
+            handle_signals=False,
+            shutdown_timeout=CLOSE_TIMEOUT,
+            keepalive_timeout=IDLE_TIMEOUT,
+            logger=web_log(),
         )
         await runner.setup()
         self._runner = runner
@@ -129,7 +134,7 @@ class HttpConnection(asyncio.Protocol):
         self._transport = cast(asyncio.Transport, transport)
         host = str((transport.get_extra_info("peername") or ("?", 0))[0])
         if no_room() or not self._server.room.enter(host):
-            self._refuse(BUSY)
+            self._refuse(BUSY_RESPONSE)
             return
         self._host = host
         self._expect()
@@ -143,8 +148,8 @@ class HttpConnection(asyncio.Protocol):
             first, self._sent = not self._sent, self._sent + data
             if first:
                 self._server.loading().add_done_callback(self._loaded)
-            if len(self._sent) > MAX_BYTES:
-                self._refuse(BUSY)
+            if len(self._sent) > MAX_EARLY_BYTES:
+                self._refuse(BUSY_RESPONSE)
 
     def _loaded(self, loading: asyncio.Task[None]) -> None:
         if self._host is None:
@@ -153,18 +158,18 @@ class HttpConnection(asyncio.Protocol):
             loading.result()  # the log shows our own faults, and this connection ends in a while
         inner = self._inner = self._server.handler()
         if inner is None:
-            self._refuse(NONE)
+            self._refuse(NO_PAGE_RESPONSE)
         else:
             inner.connection_made(self._transport)
             inner.data_received(self._sent)
 
     def _expect(self) -> None:
         """A request begins."""
-        self._deadline = asyncio.get_running_loop().call_later(WHOLE, self._deadline_passed)
+        self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._deadline_passed)
 
     def _deadline_passed(self) -> None:
         if self._inner is None and self._sent:
-            self._refuse(BUSY)
+            self._refuse(BUSY_RESPONSE)
         else:
             self._transport.abort()
 

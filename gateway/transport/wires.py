@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from serial import Serial
 
 #: The baud rate of hand controls and telescopes at power-on.
-BAUD = 9600
+DEFAULT_BAUD = 9600
 
 #: The group that may use serial ports on most systems.
 USUAL_GROUP = "dialout"
@@ -30,11 +30,11 @@ USUAL_GROUP = "dialout"
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
 #: Seconds that a read waits, and bytes read from a socket at a time.
-TIMEOUT, CHUNK = 0.25, 4096
+READ_TIMEOUT, CHUNK_BYTES = 0.25, 4096
 
 
 #: Why a port cannot be opened: (system error numbers, part of pyserial's message, error number here, message here).
-_REASONS = (
+_OPEN_FAILURES = (
     ((errno.ENOENT,), "No such file", errno.ENOENT, "no such port"),
     ((errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK), "lock", errno.EBUSY, "the port is in use by another program"),
     ((errno.EACCES,), "Permission denied", errno.EACCES, "permission denied; {who}"),
@@ -70,7 +70,7 @@ class SerialTransport:
     ``spy://`` …
     """
 
-    def __init__(self, url: str, baud: int = BAUD, watcher: DescriptorWatcher | None = None) -> None:
+    def __init__(self, url: str, baud: int = DEFAULT_BAUD, watcher: DescriptorWatcher | None = None) -> None:
         self.name, self.baud, self._watcher = url, baud, watcher
         self._port: Serial | None = None
         self._thread: threading.Thread | None = None
@@ -108,8 +108,8 @@ class SerialTransport:
             waiting = port.in_waiting
             return bytes(port.read(waiting)) if waiting else b""
         port.timeout = 0  # pyserial's socket reports 1 byte, however many there are
-        rest = port.read(CHUNK)
-        port.timeout = TIMEOUT
+        rest = port.read(CHUNK_BYTES)
+        port.timeout = READ_TIMEOUT
         return bytes(rest)
 
     def write(self, data: bytes) -> None:
@@ -187,7 +187,7 @@ def open_port(url: str, baud: int) -> Serial:
         # ser2net does not confirm DTR and RTS if the port has no such lines; no mount needs them
         opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=timeout, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=READ_TIMEOUT, write_timeout=timeout, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
@@ -196,7 +196,7 @@ def open_port(url: str, baud: int) -> Serial:
                 errno.ENOENT,
                 f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
             ) from None
-        for numbers, part, reason, message in _REASONS:
+        for numbers, part, reason, message in _OPEN_FAILURES:
             if number in numbers or part in text:
                 raise OSError(reason, message.format(who=_who_may_use(url))) from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:

@@ -71,7 +71,7 @@ def test_every_command_does_what_it_says(
 ) -> None:
     """In the order of the pages; first what serves, for one of them makes the recording that others read."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stop_command, "BETWEEN", 0.01)
+    monkeypatch.setattr(stop_command, "SEARCH_PERIOD", 0.01)
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "gateway.toml").write_text(FILE)
     (tmp_path / "bin").mkdir()

@@ -33,7 +33,7 @@ def test_it_runs_and_stops_this_program() -> None:
     assert lines(text, "ExecStart") == ['"/opt/a b/python" -m gateway run --wait --config "/etc/gate way.toml"']
     assert lines(text, "ExecStopPost") == ['"/opt/a b/python" -m gateway stop']
     assert lines(text, "Type") == ["notify"] and lines(text, "Restart") == ["on-failure"]
-    assert int(lines(text, "TimeoutStartSec")[0]) > keeper.LONGEST, "a site in minutes is translated first"
+    assert int(lines(text, "TimeoutStartSec")[0]) > keeper.TIMEOUT, "a site in minutes is translated first"
     assert lines(text, "User") == ["daemon"] and lines(text, "SupplementaryGroups") == ["uucp"]
     assert lines(text, "StateDirectory") == ["mount-gateway-east"]
     assert lines(text, "CacheDirectory") == ["mount-gateway"], "services share the almanac"

@@ -70,13 +70,13 @@ def test_its_gateway_lets_the_file_calculate_the_almanac(
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
     started.append(run := Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", by=[one]))
     assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(run.ready(), b":GR#"))
-    until, sky = time.monotonic() + keeper.LONGEST, "closed form"
+    until, sky = time.monotonic() + keeper.TIMEOUT, "closed form"
     while sky == "closed form" and time.monotonic() < until:
         status = subprocess.run([one, "status", "--json"], timeout=60, capture_output=True, text=True)
         [mount] = json.loads(status.stdout)
         sky = mount["sky"]
     assert run.end() == 0 and sky.startswith("almanac of "), run.said
-    assert stored().days_from(int(time.time() // DAY)) >= keeper.AHEAD - 1
+    assert stored().days_from(int(time.time() // DAY)) >= keeper.DAYS_PER_CALCULATION - 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the child of the file that unpacks itself is looked for in /proc")

@@ -29,7 +29,7 @@ LONGEST = 0.02
 
 def _save_on(directory: Path, first: int, report: int) -> None:
     """In the child: save one number after the other, and report those that are on the disk."""
-    store.PAUSE = 0.0
+    store.WRITE_PERIOD = 0.0
 
     async def program() -> None:
         kept = store.StateStore("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)

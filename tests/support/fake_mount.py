@@ -16,7 +16,7 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
-from gateway.clients.commands.turn import SAME_INSTANT
+from gateway.clients.commands.turn import COORDINATE_PAIR_WINDOW
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, SyncTooFar, Unsupported
@@ -176,7 +176,7 @@ class Talk:
                 try:
                     operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
                     at, answer = self._told.get(type(operation), (-1e9, None))
-                    if not (isinstance(wanted, ReuseLastReading) and self.now - at < SAME_INSTANT):
+                    if not (isinstance(wanted, ReuseLastReading) and self.now - at < COORDINATE_PAIR_WINDOW):
                         answer = self.mount.perform(operation)
                         self._told[type(operation)] = self.now, answer
                 except Fault as error:

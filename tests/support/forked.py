@@ -125,7 +125,7 @@ def load() -> None:
     from gateway.protocols.registry import pairs
     from gateway.protocols.wireformat.command_set import load as tables
 
-    keeper.AHEAD = 0
+    keeper.DAYS_PER_CALCULATION = 0
     for module in pkgutil.walk_packages(gateway.__path__, "gateway."):
         if module.name not in LEFT_OUT:
             importlib.import_module(module.name)

@@ -19,8 +19,8 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.turn import INBOX, MAX_REPLIES
-from gateway.core.wire_log import MOST, Entry
+from gateway.clients.commands.turn import MAX_CACHED_REPLIES, MAX_WAITING_COMMANDS
+from gateway.core.wire_log import MAX_NOTES_ONCE, Entry
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import made_with
@@ -112,12 +112,13 @@ class Judge:
         framer: Any = client.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
-            ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MAX_REPLIES),
-            ("framer", pending, 64),
+            ("inbox", len(client._inbox), MAX_WAITING_COMMANDS),
+            ("memo", len(client._cache._replies), MAX_CACHED_REPLIES), ("framer", pending, 64),
             ("kept", len(repr(client.session.client)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client.runner._sent), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.wire_log._logged), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
-            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.acceptor._saved_states), 200),
+            ("said", len(bridge.wire_log._logged), MAX_NOTES_ONCE),
+            ("tasks", len(bridge.controller.context.tasks), 600), ("line", len(bridge.controller.line.queue), 600),
+            ("hosts", len(bridge.acceptor._saved_states), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")

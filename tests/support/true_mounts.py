@@ -18,7 +18,7 @@ from gateway.astro.spherical import horizon_to_hour_angle
 from gateway.core import requests
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.guide import STAGES
-from gateway.diagnostics.prove.telescope import WHO
+from gateway.diagnostics.prove.telescope import CLIENT
 from gateway.protocols.wireformat.command_set import load
 from tests.support.prove_setup import Onlooker, Proven, run_calm
 
@@ -84,7 +84,7 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
         async with Proven(named, change=begin, **settings) as proven:
             await asyncio.sleep(SLEWS)
             if not tracks:
-                await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=WHO))
+                await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=CLIENT))
                 await asyncio.sleep(5.0)
             before, person, notes = proven.sim.tracking, Onlooker(), list[str]()
             proven.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))

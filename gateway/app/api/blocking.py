@@ -23,8 +23,8 @@ from gateway.core.errors import NoAnswer
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 #: Seconds between two looks for Ctrl-C, to which a wait without a limit is deaf on Windows.
-LOOK = 0.2
-CLOSED = "The gateway is closed."
+CTRL_C_CHECK_PERIOD = 0.2
+CLOSED_MESSAGE = "The gateway is closed."
 
 
 class Run(Protocol):
@@ -120,21 +120,21 @@ class _Thread(threading.Thread):
             self._get(self._opened)
         except NoAnswer:
             failure, self._failure = self._failure, None
-            raise failure or NoAnswer(CLOSED) from None
+            raise failure or NoAnswer(CLOSED_MESSAGE) from None
 
     def _get(self, queue: SimpleQueue[_T]) -> _T:
         """Wait for an item in such a way that Ctrl-C ends the wait on every system. Raises NoAnswer."""
         while not (self._is_over and queue.empty()):
             with contextlib.suppress(Empty):
-                return queue.get(timeout=LOOK)
-        raise NoAnswer(CLOSED)
+                return queue.get(timeout=CTRL_C_CHECK_PERIOD)
+        raise NoAnswer(CLOSED_MESSAGE)
 
     def result(self, begin: Callable[[], Coroutine[object, object, _T]]) -> _T:
         """Begin a coroutine on the thread, wait for it, and return its result. Raises what it raises."""
         if threading.current_thread() is self:
             raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
         if self._asked:
-            raise NoAnswer(CLOSED)
+            raise NoAnswer(CLOSED_MESSAGE)
         calling: list[asyncio.Task[_T]] = []
         answers = SimpleQueue[asyncio.Task[_T]]()
 
@@ -146,7 +146,7 @@ class _Thread(threading.Thread):
             self._call(start)
             return self._get(answers).result()
         except asyncio.CancelledError:  # another thread has left the block meanwhile
-            raise NoAnswer(CLOSED) from None
+            raise NoAnswer(CLOSED_MESSAGE) from None
         finally:
             self._call(lambda: [task.cancel() for task in calling])
 
@@ -162,7 +162,7 @@ class _Thread(threading.Thread):
             self._call(self._leave)
         while not self._is_over:
             with contextlib.suppress(Empty):
-                self._closed.get(timeout=LOOK)
+                self._closed.get(timeout=CTRL_C_CHECK_PERIOD)
         if first:  # not when Python takes itself apart, after the end of the program
             self.join()
             atexit.unregister(self.end)

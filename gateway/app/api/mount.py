@@ -14,7 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from gateway.app.control.operations import answer_of, checked, packed
-from gateway.app.discovery.served import CONSOLE
+from gateway.app.discovery.served import CONSOLE_PROTOCOL
 from gateway.app.status import State
 from gateway.core import errors, requests
 from gateway.core import operations as op
@@ -25,12 +25,12 @@ from gateway.core.operations import AnswerT
 #: Has a request carried out; the number is the seconds that it lasts itself.
 Send = Callable[[requests.Request, float], Awaitable[requests.Answer]]
 #: Seconds between two questions whether a motion has ended, and whether the mount has answered.
-LOOK, SOON = 0.25, 0.1
+PROGRESS_PERIOD, STATE_RETRY_PERIOD = 0.25, 0.1
 #: Seconds that a mount may take to identify itself, and without an answer of it after which its motion is not waited
 #: for any longer.
-FIND_MOUNT, LOST = 20.0, 10.0
+IDENTIFY_TIMEOUT, SILENCE_TIMEOUT = 20.0, 10.0
 #: What to look at if a mount is silent.
-SILENT = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
+CABLE_ADVICE = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
 
 
 class Mount:
@@ -51,7 +51,7 @@ class Mount:
 
     # --- what is known ------------------------------------------------------------------------------------------------
 
-    async def ready(self, seconds: float = FIND_MOUNT) -> None:
+    async def ready(self, seconds: float = IDENTIFY_TIMEOUT) -> None:
         """Wait until the mount has identified itself.
 
         Raises NoAnswer if it has not within ``seconds``, and UserError at once if its port cannot be opened.
@@ -62,15 +62,15 @@ class Mount:
             if state.unopened:
                 raise UserError(state.unopened)
             if now() >= end:
-                raise NoAnswer(f"{self.name} has not answered within {seconds:g} s. {SILENT}")
-            await asyncio.sleep(min(SOON, max(0.0, end - now())))
+                raise NoAnswer(f"{self.name} has not answered within {seconds:g} s. {CABLE_ADVICE}")
+            await asyncio.sleep(min(STATE_RETRY_PERIOD, max(0.0, end - now())))
 
     async def addresses(self) -> list[str]:
         """Return the surfaces as ``PROTOCOL:MODEL@WHERE``, each with the TCP port that was really opened."""
         return [
             f"{surface.name}@{surface.at}"
             for surface in (await self._state(fresh=False)).served
-            if surface.name != CONSOLE
+            if surface.name != CONSOLE_PROTOCOL
         ]
 
     async def status(self) -> State:
@@ -141,9 +141,9 @@ class Mount:
                         heard, gone = now(), ""
                     else:
                         gone = look.reason or "the mount does not answer"
-                    if now() - heard > LOST:
+                    if now() - heard > SILENCE_TIMEOUT:
                         raise NoAnswer(f"It is not known whether the motion goes on: {gone}.")
-                    await asyncio.sleep(LOOK)
+                    await asyncio.sleep(PROGRESS_PERIOD)
         except TimeoutError:
             ending = f", and it is not known whether it goes on: {gone}." if gone else "; it goes on."
             raise TimeoutError(f"The motion has not ended within {seconds:g} s{ending}") from None

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from gateway.app.api.mount import Mount
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.reach import ANSWERED, request, running_gateways
+from gateway.app.control.reach import ANSWER_TIMEOUT, request, running_gateways
 from gateway.app.watchdog.client import Watchdog, available
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
 #: Keys that only ``mount-gateway run`` honours -> what does it here.
-ONLY_RUN = {
+RUN_ONLY_KEYS = {
     "wait": "ready(seconds) waits for the mount",
     "record": "mount-gateway run --record FILE records; watch is called with every command and reply",
     "record_keep": "mount-gateway run --record FILE records; watch is called with every command and reply",
@@ -57,8 +57,8 @@ async def open_gateway(
     invalid setting and for a surface that cannot be opened; the mount's port is waited for in ``ready``. Leaving the
     block stops the mount and closes everything.
     """
-    for name in settings.keys() & ONLY_RUN:
-        raise UserError(f"open_gateway: {name} is not a setting of this function: {ONLY_RUN[name]}.")
+    for name in settings.keys() & RUN_ONLY_KEYS:
+        raise UserError(f"open_gateway: {name} is not a setting of this function: {RUN_ONLY_KEYS[name]}.")
     tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
         "surface": [
@@ -126,7 +126,7 @@ def connected(endpoint: ControlEndpoint) -> Mount:
     """Return the mount of a gateway by its control endpoint."""
 
     async def send(wish: requests.Request, duration: float) -> requests.Answer:
-        return await request(endpoint, wish, ANSWERED + duration)
+        return await request(endpoint, wish, ANSWER_TIMEOUT + duration)
 
     return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
 

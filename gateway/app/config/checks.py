@@ -18,12 +18,12 @@ from gateway.app.config.tables import Config
 from gateway.clients.access import AccessRules, Networks, networks
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols
-from gateway.transport.listening import LISTENING, split_address
+from gateway.transport.listening import NETWORK_SCHEMES, split_address
 from gateway.transport.tcp import exposed
 
 #: The name that stands for all gateways on a broker.
-ALL = "all"
-_EVERY_ADDRESS = ("0.0.0.0", "::")
+ALL_GATEWAYS = "all"
+_WILDCARDS = ("0.0.0.0", "::")
 
 
 class Mistake(NamedTuple):
@@ -90,7 +90,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
                 reason = f"{at}: {spec.title} is spoken over HTTP; write {spec.name}@tcp://127.0.0.1:{spec.usual_port}"
                 yield Mistake(place, reason)
                 continue
-            if place[0] == "surface" and where.startswith(LISTENING):
+            if place[0] == "surface" and where.startswith(NETWORK_SCHEMES):
                 split_address(where)
         except UserError as error:
             yield Mistake(place, str(error))
@@ -146,7 +146,7 @@ def _access(config: Config) -> Iterator[Mistake]:
             if not isinstance(value, list):
                 continue
             place: Place = ("surface", number, key)
-            if not parse_endpoint(surface.at).where.startswith(LISTENING):
+            if not parse_endpoint(surface.at).where.startswith(NETWORK_SCHEMES):
                 instead = "true or false" if key == "read-only" else "it on a surface at tcp://"
                 yield Mistake(place, f"this surface has no network connections; write {instead}")
                 continue
@@ -206,8 +206,8 @@ def _mqtt(config: Config) -> Iterator[Mistake]:
         return
     if mqtt.ca and not broker.tls:
         yield Mistake(("mqtt", "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
-    if mqtt.id == ALL:
-        yield Mistake(("mqtt", "id"), f"{ALL!r} means every gateway on the broker; write another name")
+    if mqtt.id == ALL_GATEWAYS:
+        yield Mistake(("mqtt", "id"), f"{ALL_GATEWAYS!r} means every gateway on the broker; write another name")
 
 
 def _used_twice(config: Config) -> Iterator[Mistake]:
@@ -225,7 +225,7 @@ def _used_twice(config: Config) -> Iterator[Mistake]:
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
     """Return the uniqueness key: (host, port) for listening endpoints, else (path or URL, '')."""
-    if listening and where.startswith(LISTENING):
+    if listening and where.startswith(NETWORK_SCHEMES):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"
     if "://" in where:
@@ -236,4 +236,4 @@ def _address(where: str, listening: bool) -> tuple[str, str]:
 def _overlap(address: tuple[str, str], other: tuple[str, str]) -> bool:
     if address[1] != other[1] or address[1] == "tcp 0":
         return False
-    return address[0] == other[0] or (address[1] != "" and (address[0] in _EVERY_ADDRESS or other[0] in _EVERY_ADDRESS))
+    return address[0] == other[0] or (address[1] != "" and (address[0] in _WILDCARDS or other[0] in _WILDCARDS))

@@ -23,7 +23,7 @@ from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
 from gateway.protocols.wireformat.command_set import load
 
 #: The row of names that leave the model open.
-OPEN = "any"
+OPEN_MODEL = "any"
 
 
 def resolve_name(text: str) -> str | None:
@@ -65,7 +65,7 @@ def _all_names() -> Mapping[str, str]:
     rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
         for model, names in names_by_model(protocol).items():
-            rows |= dict.fromkeys(names, protocol if model == OPEN else f"{protocol}:{model}")
+            rows |= dict.fromkeys(names, protocol if model == OPEN_MODEL else f"{protocol}:{model}")
     return rows | {protocol: protocol for protocol in PROTOCOLS}
 
 
@@ -94,10 +94,10 @@ def _normalised(word: str) -> str:
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
 #: The address of a mount that is reached over HTTP, with its number if it is not the first of its server.
-HTTP = re.compile(r"http://(?:[\w.-]+|\[[\w:]+\]):\d{1,5}(?:/\d{0,10})?")
+HTTP_ADDRESS = re.compile(r"http://(?:[\w.-]+|\[[\w:]+\]):\d{1,5}(?:/\d{0,10})?")
 #: The default ports of brokers, by scheme.
 BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
-BROKER = "write mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS"
+BROKER_URL_ADVICE = "write mqtt://HOST:PORT, or mqtts://HOST:PORT with TLS"
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -138,7 +138,7 @@ def _over_http(endpoint: Endpoint, of: str) -> Endpoint:
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
     if where.startswith("http") and (endpoint.protocol not in over or of == "surface"):
         raise UserError(f"{endpoint}: only a mount is reached over HTTP; write {over[0]}@http://HOST:PORT")
-    if endpoint.protocol in over and where != "sim" and not HTTP.fullmatch(where):
+    if endpoint.protocol in over and where != "sim" and not HTTP_ADDRESS.fullmatch(where):
         raise UserError(
             f"{endpoint}: such a mount is reached over HTTP; write {endpoint.protocol}@http://{meant}, "
             f"or http://{meant}/1 for the second mount of its server"
@@ -255,7 +255,7 @@ def parse_site(text: str) -> tuple[float, float]:
 
 
 #: A latitude or longitude as on maps: degrees, perhaps minutes and seconds, and a letter for the side.
-_ON_MAPS = re.compile(
+_MAP_COORDINATE = re.compile(
     r"""([+-]?)(\d+(?:\.\d+)?)\s*[°d:]?\s*(?:(?<=[°d:\s])(\d+(?:\.\d+)?)\s*['′m:]?\s*)?"""
     r"""(?:(?<=['′m:\s])(\d+(?:\.\d+)?)(?:s|\s*["″])?\s*)?([NSEW]?)"""
 )
@@ -273,7 +273,7 @@ def _angle(text: str, sides: str) -> float | None:
     """Return the degrees of an angle written as on maps, with one of two ``sides`` (the positive one first); None if it
     is not an angle.
     """
-    match = _ON_MAPS.fullmatch(text)
+    match = _MAP_COORDINATE.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None
     degrees, minutes, seconds = (float(match[number] or 0.0) for number in (2, 3, 4))
@@ -315,12 +315,12 @@ def parse_broker(text: str) -> Broker:
         parts = urlsplit(text)
         host, port, password = parts.hostname, parts.port, parts.password
     except ValueError:
-        raise UserError(f"not a broker's address: {BROKER}") from None
+        raise UserError(f"not a broker's address: {BROKER_URL_ADVICE}") from None
     if password is not None:
         raise UserError(
             "the address contains a password that others could see: put it into a file (password-file) or into the "
             "environment variable MOUNT_GATEWAY_MQTT_PASSWORD"
         )
     if parts.scheme not in BROKER_PORTS or not host or parts.path.strip("/") or parts.query or parts.fragment:
-        raise UserError(f"{text!r}: {BROKER}")
+        raise UserError(f"{text!r}: {BROKER_URL_ADVICE}")
     return Broker(host, port or BROKER_PORTS[parts.scheme], parts.scheme == "mqtts", parts.username or "")

@@ -25,8 +25,8 @@ def key(
 
 
 #: The characters of a name: no blank, no slash, no wildcard.
-WORD = r"[A-Za-z0-9_.-]+"
-Word = Annotated[str, Meta(pattern=f"^{WORD}$", title="a word of letters, digits and _ . -")]
+NAME_PATTERN = r"[A-Za-z0-9_.-]+"
+Word = Annotated[str, Meta(pattern=f"^{NAME_PATTERN}$", title="a word of letters, digits and _ . -")]
 Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]
 Host = Annotated[str, Meta(pattern=r"^[][A-Za-z0-9_.:-]+$", title="a host name or an address")]
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]

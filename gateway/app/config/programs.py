@@ -10,12 +10,12 @@ import msgspec
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint
 from gateway.app.config.keys import SurfaceConfig
-from gateway.clients.commands.unread import HOLD
+from gateway.clients.commands.unread import HOLD_TIME
 from gateway.core.errors import MappingError
 from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
-from gateway.transport.listening import LISTENING
+from gateway.transport.listening import NETWORK_SCHEMES
 
 #: The version of a hand control that programs take for the newest, because its version numbers start again from 1.
 NEWEST = (99,)
@@ -102,7 +102,7 @@ def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)
-    return HOLD if row is None else float("inf") if row.leaves_text else 0.0
+    return HOLD_TIME if row is None else float("inf") if row.leaves_text else 0.0
 
 
 def stops_arrows(protocol: str, program: str) -> bool:
@@ -118,7 +118,7 @@ def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     over unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
-    if surface.client != "auto" or not endpoint.where.startswith(LISTENING):
+    if surface.client != "auto" or not endpoint.where.startswith(NETWORK_SCHEMES):
         return {}
     return {
         row.first.encode("latin-1"): key

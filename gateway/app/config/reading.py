@@ -22,7 +22,7 @@ from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import plain_file
 
 #: Hints for messages of the parser, by how they begin: what the user may have meant.
-_HINTS = {
+_PARSER_HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
     "Expected newline": "; two numbers go into [ ], as in [48.1, 11.6]; a single one has a point: 10.5",
     **dict.fromkeys(
@@ -34,14 +34,14 @@ _HINTS = {
 }
 
 #: Typographic quotes, which word processors and web pages put in place of plain ones.
-_CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
+_CURLY_QUOTES = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
 
 #: Control characters are refused in every value, before anything is opened or shown: a NUL ends a path early, an
 #: escape sequence rewrites a terminal.
-_CONTROL = r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"
+_CONTROL_CHARACTERS = r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"
 
 #: Messages for texts that TOML allows and the parser cannot read.
-_BEYOND: dict[type[Exception], str] = {
+_UNREADABLE_TOML: dict[type[Exception], str] = {
     RecursionError: "this is nested too deep; no key here needs more than [ ] around a few values",
     ValueError: "this number has thousands of digits; no key here takes such a number",
 }
@@ -63,15 +63,15 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
-        hint = next((reason for start, reason in _HINTS.items() if error.msg.startswith(start)), "")
+        hint = next((reason for start, reason in _PARSER_HINTS.items() if error.msg.startswith(start)), "")
         line = text.split("\n")[error.lineno - 1]
         if "Expected newline" in error.msg and line[error.colno - 1 : error.colno] != ",":
             hint = ""
-        if set(line) & _CURLY:
+        if set(line) & _CURLY_QUOTES:
             hint = '; the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"'
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     except (RecursionError, ValueError) as error:
-        raise UserError(f"{path}:{_failing_line(text)}: {_BEYOND[type(error)]}") from None
+        raise UserError(f"{path}:{_failing_line(text)}: {_UNREADABLE_TOML[type(error)]}") from None
     source = Source(str(path), text, is_file=True)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
@@ -81,7 +81,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
 
 
 def _failing_line(text: str) -> int:
-    """Return the line, from 1, at which the parser fails on a text that TOML allows (``_BEYOND``)."""
+    """Return the line, from 1, at which the parser fails on a text that TOML allows (``_UNREADABLE_TOML``)."""
     lines = text.split("\n")
 
     def given_up(line: int) -> bool:
@@ -99,7 +99,7 @@ def _failing_line(text: str) -> int:
 def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
     """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
-        if not tables.isprintable() and (match := re.search(_CONTROL, tables)):
+        if not tables.isprintable() and (match := re.search(_CONTROL_CHARACTERS, tables)):
             yield Mistake(place, f"there is a control character (U+{ord(match.group()):04X}) in it; write it without")
     elif isinstance(tables, dict):
         for key, value in tables.items():

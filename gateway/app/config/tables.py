@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
 
-from gateway.app.config.keys import OFF, WORD, Host, MountConfig, Plain, SurfaceConfig, Word, key
+from gateway.app.config.keys import NAME_PATTERN, OFF, Host, MountConfig, Plain, SurfaceConfig, Word, key
 
 #: What MQTT topics may begin with: words separated by slashes.
-PARTS = rf"^{WORD}(/{WORD})*$"
-_Parts = Annotated[str, Meta(pattern=PARTS, title="words of letters, digits and _ . -, with / between")]
+TOPIC_PREFIX_PATTERN = rf"^{NAME_PATTERN}(/{NAME_PATTERN})*$"
+_Parts = Annotated[str, Meta(pattern=TOPIC_PREFIX_PATTERN, title="words of letters, digits and _ . -, with / between")]
 
 
 class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

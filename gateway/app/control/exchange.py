@@ -21,15 +21,15 @@ from msgspec import Struct
 
 from gateway.system.runtime_folders import user
 
-ENDING = ".control"
+ENDPOINT_SUFFIX = ".control"
 #: At most so many bytes of an endpoint file are read.
-LONGEST = 65536
+MAX_ENDPOINT_BYTES = 65536
 #: Characters in a part of an answer: 8 kB at most, because a datagram holds 9 kB on macOS.
-PART = 2000
+MAX_PART_CHARACTERS = 2000
 #: Confirms that a request was received and is being carried out.
-WAIT = "wait"
+WAIT_REPLY = "wait"
 #: Larger datagrams are ignored.
-LARGEST = 9216
+MAX_DATAGRAM = 9216
 
 
 class ControlEndpoint(Struct, frozen=True):
@@ -59,7 +59,7 @@ def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, C
     """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""
     endpoints = []
     for name in sorted(os.listdir(folder)):
-        if name.endswith(ENDING):
+        if name.endswith(ENDPOINT_SUFFIX):
             with contextlib.suppress(OSError, ValueError, RecursionError):  # msgspec's errors are ValueErrors
                 content = _content(folder / name, owner)
                 endpoints.append((folder / name, msgspec.json.decode(content, type=ControlEndpoint)))
@@ -73,7 +73,7 @@ def _content(path: Path, owner: int | None) -> bytes:
         status = os.fstat(number)
         if not stat.S_ISREG(status.st_mode) or (owner is not None and status.st_uid != owner):
             raise OSError("no file of this user's")
-        return file.read(LONGEST)
+        return file.read(MAX_ENDPOINT_BYTES)
 
 
 def is_listening(endpoint: ControlEndpoint) -> bool:
@@ -108,7 +108,7 @@ def seal(secret: str, number: str, text: str) -> bytes:
 def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
     """Return the number and the text of a datagram; None if it was not sealed with this secret."""
     given, _, sealed = data.decode("utf-8", "replace").partition(" ")
-    if len(data) > LARGEST or not hmac.compare_digest(given.encode(), _seal(secret, sealed).encode()):
+    if len(data) > MAX_DATAGRAM or not hmac.compare_digest(given.encode(), _seal(secret, sealed).encode()):
         return None
     number, _, text = sealed.partition(" ")
     return number, text
@@ -120,7 +120,7 @@ def _seal(secret: str, sealed: str) -> str:
 
 def parts(text: str) -> list[str]:
     """Split an answer into texts ``tell PLACE COUNT PART``, as many as it needs."""
-    pieces = [text[start : start + PART] for start in range(0, len(text), PART)] or [""]
+    pieces = [text[start : start + MAX_PART_CHARACTERS] for start in range(0, len(text), MAX_PART_CHARACTERS)] or [""]
     return [f"tell {place} {len(pieces)} {piece}" for place, piece in enumerate(pieces)]
 
 

@@ -19,7 +19,7 @@ from gateway.core.requests import Body, Spot, Where
 from gateway.system.own_commands import how_to_add
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
-RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
+TARGET_SYNTAX = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
 _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
                "hip": "HIP"}  # fmt: skip
 #: The highest number of the catalogues that are numbered from 1 without gaps.
@@ -137,7 +137,7 @@ def _named(text: str) -> tuple[str, CatalogObject]:
         raise UserError(
             f"there is no object {text!r}; did you mean {' or '.join(close)}?"
             if close
-            else f"{text!r} is not a place: {RIGHT}"
+            else f"{text!r} is not a place: {TARGET_SYNTAX}"
         )
     return entry.name, entry
 

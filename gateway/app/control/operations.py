@@ -21,7 +21,7 @@ from gateway.core.operations import AnswerT
 
 _S = TypeVar("_S", bound=Struct)
 #: Types of fields -> an example of their values.
-EXAMPLES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
+EXAMPLE_VALUES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
 
 
 def packed(operation: op.Operation[AnswerT], number: str) -> requests.OperationRequest:
@@ -82,7 +82,7 @@ def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
 def _right(kind: type[Struct], field: str) -> str:
     """Return the correct form for a field whose type programs often get wrong at first."""
     hint = str(kind.__annotations__.get(field, ""))
-    return next((f"; write op.{right}" for name, right in EXAMPLES.items() if name in hint), "")
+    return next((f"; write op.{right}" for name, right in EXAMPLE_VALUES.items() if name in hint), "")
 
 
 def _plain(value: object) -> object:

@@ -15,17 +15,17 @@ from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
 #: Who asks, in the log and as whoever has stopped the mount.
-WHO = "mount-gateway stop"
-STOPPED = Answer(DONE, "stopped")
+STOP_CLIENT = "mount-gateway stop"
+STOPPED_ANSWER = Answer(DONE, "stopped")
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
-ACKNOWLEDGED = 5.0
+STOP_ACK_TIMEOUT = 5.0
 #: Seconds for which the command waits for the answer.
-LONGEST = ACKNOWLEDGED + TIME_TO_REST + 2.0
+STOP_TIMEOUT = STOP_ACK_TIMEOUT + TIME_TO_REST + 2.0
 
 
 async def halt(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
     """Stop, hold or release the mount."""
-    who = request.who or WHO
+    who = request.who or STOP_CLIENT
     answer = await _answer(request, who, controller, store)
     controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.text}")
     return answer
@@ -45,31 +45,31 @@ async def _answer(request: StopOrHold, who: str, controller: MountController, st
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 
-async def stopped(controller: MountController, who: str = WHO) -> Answer:
+async def stopped(controller: MountController, who: str = STOP_CLIENT) -> Answer:
     """Stop the mount and watch it until it is at rest. ``who`` asks for it."""
     try:
-        async with asyncio.timeout(ACKNOWLEDGED):
+        async with asyncio.timeout(STOP_ACK_TIMEOUT):
             await controller.stop(who)
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
-            return STOPPED  # a hibernating mount is at rest, and does not answer
-        why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
+            return STOPPED_ANSWER  # a hibernating mount is at rest, and does not answer
+        why = controller.line.reason or str(fault) or f"no answer from the mount within {STOP_ACK_TIMEOUT:.0f} s"
         owed = "; the gateway sends the stop first as soon as the mount answers again" * controller.wanted.owed
         return Answer(FAILED, f"{why}{owed}")
     try:
         await come_to_rest(controller.context, controller.reader)
     except Fault as fault:
         return Answer(FAILED, str(fault))
-    return STOPPED
+    return STOPPED_ANSWER
 
 
 async def _on_disk(store: StateStore, *, held: bool) -> str:
     """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
-        async with asyncio.timeout(ACKNOWLEDGED):
+        async with asyncio.timeout(STOP_ACK_TIMEOUT):
             await store.in_thread(on_disk.hold_folder if held else on_disk.release_folder, store.directory)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
-        where = store.directory / on_disk.HOLD
+        where = store.directory / on_disk.HOLD_FILE
         why = explain_os_error(error) if error.strerror else "the disk does not answer"
         if held:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"

@@ -29,11 +29,11 @@ from gateway.system.files import state_folder
 from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
 
 #: Seconds until a request is sent again: a datagram may be lost.
-AGAIN = 0.5
+RESEND_PERIOD = 0.5
 #: Seconds within which a healthy gateway has confirmed that it received the request.
-HEARD = 3.0
+RECEIPT_TIMEOUT = 3.0
 #: Timeout in seconds for the answer to a request, not counting the time that it lasts itself (``Move``).
-ANSWERED = 15.0
+ANSWER_TIMEOUT = 15.0
 
 
 class SearchResult(Struct):
@@ -167,13 +167,15 @@ async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> An
             return _no_answer(f"the gateway (process {endpoint.pid}) cannot be reached: {error}")
         try:
             async with asyncio.timeout(seconds):
-                silence = loop.time() + HEARD
+                silence = loop.time() + RECEIPT_TIMEOUT
                 while heard or loop.time() <= silence:
                     await loop.sock_sendall(port, asked)
                     with contextlib.suppress(TimeoutError):
-                        async with asyncio.timeout(AGAIN):
+                        async with asyncio.timeout(RESEND_PERIOD):
                             while True:
-                                opened = exchange.unseal(endpoint.secret, await loop.sock_recv(port, exchange.LARGEST))
+                                opened = exchange.unseal(
+                                    endpoint.secret, await loop.sock_recv(port, exchange.MAX_DATAGRAM)
+                                )
                                 if opened is not None and opened[0] == number:
                                     heard = True
                                     if (answer := parts.add(opened[1])) is not None:
@@ -195,12 +197,12 @@ def running_gateways(only: str | None, state: str | None) -> list[ControlEndpoin
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]
 
 
-async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWERED) -> Answer:
+async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWER_TIMEOUT) -> Answer:
     """Send a request and return the answer; without an answer, a failure with ``NoAnswer``."""
     return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
 
 
-async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWERED) -> State | Answer:
+async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWER_TIMEOUT) -> State | Answer:
     """Return the state of a gateway's mount, or the answer that explains why the gateway does not report it."""
     answer = await request(endpoint, StateRequest(fresh), seconds)
     try:

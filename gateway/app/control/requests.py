@@ -30,11 +30,11 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
 
 #: A motion that could not be begun within so many seconds is dropped: the command does not wait longer.
-PATIENCE = 10.0
+MAX_START_DELAY = 10.0
 #: Seconds for fresh readings of the mount, before cached ones are shown.
-SIGHT = 1.5
+FRESH_READING_TIMEOUT = 1.5
 #: So many requests are remembered, the newest.
-REMEMBERED = 64
+MAX_REMEMBERED_REQUESTS = 64
 #: Operations that need the site.
 NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
 _T = TypeVar("_T")
@@ -55,7 +55,7 @@ class ActiveRequest:
 
 
 #: The names of requests for people, if they are not their tags.
-TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "Limits"}
+REQUEST_TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "Limits"}
 
 
 def title(request: msgspec.Struct) -> str:
@@ -63,7 +63,7 @@ def title(request: msgspec.Struct) -> str:
     if (kind := _operation(request)) is not None:
         return kind.title()
     tag = str(request.__struct_config__.tag)
-    return TITLES.get(tag, tag.capitalize())
+    return REQUEST_TITLES.get(tag, tag.capitalize())
 
 
 def _operation(request: object) -> type[op.Operation] | None:
@@ -73,7 +73,7 @@ def _operation(request: object) -> type[op.Operation] | None:
 
 #: Refusals by limits that a page may have narrowed, and the explanation for a person.
 NARROWED = BelowHorizon | TooHigh | NearSun | PastMeridian
-BY_PAGE = (
+PAGE_WORDING = (
     "A page of the console has narrowed the limits until the gateway ends ({0}); it can take that back under More."
 )
 
@@ -81,7 +81,7 @@ BY_PAGE = (
 def explain(fault: Fault, limits: Limits) -> str:
     """Return a refusal for a person: the text that programs get, followed by an explanation."""
     if limits.by_page and isinstance(fault, NARROWED):
-        return f"{fault} {BY_PAGE.format(limits)}"
+        return f"{fault} {PAGE_WORDING.format(limits)}"
     if fault.brief or not fault.explanation:  # a text with a brief form says what to do
         return str(fault)
     return f"{fault} {fault.explanation.format(sun=limits.sun, sync=limits.sync)}"
@@ -180,7 +180,7 @@ class RequestHandler:
         active, presence = self._active.get(number), self._controller.presence
         if active is None:
             active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
-            if len(self._active) > REMEMBERED:
+            if len(self._active) > MAX_REMEMBERED_REQUESTS:
                 oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)
                 presence.disconnected(self._active.pop(oldest).activity)
         return active
@@ -250,10 +250,10 @@ class RequestHandler:
         if active.cancelled.is_set():
             raise Busy("It was cancelled.")
         try:
-            async with asyncio.timeout(PATIENCE + 1.0):
+            async with asyncio.timeout(MAX_START_DELAY + 1.0):
                 if isinstance(operation, op.Read):
                     return await self._controller.answer(operation, active.activity)
-                return await self._controller.perform(operation, active.stops, active.activity, PATIENCE)
+                return await self._controller.perform(operation, active.stops, active.activity, MAX_START_DELAY)
         except TimeoutError:
             raise Busy from None
 
@@ -387,7 +387,7 @@ class RequestHandler:
         reads: dict[str, op.Operation[Any]] = {"pier": op.PierSide()} if controller.driver.german else {}
         for name, read in {**reads, "drive": op.DriveRate()}.items():
             with contextlib.suppress(Fault, TimeoutError):
-                async with asyncio.timeout(SIGHT):
+                async with asyncio.timeout(FRESH_READING_TIMEOUT):
                     reported[name] = await controller.answer(read)
         return reported
 
@@ -397,6 +397,6 @@ class RequestHandler:
         if controller.line.state != "up" or controller.driver.asleep:
             return
         with contextlib.suppress(Fault, TimeoutError):
-            async with asyncio.timeout(SIGHT):
+            async with asyncio.timeout(FRESH_READING_TIMEOUT):
                 for read in (op.Position(), op.Slewing(), op.GetStatus()):
                     await controller.answer(read)

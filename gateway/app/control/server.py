@@ -23,7 +23,7 @@ from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
 
 #: So many requests are remembered, so that a repeated request gets the same answer.
-REMEMBERED = 64
+MAX_REMEMBERED_REQUESTS = 64
 ENDING = Answer(
     FAILED, "the gateway is shutting down and stops its mount; run the command again to be sure", NoAnswer.__name__
 )
@@ -45,7 +45,7 @@ class Control(asyncio.DatagramProtocol):
         carry_out: Callable[[Request], Awaitable[Answer]],
         called: str = "",
     ) -> None:
-        self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDING}" for folder in folders]
+        self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
         self._state = str(folders[0].absolute())
         self._mount, self._carry_out, self._called = mount, carry_out, called
         self._secret = os.urandom(16).hex()
@@ -85,13 +85,13 @@ class Control(asyncio.DatagramProtocol):
         number, line = opened[0], opened[1].removeprefix("ask ")
         task = self._requests.get(number)
         if task is None:
-            if len(self._requests) >= REMEMBERED and not self._forget():
+            if len(self._requests) >= MAX_REMEMBERED_REQUESTS and not self._forget():
                 return
             task = self._requests[number] = asyncio.get_running_loop().create_task(self._answer_to(line))
         elif not task.done():
-            self._send(number, exchange.WAIT, addr)
+            self._send(number, exchange.WAIT_REPLY, addr)
             return
-        self._send(number, exchange.WAIT, addr)
+        self._send(number, exchange.WAIT_REPLY, addr)
         task.add_done_callback(lambda done: self._answer(number, ENDING if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from gateway.app.control.exchange import ControlEndpoint, is_listening, left_moving
-from gateway.app.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
+from gateway.app.control.orders import STOP_ACK_TIMEOUT, STOP_TIMEOUT, STOPPED_ANSWER
 from gateway.app.control.reach import (
     Scope,
     ask,
@@ -33,7 +33,7 @@ from gateway.system.processes import age
 
 #: A process that cannot be asked may be just starting: search so many times, so many seconds apart. One that has run
 #: longer than this may be ending: search once more, and tell of it.
-LOOKS, BETWEEN, STARTED = 9, 0.125, 30.0
+TRIES, SEARCH_PERIOD, OLD_AGE = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
@@ -55,7 +55,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
     """
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
-    for attempt in range(LOOKS):
+    for attempt in range(TRIES):
         scan = search(scope)
         new = [
             (path, endpoint)
@@ -95,9 +95,9 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
         others = unreachable_gateways(scope)
         report.doubts = [*scan.doubts, *map(explain_unreachable, others)]
         coming = [process for process in others if reachable(process)]
-        if not coming or attempt == LOOKS - 1 or (attempt and all(age(process.pid) > STARTED for process in coming)):
+        if not coming or attempt == TRIES - 1 or (attempt and all(age(process.pid) > OLD_AGE for process in coming)):
             break
-        await asyncio.sleep(BETWEEN)
+        await asyncio.sleep(SEARCH_PERIOD)
     return report
 
 
@@ -107,7 +107,7 @@ async def _order_mount(
     """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return
     that answer.
     """
-    asked = await asyncio.gather(*(ask(endpoint, request, LONGEST) for _, endpoint in gateways))
+    asked = await asyncio.gather(*(ask(endpoint, request, STOP_TIMEOUT) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if left is not None and not answers:
         folder, mark = left
@@ -150,11 +150,11 @@ async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:
     try:
         if not gateway.store.held:
             return Answer(FAILED, "a gateway uses its state files, but does not answer")
-        async with asyncio.timeout(ACKNOWLEDGED):
+        async with asyncio.timeout(STOP_ACK_TIMEOUT):
             while wanted.owed:
                 await asyncio.sleep(0.02)
         await come_to_rest(gateway.controller.context, gateway.controller.reader)
-        return STOPPED
+        return STOPPED_ANSWER
     except TimeoutError:
         return Answer(FAILED, line.reason or "no answer from the mount")
     except Fault as fault:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from gateway.app.mount_state import LATELY, mount_state
+from gateway.app.mount_state import RECENT_AGE, mount_state
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
@@ -89,5 +89,5 @@ def last_message(controller: MountController, moved: bool) -> UserMessage | None
         controller.cache.age(op.GetStatus, controller.now()),
     )
     return UserMessage(
-        f"{outcome}; tracking is {how}" if age <= LATELY else f"{outcome}; tracking was {how} at its last report"
+        f"{outcome}; tracking is {how}" if age <= RECENT_AGE else f"{outcome}; tracking was {how} at its last report"
     )

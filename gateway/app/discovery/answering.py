@@ -16,12 +16,12 @@ import re
 from collections.abc import Callable, Sequence
 from typing import cast
 
-from gateway.app.discovery.offer import EVERYWHERE, Offer, address_towards
+from gateway.app.discovery.offer import WILDCARD_ADDRESSES, Offer, address_towards
 from gateway.protocols.registry import PROTOCOLS
 
-PORT = 4031
+SKYFI_DISCOVERY_PORT = 4031
 #: The port in SkySafari's default settings.
-USUAL = 4030
+SKYSAFARI_PORT = 4030
 _QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 
 
@@ -34,7 +34,7 @@ class DiscoveryAnswers:
         #: Functions that end the protocols' own discovery answers.
         self._discovery_ends: list[Callable[[], None]] = []
 
-    async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = PORT) -> None:
+    async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT) -> None:
         """Answer SkySafari's SkyFi discovery from now on, if there is a surface that it can use."""
         offers = [offer for offer in offers if offer.protocol not in PROTOCOLS or PROTOCOLS[offer.protocol].web is None]
         if not any(offer.reached_by_ipv4 for offer in offers):
@@ -99,6 +99,6 @@ def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> 
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
         return b""
-    best = min(able, key=lambda offer: offer.port != USUAL)
-    address = address_towards(asker) if best.host in EVERYWHERE else best.host
+    best = min(able, key=lambda offer: offer.port != SKYSAFARI_PORT)
+    address = address_towards(asker) if best.host in WILDCARD_ADDRESSES else best.host
     return match[1] + b"@" + address.encode() if address else b""

@@ -12,14 +12,14 @@ from msgspec import Struct
 from gateway.system.own_names import interface_addresses, ipv4_networks
 from gateway.transport.listening import in_brackets, split_address
 
-EVERYWHERE = ("0.0.0.0", "::")
-SCHEMES = ("tcp", "rfc2217")
+WILDCARD_ADDRESSES = ("0.0.0.0", "::")
+NETWORK_SCHEMES = ("tcp", "rfc2217")
 #: The protocol of an offer that is a web page.
-WEB = "http"
+HTTP = "http"
 #: Interfaces of containers and virtual machines within this computer: other computers cannot use their addresses.
-_INNER = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
+_INTERNAL_INTERFACES = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
 #: A remote address (of a network reserved for examples): the interface of its route has this computer's main address.
-_FAR = ("192.0.2.1", 9)
+_REMOTE_ADDRESS = ("192.0.2.1", 9)
 
 Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 
@@ -49,7 +49,7 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
         what, _, rest = name.partition("@")
         where = rest.partition(" ")[0]
         scheme = where.partition("://")[0]
-        if scheme in SCHEMES:
+        if scheme in NETWORK_SCHEMES:
             offers.append(Offer(what.partition(":")[0], scheme, *split_address(where)))
     return offers
 
@@ -74,22 +74,22 @@ def reachable_addresses(
     """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only if there
     is no IPv4.
     """
-    if offer.host not in EVERYWHERE:
+    if offer.host not in WILDCARD_ADDRESSES:
         return [offer.host] if offer.wide else []
     outer = [
         address
         for name, address in every()
-        if not (address.is_loopback or address.is_link_local or name.lower().startswith(_INNER))
+        if not (address.is_loopback or address.is_link_local or name.lower().startswith(_INTERNAL_INTERFACES))
     ]
     old = [str(address) for address in outer if address.version == 4]
     new = [str(address) for address in outer if address.version == 6] if offer.host == "::" else []
-    likeliest = first(_FAR)
+    likeliest = first(_REMOTE_ADDRESS)
     return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
 
 
 def reachable_networks(where: str) -> list[IPv4Network]:
     """Return the IPv4 networks of the addresses at which other computers reach ``SCHEME://HOST:PORT``."""
-    if where.partition("://")[0] not in SCHEMES:
+    if where.partition("://")[0] not in NETWORK_SCHEMES:
         return []
     addresses = reachable_addresses(Offer("", "", *split_address(where)))
     known = {str(address): network for address, network in ipv4_networks()}
@@ -103,7 +103,7 @@ def web_address(host: str, port: int) -> str:
 
 def phone_line(offer: Offer, addresses: list[str]) -> str:
     """Return the line that says what to type on a phone or another computer; for a web page, in its browser."""
-    page = offer.protocol == WEB
+    page = offer.protocol == HTTP
     if not addresses:
         port = f"the console's port {offer.port}" if page else f"port {offer.port}"
         help_page = "in the field: docs/programs/skysafari.md"

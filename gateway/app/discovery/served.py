@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
-from gateway.app.discovery.offer import WEB, Offer, network_offers, phone_line, reachable_addresses, web_address
+from gateway.app.discovery.offer import HTTP, Offer, network_offers, phone_line, reachable_addresses, web_address
 from gateway.app.mount_state import MountState
 from gateway.app.state.store import StateStore
 from gateway.app.status import Served
@@ -17,7 +17,7 @@ from gateway.transport.listening import split_address
 from gateway.transport.web_server import WebServer
 
 #: The name of the console among the surfaces.
-CONSOLE = "console"
+CONSOLE_PROTOCOL = "console"
 
 
 class Serving(Protocol):
@@ -40,7 +40,7 @@ def served(gateway: Serving) -> Iterator[Served]:
         yield _served(what, where, next(iter(network_offers([name])), None))
     if gateway.web.where:
         host, port = split_address(gateway.web.where)
-        yield _served(CONSOLE, web_address(host, port), Offer(WEB, "tcp", host, port))
+        yield _served(CONSOLE_PROTOCOL, web_address(host, port), Offer(HTTP, "tcp", host, port))
 
 
 def _served(name: str, where: str, offer: Offer | None) -> Served:

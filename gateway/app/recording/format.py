@@ -17,10 +17,10 @@ from gateway.core.errors import UserError, explain_file_error
 from gateway.core.wire_log import show
 from gateway.system.files import open_plain
 
-MARK = "# mount-gateway recording "
-FORMAT = 1
+FILE_HEADER = "# mount-gateway recording "
+FORMAT_VERSION = 1
 #: The side of the last line of a complete recording.
-RECORDER = "recording"
+RECORDER_SIDE = "recording"
 #: ``+ -`` are connections opened and closed, ``~`` the protocol that was recognised on a connection, ``!`` a note or a
 #: refusal, ``*`` a person's request that was carried out, ``^ v`` the mount's port opened and lost.
 ARROWS = "<>+-~!*^v"
@@ -71,7 +71,7 @@ class Recording:
 
     def _missing(self, last: Event | None) -> str:
         """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
-        if last is not None and (last.side, last.arrow) == (RECORDER, "!"):
+        if last is not None and (last.side, last.arrow) == (RECORDER_SIDE, "!"):
             return ""
         return (
             f"{self.parts[-1]}: the recording ends{_when(last)}, because the gateway was killed or still runs, "
@@ -140,18 +140,18 @@ def _format(path: Path) -> int | None:
     """Return the format number of a recording; None for any other file. Raises UserError."""
     try:
         with open_plain(path) as file:
-            line = file.readline(len(MARK) + 8).decode("latin-1")
+            line = file.readline(len(FILE_HEADER) + 8).decode("latin-1")
     except OSError as error:
         reason = explain_file_error(path, error, reading=True)
         makes = f"; mount-gateway run --record {path} makes one" if reason.endswith("no such file") else ""
         raise UserError(f"{path}: {reason}{makes}") from None
-    number = line.removeprefix(MARK).rstrip("\n")
-    if not line.startswith(MARK) or not number.isdecimal():
+    number = line.removeprefix(FILE_HEADER).rstrip("\n")
+    if not line.startswith(FILE_HEADER) or not number.isdecimal():
         return None
-    if int(number) != FORMAT:
+    if int(number) != FORMAT_VERSION:
         raise UserError(
-            f"{path}: this recording has format {number}, and this version of mount-gateway reads format {FORMAT}: "
-            "use the version that wrote it"
+            f"{path}: this recording has format {number}, and this version of mount-gateway reads format "
+            f"{FORMAT_VERSION}: use the version that wrote it"
         )
     return int(number)
 

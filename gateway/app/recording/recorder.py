@@ -22,24 +22,24 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from gateway.app.recording.format import FORMAT, MARK, RECORDER, escape, is_recording, part_path
+from gateway.app.recording.format import FILE_HEADER, FORMAT_VERSION, RECORDER_SIDE, escape, is_recording, part_path
 from gateway.core.about import commit, version
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.core.waiting import TimedEvent, in_thread, mark_retrieved
-from gateway.core.wire_log import MOUNT, Entry
+from gateway.core.wire_log import MOUNT_SIDE, Entry
 from gateway.system.files import plain_file
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
 #: Bytes after which a new file is begun, and how many files are kept, including the file being written.
-LONGEST, KEPT = 10_000_000, 20
+MAX_FILE_BYTES, MAX_FILES = 10_000_000, 20
 #: Seconds from an event until it is written, and between two looks at a disk that hangs; how many may wait for it.
-PAUSE, LOOK, WAITING = 0.1, 1.0, 100_000
+WRITE_DELAY, DISK_CHECK_PERIOD, MAX_UNWRITTEN_LINES = 0.1, 1.0, 100_000
 #: How many lines are made at a time: meanwhile the event loop waits.
-PORTION = 32
+LINES_PER_WRITE = 32
 #: Only the owner may read a recording: the site's coordinates are in it.
-PRIVATE = 0o600
+OWNER_ONLY_MODE = 0o600
 
 
 class Recorder:
@@ -53,8 +53,8 @@ class Recorder:
         self,
         path: Path,
         settings: dict[str, Any],
-        longest: int = LONGEST,
-        keep: int = KEPT,
+        longest: int = MAX_FILE_BYTES,
+        keep: int = MAX_FILES,
         warn: Callable[[str], object] = lambda text: None,
         clock: Callable[[], float] = time.time,
         now: Callable[[], float] = time.monotonic,
@@ -62,7 +62,7 @@ class Recorder:
         self._path, self._longest, self._keep, self._warn = path, longest, keep, warn
         self._clock, self._now, self._began = clock, now, now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        self._waiting: deque[Entry] = deque(maxlen=WAITING)
+        self._waiting: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
         #: Takes an entry of the wire log. Nothing more is done then: a program waits for its reply.
         self.put = self._waiting.append
         self._lock, self._hurry = asyncio.Lock(), TimedEvent()
@@ -82,7 +82,7 @@ class Recorder:
 
     async def _write(self) -> None:
         while not (self._closing or self._lost):
-            await self._hurry.within(PAUSE)
+            await self._hurry.within(WRITE_DELAY)
             await self.flush()
 
     async def flush(self) -> None:
@@ -94,8 +94,8 @@ class Recorder:
     async def _write_entries(self, entries: list[Entry]) -> None:
         ahead, until = self._clock() - self._now(), self._now() - self._began
         work = asyncio.ensure_future(in_thread(self._write_out, entries, ahead + self._began, until))
-        while not (await asyncio.wait((work,), timeout=LOOK))[0]:
-            if len(self._waiting) == WAITING:
+        while not (await asyncio.wait((work,), timeout=DISK_CHECK_PERIOD))[0]:
+            if len(self._waiting) == MAX_UNWRITTEN_LINES:
                 work.add_done_callback(mark_retrieved)
                 self._end("the disk does not answer")
                 return
@@ -118,7 +118,7 @@ class Recorder:
 
     async def close(self) -> None:
         """Write the remaining entries and the last line, and close the file."""
-        self.put(Entry(self._clock(), RECORDER, "!", b"", "ends here"))
+        self.put(Entry(self._clock(), RECORDER_SIDE, "!", b"", "ends here"))
         self._closing = True
         self._hurry.set()
         await asyncio.wait((self._writing,))
@@ -134,9 +134,9 @@ class Recorder:
         the present second of the recording. Raises OSError after the end of a file that cannot be written any more.
         """
         full = False
-        for start in range(0, len(entries) if self._file >= 0 else 0, PORTION):
+        for start in range(0, len(entries) if self._file >= 0 else 0, LINES_PER_WRITE):
             lines = []
-            for entry in entries[start : start + PORTION]:
+            for entry in entries[start : start + LINES_PER_WRITE]:
                 self._at = min(max(self._at, entry.time - began), until)
                 lines.append(_line(self._at, entry))
             try:
@@ -150,7 +150,7 @@ class Recorder:
     def _open(self, at: float) -> None:
         """Begin a file at a second of the recording. Raises OSError."""
         self._file, self._size = _open_private(self._path), 0
-        self._append(f"{MARK}{FORMAT}\n# {json.dumps({**self._settings, 'from': round(at, 6)})}\n")
+        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(at, 6)})}\n")
 
     def _append(self, text: str) -> None:
         """Write the whole text to the file. Raises OSError."""
@@ -179,9 +179,9 @@ def _line(at: float, entry: Entry) -> str:
     """Return an entry of the wire log as a line; empty if a recording holds no entries of its kind."""
     side, arrow = entry.side, entry.arrow
     if arrow == "raw":
-        arrow, text = "<" if side == MOUNT else ">", escape(entry.data)
+        arrow, text = "<" if side == MOUNT_SIDE else ">", escape(entry.data)
     elif arrow in ("<", ">"):
-        if arrow == ("<" if side == MOUNT else ">"):
+        if arrow == ("<" if side == MOUNT_SIDE else ">"):
             return ""  # a part of a raw chunk
         text = escape(entry.data)
     elif arrow == "x":
@@ -191,7 +191,7 @@ def _line(at: float, entry: Entry) -> str:
     return f"{at:.6f} {'_'.join(side.split()) or '?'} {arrow} {text}".rstrip(" ") + "\n"
 
 
-def record(path: Path, gateway: Gateway, longest: int = LONGEST) -> Recorder:
+def record(path: Path, gateway: Gateway, longest: int = MAX_FILE_BYTES) -> Recorder:
     """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
     settings = {
         "began": gateway.clock(),
@@ -223,15 +223,15 @@ def _rotate(path: Path, keep: int) -> bool:
         if number + 1 >= keep:
             part.unlink()
             continue
-        if not part.is_symlink() and stat.S_IMODE(part.stat().st_mode) & ~PRIVATE:
-            part.chmod(PRIVATE)
+        if not part.is_symlink() and stat.S_IMODE(part.stat().st_mode) & ~OWNER_ONLY_MODE:
+            part.chmod(OWNER_ONLY_MODE)
         part.replace(part_path(path, number + 1))
     return full
 
 
 def _open_private(path: Path) -> int:
     """Open a file for writing that only its owner can read, whatever the umask. Raises OSError."""
-    file = plain_file(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE)
+    file = plain_file(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY_MODE)
     with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
-        os.fchmod(file, PRIVATE)
+        os.fchmod(file, OWNER_ONLY_MODE)
     return file

@@ -24,16 +24,16 @@ from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
 from gateway.system.files import flush_folder, open_plain, plain_file
 
-FORMAT: Final = 1
+FORMAT_VERSION: Final = 1
 #: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
-LONGEST = 120
+MAX_NAME_LENGTH = 120
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
 #: The beginnings of the names of the two motors' settings, which all clients share.
-MOTORS = ("backlash ", "guide rate ")
+MOTOR_SETTING_PREFIXES = ("backlash ", "guide rate ")
 #: As long as this file exists, the mounts of its folder are held: no program moves them.
-HOLD = "hold"
-_HELD = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
+HOLD_FILE = "hold"
+_HOLD_TEXT = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
 
 
 class SavedState(Struct, omit_defaults=True):
@@ -69,7 +69,7 @@ class MarkerContent(Struct):
 
 def file_name(protocol: str, where: str) -> str:
     """Return the name of a mount's files without ending: ``nexstar@dev_ttyUSB0``."""
-    return f"{protocol}@{re.sub(r'[^A-Za-z0-9.-]+', '_', where).strip('_.')}"[:LONGEST]
+    return f"{protocol}@{re.sub(r'[^A-Za-z0-9.-]+', '_', where).strip('_.')}"[:MAX_NAME_LENGTH]
 
 
 # --- writing and reading ----------------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def read_state(path: Path) -> SavedState:
     try:
         return msgspec.json.decode(_content(path), type=SavedState)
     except FileNotFoundError:
-        return SavedState(FORMAT)
+        return SavedState(FORMAT_VERSION)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(str(error)) from None
 
@@ -117,7 +117,7 @@ def move_aside(path: Path) -> Path:
 
 def is_held(folder: Path) -> bool:
     """Whether the mounts of a state folder are held. Only the name of the file counts, not its content or owner."""
-    return os.path.lexists(folder / HOLD)
+    return os.path.lexists(folder / HOLD_FILE)
 
 
 def hold_folder(folder: Path) -> None:
@@ -125,9 +125,9 @@ def hold_folder(folder: Path) -> None:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if is_held(folder):
         return
-    number = plain_file(folder / HOLD, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
+    number = plain_file(folder / HOLD_FILE, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
     with contextlib.suppress(OSError):  # on a full disk an empty file is enough
-        os.write(number, _HELD)
+        os.write(number, _HOLD_TEXT)
         os.fsync(number)
     os.close(number)
     with contextlib.suppress(OSError):
@@ -137,7 +137,7 @@ def hold_folder(folder: Path) -> None:
 def release_folder(folder: Path) -> bool:
     """Release the mounts of a folder; return whether they were held. Raises OSError."""
     try:
-        os.unlink(folder / HOLD)
+        os.unlink(folder / HOLD_FILE)
     except (FileNotFoundError, NotADirectoryError):
         return False
     return True
@@ -153,7 +153,7 @@ def to_shared(state: SavedState) -> MountSettings:
         site=state.site,
         zone=state.zone,
         pec=state.pec,
-        motors={name: value for name, value in state.motors.items() if name.startswith(MOTORS)},
+        motors={name: value for name, value in state.motors.items() if name.startswith(MOTOR_SETTING_PREFIXES)},
     )
 
 
@@ -166,7 +166,7 @@ def from_shared(
 ) -> SavedState:
     """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
-        FORMAT,
+        FORMAT_VERSION,
         sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED},
         site=shared.site,
         zone=shared.zone,

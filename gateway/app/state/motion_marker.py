@@ -2,7 +2,7 @@
 
 A process that was killed cannot stop its mount. The marker tells the next gateway, or ``mount-gateway stop``, to do it.
 It is written before the motion is sent, without flushing to the disk: it must survive the process, not a power failure,
-and it never delays a motion by more than ``PATIENCE``.
+and it never delays a motion by more than ``WRITE_TIMEOUT``.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from gateway.core.waiting import in_thread
 from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
-PATIENCE = 0.02
-LOOK, QUIET = 1.0, 5.0
+WRITE_TIMEOUT = 0.02
+CHECK_PERIOD, REST_DELAY = 1.0, 5.0
 
 InThread = Callable[..., Awaitable[Any]]
 
@@ -49,13 +49,13 @@ class MotionMarker:
             self._watch()
 
     async def before_motion(self) -> None:
-        """Write the marker; return once it is written, or after ``PATIENCE`` seconds while the disk is still busy."""
+        """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
         marked = self._written is not None and self._wanted is not None
         self._want(msgspec.json.encode(self._content()))
         self._quiet = 0.0
         self._watch()
         if not marked and self._writing is not None:
-            await asyncio.wait({self._writing}, timeout=PATIENCE)
+            await asyncio.wait({self._writing}, timeout=WRITE_TIMEOUT)
 
     def renew(self) -> None:
         """Update the marker after a change that matters for stopping, for example suspended tracking."""
@@ -94,11 +94,11 @@ class MotionMarker:
             self._watching = asyncio.get_running_loop().create_task(self._until_quiet())
 
     async def _until_quiet(self) -> None:
-        """Delete the marker once nothing has moved for ``QUIET`` seconds; a guiding program moves all the time."""
+        """Delete the marker once nothing has moved for ``REST_DELAY`` seconds; a guiding program moves all the time."""
         self._quiet = 0.0
-        while self._quiet < QUIET:
-            await asyncio.sleep(LOOK)
-            self._quiet = 0.0 if self._busy() else self._quiet + LOOK
+        while self._quiet < REST_DELAY:
+            await asyncio.sleep(CHECK_PERIOD)
+            self._quiet = 0.0 if self._busy() else self._quiet + CHECK_PERIOD
         self._want(None)
 
     async def close(self) -> None:

@@ -14,9 +14,9 @@ from gateway.app.config import Endpoint
 from gateway.core.errors import UserError
 from gateway.system.locks import Claim, LockHeld
 
-SCHEMES = ("socket", "rfc2217", "http")
+NETWORK_SCHEMES = ("socket", "rfc2217", "http")
 #: Names and addresses that all mean this computer.
-HERE = ("localhost", "::1", "0.0.0.0", "::")
+LOCAL_HOSTS = ("localhost", "::1", "0.0.0.0", "::")
 
 
 class MountTaken(UserError):
@@ -55,8 +55,8 @@ def address(where: str) -> str | None:
         host, port = url.hostname, url.port
     except ValueError:
         return None
-    if url.scheme not in SCHEMES or not host or port is None:
+    if url.scheme not in NETWORK_SCHEMES or not host or port is None:
         return None
-    host = "127.0.0.1" if host in HERE else host
+    host = "127.0.0.1" if host in LOCAL_HOSTS else host
     number = url.path.strip("/").lstrip("0")  # of a server with several mounts
     return f"mount_{re.sub(r'[^a-z0-9.-]+', '_', host)[:100]}_{port}{number and f'_{number}'}"

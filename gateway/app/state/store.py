@@ -29,7 +29,7 @@ from gateway.system.files import replace_file, state_folder
 from gateway.system.locks import LockHeld, PidLock
 
 #: Seconds between two writes of the file while changes go on.
-PAUSE = 1.0
+WRITE_PERIOD = 1.0
 
 
 class PreviousRun(Struct, frozen=True):
@@ -146,7 +146,7 @@ class StateStore:
                     f"{self.path} is not a state file of this version ({error}): it was "
                     f"{where}, and the gateway starts without it"
                 )
-        return SavedState(file.FORMAT)
+        return SavedState(file.FORMAT_VERSION)
 
     def attach(self, controller: MountController) -> None:
         """Restore the previous state in the controller, and follow its motions and changes from now on."""
@@ -210,7 +210,7 @@ class StateStore:
                 self._dirty = False
                 if await self._write():
                     with contextlib.suppress(TimeoutError):
-                        await asyncio.wait_for(self._closing.wait(), PAUSE)
+                        await asyncio.wait_for(self._closing.wait(), WRITE_PERIOD)
         finally:
             self._writer = None
 

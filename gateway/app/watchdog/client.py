@@ -21,20 +21,20 @@ from pathlib import Path
 from gateway.system.own_commands import script_argv
 
 #: Seconds between two heartbeats.
-BEAT = 0.25
+HEARTBEAT_PERIOD = 0.25
 #: A process that ended within so many seconds after its start is not restarted.
-LASTED = 1.0
-PROGRAM = Path(__file__).with_name("process.py")
+MIN_LIFETIME = 1.0
+PROCESS_SCRIPT = Path(__file__).with_name("process.py")
 #: Signals that end or suspend the gateway; they are blocked in the watchdog process from its start.
-HELD_BACK = [
+BLOCKED_SIGNALS = [
     getattr(signal, name)
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
     if hasattr(signal, name)  # Windows has two of them, and no watchdog
 ]
 #: The descriptor of the socket in the watchdog process.
-THERE = 3
+SOCKET_DESCRIPTOR = 3
 #: What the process has been told of a mount that does not move.
-AT_REST: tuple[str, tuple[bytes, ...]] = ("rest", ())
+REST_STATE: tuple[str, tuple[bytes, ...]] = ("rest", ())
 
 
 def available() -> bool:
@@ -75,15 +75,15 @@ class Watchdog:
         """Start the process. If that fails, warn and run without a watchdog."""
         ours, theirs = socket.socketpair()
         ours.setblocking(False)
-        arguments = [*script_argv(str(PROGRAM)), str(THERE), str(os.getpid())]
+        arguments = [*script_argv(str(PROCESS_SCRIPT)), str(SOCKET_DESCRIPTOR), str(os.getpid())]
         files = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1)]
         try:
             self.pid = os.posix_spawn(
                 sys.executable,
                 arguments,
                 os.environ,
-                file_actions=[*files, (os.POSIX_SPAWN_DUP2, theirs.fileno(), THERE)],
-                setsigmask=HELD_BACK,
+                file_actions=[*files, (os.POSIX_SPAWN_DUP2, theirs.fileno(), SOCKET_DESCRIPTOR)],
+                setsigmask=BLOCKED_SIGNALS,
             )
             self._connection = ours
         except OSError as error:
@@ -118,7 +118,7 @@ class Watchdog:
     def beat(self) -> None:
         """Send heartbeats from now on, as long as any mount moves."""
         if self._beating is None and self._loop is not None:
-            self._beating = self._loop.call_later(BEAT, self._on_beat)
+            self._beating = self._loop.call_later(HEARTBEAT_PERIOD, self._on_beat)
 
     def _on_beat(self) -> None:
         self._beating = None
@@ -148,7 +148,7 @@ class Watchdog:
         """Restart the process after it was killed, unless it ended right after its start."""
         assert self._loop is not None and self._began is not None
         self._disconnect()
-        if self._loop.time() - self._began < LASTED:
+        if self._loop.time() - self._began < MIN_LIFETIME:
             self.warn(
                 "the watchdog process has ended: a gateway that is killed leaves its mount moving "
                 "until mount-gateway stop is run"
@@ -199,7 +199,7 @@ class WatchedMount:
         self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, stopped, clear
         self._descriptor: int | None = None
         self._server: tuple[str, ...] = ()
-        self._sent: tuple[str, tuple[bytes, ...]] = AT_REST
+        self._sent: tuple[str, tuple[bytes, ...]] = REST_STATE
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
@@ -225,7 +225,7 @@ class WatchedMount:
             self._watchdog.send(
                 f"{kind} {self._number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
-            self._sent = AT_REST
+            self._sent = REST_STATE
             if self.moving:
                 self.renew()
 
@@ -256,5 +256,5 @@ class WatchedMount:
 
     def was_stopped(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
-        self._sent = AT_REST
+        self._sent = REST_STATE
         self._stopped()

@@ -2,10 +2,9 @@
 
 It runs as a script, without ``site``, and imports nothing of the gateway, so it starts within milliseconds and stays
 under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads the messages that ``client.py``
-describes. While a mount moves, ``SILENCE`` seconds without a message (``STARVED`` on a computer too busy to run the
-gateway, if all paths were checked), or the end of the socket, mean that the gateway no longer supervises it: the
-process then sends stops for some seconds. It leaves a mount alone when another gateway has taken its lock, and it ends
-with its gateway.
+describes. While a mount moves, ``MAX_SILENCE`` seconds without a message (``MAX_STARVED_SILENCE`` on a busy computer if
+all paths were checked), or the end of the socket, mean that the gateway no longer supervises it: the process then sends
+stops for some seconds. It leaves a mount alone when another gateway has taken its lock, and it ends with its gateway.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ import sys
 import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
-SILENCE = 1.2
+MAX_SILENCE = 1.2
 #: The same for a gateway that waits for a processor while every moving mount is on a clear path; the part of the
 #: silence that it must have waited, and seconds between two looks at that.
-STARVED, WAITED, LOOK = 5.0, 0.8, 0.25
+MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
-BETWEEN = 0.15
+COMMAND_GAP = 0.15
 #: Seconds within which a server must accept a connection; how many used ones are kept.
-CONNECT, KEPT = 0.4, 6
+CONNECT_TIMEOUT, MAX_USED_CONNECTIONS = 0.4, 6
 #: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
-TIMES, EVERY = 5, 1.0
+STOP_COUNT, STOP_PERIOD = 5, 1.0
 #: If this process itself did not run for so many seconds, it cannot judge whether the gateway was silent.
-FROZEN = 0.5
+FREEZE_TIME = 0.5
 
 
 class GuardedMount:
@@ -48,7 +47,7 @@ class GuardedMount:
     def send(self, command: bytes) -> None:
         """Write a command, unless the line is lost or its buffer is full."""
         try:
-            if select.select([], [self.descriptor], [], BETWEEN)[1]:
+            if select.select([], [self.descriptor], [], COMMAND_GAP)[1]:
                 os.write(self.descriptor, command)
         except OSError:
             pass  # the stop is repeated a second later
@@ -91,7 +90,7 @@ class ServedMount(GuardedMount):
             family = _socket.AF_INET6 if ":" in self.address[0] else _socket.AF_INET
             made = _socket.socket(family, _socket.SOCK_STREAM)
             try:
-                made.settimeout(CONNECT)
+                made.settimeout(CONNECT_TIMEOUT)
                 made.connect(self.address)
                 self.next.append(made)
             except OSError:
@@ -105,7 +104,7 @@ class ServedMount(GuardedMount):
             pass
         self.used += self.next
         self.next.clear()
-        while len(self.used) > KEPT:
+        while len(self.used) > MAX_USED_CONNECTIONS:
             self.used.pop(0).close()
 
     def close(self) -> None:
@@ -141,7 +140,7 @@ class Watch:
         self.mounts: dict[str, GuardedMount] = {}
         self.last_heard = 0.0
         #: How long the gateway had waited for a processor when it was last heard; the silence that is tolerated now.
-        self._waited, self._patience = 0.0, SILENCE
+        self._waited, self._patience = 0.0, MAX_SILENCE
         self._partial_line = b""
 
     def run(self) -> None:
@@ -154,21 +153,21 @@ class Watch:
                 if not self.listen():
                     self.stop_for_ended_gateway(moving)
                     return
-            elif left is not None and self._patience == SILENCE and time.monotonic() - asked > left + FROZEN:
+            elif left is not None and self._patience == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
                 self.heard()  # the whole computer was suspended or overloaded
             elif all(mount.clear for mount in moving) and self.starved():
-                self._patience = min(STARVED, time.monotonic() - self.last_heard + LOOK)
+                self._patience = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
             else:
                 self.stop_for_silent_gateway(moving)
 
     def heard(self) -> None:
         """Note that the gateway has sent something: its silence begins anew."""
-        self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), SILENCE
+        self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), MAX_SILENCE
 
     def starved(self) -> bool:
         """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
         silence = time.monotonic() - self.last_heard
-        return silence < STARVED and waited(self.gateway) - self._waited >= WAITED * silence
+        return silence < MAX_STARVED_SILENCE and waited(self.gateway) - self._waited >= MIN_WAITING_TIME * silence
 
     def listen(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -219,23 +218,23 @@ class Watch:
         for mount in mounts:
             mount.unlock()
         times = 0
-        while mounts and times < TIMES:
+        while mounts and times < STOP_COUNT:
             began = time.monotonic()
             send_stops(mounts)
-            time.sleep(max(0.0, began + EVERY - time.monotonic()))
+            time.sleep(max(0.0, began + STOP_PERIOD - time.monotonic()))
             mounts = [mount for mount in mounts if not mount.taken_over()]
             times += 1
 
     def stop_for_silent_gateway(self, mounts: list[GuardedMount]) -> None:
         """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
-        busy = ", because the computer is too busy to run it," if self._patience > SILENCE else ""
+        busy = ", because the computer is too busy to run it," if self._patience > MAX_SILENCE else ""
         self.say(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
-        for attempt in range(TIMES):
+        for attempt in range(STOP_COUNT):
             began = time.monotonic()
             send_stops(mounts)
             if attempt == 0:
                 self.report(mounts)
-            if select.select([self.connection], [], [], max(0.0, began + EVERY - time.monotonic()))[0]:
+            if select.select([self.connection], [], [], max(0.0, began + STOP_PERIOD - time.monotonic()))[0]:
                 self.heard()
                 return
         for mount in mounts:
@@ -268,7 +267,7 @@ def send_stops(mounts: list[GuardedMount]) -> None:
         for mount in mounts:
             if place < len(mount.stop) and not mount.taken_over():
                 mount.send(mount.stop[place])
-        time.sleep(BETWEEN)
+        time.sleep(COMMAND_GAP)
 
 
 def main() -> None:

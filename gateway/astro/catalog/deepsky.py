@@ -21,15 +21,15 @@ from gateway.astro.catalog.objects import FAINTEST, QUALITIES, CatalogObject, Se
 from gateway.astro.spherical import separation, wrap360
 
 #: The kind letters of OpenNGC's types; nonexistent objects have none.
-_KINDS = {
+_KIND_LETTERS = {
     "G": "G", "GPair": "G", "GTrpl": "G", "GGroup": "G", "PN": "P", "Neb": "D", "HII": "D", "EmN": "D", "RfN": "D",
     "SNR": "D", "DrkN": "D", "Cl+N": "DO", "GCl": "C", "OCl": "O", "*Ass": "O", "*": "*", "**": "*", "Nova": "*",
 }  # fmt: skip
 #: The magnitude that a search assumes for an unmeasured object: only the widest limit finds it.
-_UNMEASURED = 20.0
+_UNMEASURED_MAGNITUDE = 20.0
 _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 #: Columns of a candidate; the database stores angles in radians.
-_SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
+_CANDIDATE_COLUMNS = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
 #: OpenNGC regards M102 as a duplicate of M101; hand controls, Meade's included, go to this galaxy in Draco.
 _REPLACEMENTS = {102: ("NGC", 5866)}
@@ -82,7 +82,7 @@ def _entry(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
     )
     shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else identifier)
     return CatalogObject(
-        name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width
+        name or shown, _KIND_LETTERS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width
     )
 
 
@@ -104,15 +104,15 @@ def matching(limits: SearchLimits) -> list[Candidate]:
 
 @lru_cache(maxsize=2)
 def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
-    types = [name for name, kinds in _KINDS.items() if set(kinds) & set(limits.kinds)]
+    types = [name for name, kinds in _KIND_LETTERS.items() if set(kinds) & set(limits.kinds)]
     least = QUALITIES.index(limits.quality)
     faintest = min(limits.faintest, FAINTEST[least]) if least < len(FAINTEST) else limits.faintest
     judged = ", coalesce(vmag, bmag), majax, minax" if least < len(FAINTEST) else ""
     rows = _rows(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
-        f"AND coalesce(vmag, bmag, {_UNMEASURED}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
+        f"AND coalesce(vmag, bmag, {_UNMEASURED_MAGNITUDE}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
         "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
-        *types, limits.brightest, faintest, limits.smallest, limits.largest, columns=_SEARCHED + judged,
+        *types, limits.brightest, faintest, limits.smallest, limits.largest, columns=_CANDIDATE_COLUMNS + judged,
     )  # fmt: skip
     if judged:
         rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]

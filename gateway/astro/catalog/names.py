@@ -15,23 +15,23 @@ from gateway.astro.catalog.supplied import normalized
 from gateway.core.errors import similar
 from gateway.core.tables import read_table
 
-_TABLE = read_table("stars.toml")
+_STAR_TABLE = read_table("stars.toml")
 #: Name -> Hipparcos number.
-HIPPARCOS: dict[str, int] = _TABLE["numbers"]
+HIPPARCOS: dict[str, int] = _STAR_TABLE["numbers"]
 #: Other name or spelling -> name.
-OTHER_NAMES: dict[str, str] = _TABLE["also"]
+OTHER_NAMES: dict[str, str] = _STAR_TABLE["also"]
 #: The similarity (0 to 1) from which a name is suggested, and how many are.
-ALIKE, SUGGESTED = 0.72, 3
+MIN_SIMILARITY, MAX_SUGGESTIONS = 0.72, 3
 #: The order of what has no magnitude.
-_LAST = 99.0
+_NO_MAGNITUDE = 99.0
 
-_STARS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
+_NORMALIZED_NUMBERS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
 
 
 def star(name: str) -> int | None:
     """Return the Hipparcos number of a star by its name or letter, or None."""
     doubles = {normalized(known): number for known, number in supplied.names_of_doubles().items()}
-    return (_STARS | doubles).get(normalized(name)) or supplied.star_by_letter(name)
+    return (_NORMALIZED_NUMBERS | doubles).get(normalized(name)) or supplied.star_by_letter(name)
 
 
 def look_up(name: str, year: float) -> CatalogObject | None:
@@ -63,7 +63,7 @@ def names_beginning_with(text: str, most: int) -> list[str]:
 
 def _rank(known: str) -> tuple[bool, float, int]:
     number = HIPPARCOS.get(known)
-    return known in OTHER_NAMES, _LAST if number is None else supplied.stars()[number].magnitude, len(known)
+    return known in OTHER_NAMES, _NO_MAGNITUDE if number is None else supplied.stars()[number].magnitude, len(known)
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
@@ -72,9 +72,9 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
     spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
-    close = [*longer, *similar(typed, spelled, 2 * SUGGESTED, ALIKE)]
+    close = [*longer, *similar(typed, spelled, 2 * MAX_SUGGESTIONS, MIN_SIMILARITY)]
     known = dict.fromkeys(spelled[spelling] for spelling in close)
-    return [other for other in known if OTHER_NAMES.get(other) not in known][:SUGGESTED]
+    return [other for other in known if OTHER_NAMES.get(other) not in known][:MAX_SUGGESTIONS]
 
 
 @cache

@@ -21,7 +21,7 @@ QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 #: The faintest magnitude of each quality except the last.
 FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
 _FAINT_SURFACE = 14.0
-_WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
+_KIND_WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
 
 
 class NotInstalled(Unsupported):
@@ -85,7 +85,7 @@ def describe(entry: CatalogObject) -> str:
     star = entry.kinds == "*"
     if not star:
         parts.append(quality(entry.magnitude, entry.size, entry.width))
-    parts.append(_WORDS.get(entry.kinds[:1], "OBJECT"))
+    parts.append(_KIND_WORDS.get(entry.kinds[:1], "OBJECT"))
     if entry.magnitude is not None:
         parts.append(f"MAG{entry.magnitude:4.1f}")
     if entry.size is not None:

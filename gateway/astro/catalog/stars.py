@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 from gateway.astro.catalog.objects import CatalogObject, data_file
 
-_EPOCH = 1991.25
-_PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
+_HIPPARCOS_EPOCH = 1991.25
+_DEGREES_PER_YEAR = 1.0 / 3.6e6  # milliarcseconds a year -> degrees a year
 #: V of stars that were too bright for Hipparcos, by number: Sirius, Canopus, Vega.
-_TOO_BRIGHT = {32349: -1.46, 30438: -0.74, 91262: 0.03}
+_BRIGHT_STAR_MAGNITUDES = {32349: -1.46, 30438: -0.74, 91262: 0.03}
 #: The colours B-V for which the conversion of magnitudes is known.
-_COLOURS = (-0.3, 2.0)
+_COLOUR_RANGE = (-0.3, 2.0)
 
 
 class HipparcosRow(NamedTuple):
@@ -63,12 +63,12 @@ def hipparcos_row(line: bytes) -> HipparcosRow:
 
 def _visual(number: int, hp: float, colour: float) -> float:
     """Return V of a star by its Hp and B-V (Harmanec 1998, A&A 335, 173; without the small term of U-B)."""
-    bv = min(max(colour, _COLOURS[0]), _COLOURS[1])
-    return _TOO_BRIGHT.get(number, hp - 0.2964 * bv + 0.1110 * bv**2 + 0.0157 * bv**3 + 0.0072)
+    bv = min(max(colour, _COLOUR_RANGE[0]), _COLOUR_RANGE[1])
+    return _BRIGHT_STAR_MAGNITUDES.get(number, hp - 0.2964 * bv + 0.1110 * bv**2 + 0.0157 * bv**3 + 0.0072)
 
 
 def with_proper_motion(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
     """Return a position of the catalogue's epoch moved to that year; degrees, and milliarcseconds a year."""
     # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
-    years = (year - _EPOCH) * _PER_YEAR
+    years = (year - _HIPPARCOS_EPOCH) * _DEGREES_PER_YEAR
     return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years

@@ -19,14 +19,14 @@ from gateway.astro.catalog.stars import with_proper_motion
 from gateway.core.tables import mappings_folder
 
 #: The files that the console's page reads too.
-SHARED = ("deepsky.json", "doubles.json", "LICENSE-CC-BY-SA-4.0.txt")
+PAGE_FILES = ("deepsky.json", "doubles.json", "LICENSE-CC-BY-SA-4.0.txt")
 _GREEK = {
     "α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "epsilon", "ζ": "zeta", "η": "eta", "θ": "theta",
     "ι": "iota", "κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "ο": "omicron", "π": "pi", "ρ": "rho",
     "σ": "sigma", "τ": "tau", "υ": "upsilon", "φ": "phi", "χ": "chi", "ψ": "psi", "ω": "omega",
 }  # fmt: skip
 #: What is left out of the name of an object where nothing else has the rest for a name: the Lagoon is a nebula.
-_ENDINGS = ("nebula", "galaxy", "starcluster", "cluster")
+_KIND_SUFFIXES = ("nebula", "galaxy", "starcluster", "cluster")
 #: Every spelling of a Greek letter -> the letter: alpha, alf, alp and the letter itself.
 _LETTERS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}
 
@@ -86,7 +86,7 @@ def _spelled() -> dict[str, CatalogObject]:
 
 def shortened(name: str) -> str:
     """Return a normalized name without a last word like "nebula"."""
-    return next((name.removesuffix(ending) for ending in _ENDINGS if name.endswith(ending)), name)
+    return next((name.removesuffix(ending) for ending in _KIND_SUFFIXES if name.endswith(ending)), name)
 
 
 def look_up(name: str) -> CatalogObject | None:

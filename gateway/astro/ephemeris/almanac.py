@@ -2,8 +2,8 @@
 
 A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of astropy's
 result (for the Moon; far less for the rest), and takes microseconds. The file must have the name of the format and a
-right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED` is the almanac of
-the rehearsals, in the package.
+right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED_FILE` is the
+almanac of the rehearsals, in the package.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from gateway.core.errors import UserError, explain_os_error
 from gateway.system.files import cache_folder, plain_file
 from gateway.system.runtime_folders import user
 
-DAY, STEP = 86400.0, 10800.0
+DAY, ROW_STEP = 86400.0, 10800.0
 ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
 #: The range of dates that tables can cover, Unix time: from 1973-01-02, when that of UT1 begins, to 2099.
-FROM, TO = 94780800.0, 4102444800.0
+FIRST_DATE, LAST_DATE = 94780800.0, 4102444800.0
 #: Parts of the sky. A row of ``frame`` has 10 numbers, a row of a body 3.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 _FRAME, _BODY = struct.Struct("<10d"), struct.Struct("<3d")
 #: For each part the form of a row, and where in a day its rows begin; how long a day is, in bytes.
-_PLACES = {body: (_BODY, ROWS * (_FRAME.size + number * _BODY.size)) for number, body in enumerate(PARTS[1:])}
-_PLACES["frame"] = (_FRAME, 0)
-_LENGTH = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
+_LAYOUTS = {body: (_BODY, ROWS * (_FRAME.size + number * _BODY.size)) for number, body in enumerate(PARTS[1:])}
+_LAYOUTS["frame"] = (_FRAME, 0)
+_DAY_BYTES = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
 #: Names the format and its version.
-MAGIC = b"mount-gateway almanac 1\n"
+FILE_HEADER = b"mount-gateway almanac 1\n"
 #: The longest file that is read: eight years. The number of days to keep, the newest.
-LONGEST, KEPT = 8_000_000, 200
-SHIPPED = Path(__file__).with_name("rehearsal.almanac")
+MAX_FILE_BYTES, MAX_DAYS = 8_000_000, 200
+SHIPPED_FILE = Path(__file__).with_name("rehearsal.almanac")
 
 Row = tuple[float, ...]
 
@@ -55,8 +55,8 @@ class Almanac(msgspec.Struct, frozen=True):
         day = self.days.get(int(unix // DAY))
         if day is None:
             return None
-        form, place = _PLACES[part]
-        steps = unix % DAY / STEP
+        form, place = _LAYOUTS[part]
+        steps = unix % DAY / ROW_STEP
         first = min(max(int(steps) - 1, 0), ROWS - 4)
         a = steps - first
         b, c, d = a - 1.0, a - 2.0, a - 3.0
@@ -74,28 +74,28 @@ class Almanac(msgspec.Struct, frozen=True):
 
     def newest(self) -> Almanac:
         """Return the almanac without its oldest days, if there are too many."""
-        return Almanac(dict(list(self.days.items())[-KEPT:]))
+        return Almanac(dict(list(self.days.items())[-MAX_DAYS:]))
 
     def encoded(self) -> bytes:
         """Return the content of a file."""
         content = msgspec.msgpack.encode(self)
-        return MAGIC + zlib.crc32(content).to_bytes(4, "little") + content
+        return FILE_HEADER + zlib.crc32(content).to_bytes(4, "little") + content
 
 
 def decoded(data: bytes) -> Almanac:
     """Return the almanac in the bytes of a file. Raises ValueError if they are no almanac, of another version, or
     damaged.
     """
-    start = len(MAGIC) + 4
-    if not data.startswith(MAGIC):
+    start = len(FILE_HEADER) + 4
+    if not data.startswith(FILE_HEADER):
         raise ValueError("it is not an almanac of this version")
-    if zlib.crc32(data[start:]) != int.from_bytes(data[len(MAGIC) : start], "little"):
+    if zlib.crc32(data[start:]) != int.from_bytes(data[len(FILE_HEADER) : start], "little"):
         raise ValueError("it is damaged")
     try:
         almanac = msgspec.msgpack.decode(data[start:], type=Almanac)
     except msgspec.MsgspecError as error:
         raise ValueError(f"it is not an almanac: {error}") from None
-    if any(len(rows) != _LENGTH for rows in almanac.days.values()):
+    if any(len(rows) != _DAY_BYTES for rows in almanac.days.values()):
         raise ValueError("a day in it is incomplete")
     return almanac
 
@@ -108,7 +108,7 @@ def read(path: Path) -> Almanac:
             raise ValueError("it belongs to another user, who can change it; make a copy of it, and name that")
         if user() is not None and stat.S_IMODE(status.st_mode) & 0o022:
             raise ValueError("other users can write it; chmod go-w, as its owner")
-        return decoded(file.read(LONGEST))
+        return decoded(file.read(MAX_FILE_BYTES))
 
 
 def stored(named: str | None = None) -> Almanac:

@@ -22,12 +22,12 @@ from astropy import units as u
 from astropy.coordinates import get_body_barycentric, get_sun
 from astropy.time import Time, TimeDelta
 
-from gateway.astro.ephemeris.almanac import DAY, PARTS, ROWS, STEP, Almanac
+from gateway.astro.ephemeris.almanac import DAY, PARTS, ROW_STEP, ROWS, Almanac
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5
-_SECONDS = np.arange(ROWS) * STEP
-_LIGHT = 299792.458  # km a second
+_SECONDS = np.arange(ROWS) * ROW_STEP
+_LIGHT_SPEED = 299792.458  # km a second
 
 
 def almanac(days: Collection[int]) -> Almanac:
@@ -91,5 +91,5 @@ def from_earth(name: str, at: Any) -> Any:
         sent = at - light * u.s
         viewer = get_body_barycentric("earth", sent, ephemeris="builtin") if name == "Moon" else earth
         apparent = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)
-        light = np.sqrt((apparent**2).sum(axis=0)) / _LIGHT
+        light = np.sqrt((apparent**2).sum(axis=0)) / _LIGHT_SPEED
     return apparent

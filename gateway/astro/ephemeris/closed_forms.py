@@ -26,10 +26,10 @@ from gateway.astro.spherical import (
 )
 
 _TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
-_CENTURY = 36525.0 * 86400.0
+_CENTURY_SECONDS = 36525.0 * 86400.0
 _ABERRATION = 20.4955 / 3600.0
 _MOON_RADIUS = 1737.4  # km, IAU
-_INCLINATION = 1.54242  # of the lunar equator to the ecliptic
+_MOON_INCLINATION = 1.54242  # of the lunar equator to the ecliptic
 
 Frame = tuple[float, Matrix]
 """Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date."""
@@ -40,7 +40,7 @@ def centuries(unix: float) -> float:
 
     Limited to 50 centuries: beyond, the polynomials that use it mean nothing, and they must not overflow.
     """
-    return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY))
+    return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY_SECONDS))
 
 
 def obliquity(t: float) -> float:
@@ -157,7 +157,7 @@ def moon_orientation(unix: float) -> Matrix:
     in_longitude, in_obliquity = nutation(t)
     # The lunar equator's descending node lies where the orbit ascends, and the prime meridian faces the Earth there.
     to_node = about_z(180.0 + math.degrees(delaunay(t)[3]))
-    tilted = about_x(-_INCLINATION)
+    tilted = about_x(-_MOON_INCLINATION)
     to_equinox = about_z(node + in_longitude)
     to_equator = about_x(obliquity(t) + in_obliquity)
     return product(to_equator, to_equinox, tilted, to_node)

@@ -17,16 +17,16 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from pathlib import Path
 
-from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, decoded, stored
+from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, decoded, stored
 from gateway.astro.ephemeris.sky import Sky
 from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 
 #: The number of days per calculation, from the first missing day; and the days ahead that must always be available.
-AHEAD, LEFT = 30, 10
+DAYS_PER_CALCULATION, MIN_DAYS_LEFT = 30, 10
 #: Seconds: the time limit of the process, between two checks (also after a process), and after a failure.
-LONGEST, PAUSE, AGAIN = 120.0, 60.0, 3600.0
+TIMEOUT, CHECK_PERIOD, RETRY_PERIOD = 120.0, 60.0, 3600.0
 #: One thread, which gives way to everything else, and no modules from the folder it was started in.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: The same on Windows, and no window.
@@ -67,10 +67,10 @@ def calculated(days: Collection[int]) -> Almanac:
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            argv, stdin=its_input, capture_output=True, timeout=LONGEST, env=environment, creationflags=FLAGS
+            argv, stdin=its_input, capture_output=True, timeout=TIMEOUT, env=environment, creationflags=FLAGS
         )
     except subprocess.TimeoutExpired:
-        raise ValueError(f"it took more than {LONGEST:.0f} s") from None
+        raise ValueError(f"it took more than {TIMEOUT:.0f} s") from None
     finally:
         os.close(its_input)
         os.close(held)
@@ -125,10 +125,10 @@ class AlmanacKeeper:
         while True:
             self._asked.clear()
             if days := self._lacking():
-                await asyncio.sleep(PAUSE if await self._renew(days) else AGAIN)
+                await asyncio.sleep(CHECK_PERIOD if await self._renew(days) else RETRY_PERIOD)
             else:
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._asked.wait(), PAUSE)
+                    await asyncio.wait_for(self._asked.wait(), CHECK_PERIOD)
 
     async def _renew(self, days: list[int]) -> bool:
         try:
@@ -154,10 +154,10 @@ class AlmanacKeeper:
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing or today}
         if self._quiet():
-            starts.add(today + LEFT)
+            starts.add(today + MIN_DAYS_LEFT)
         held = self._almanac.days
-        days = {start + more for start in starts if start not in held for more in range(AHEAD)}
-        return sorted(day for day in days if day not in held and FROM <= day * DAY < TO)
+        days = {start + more for start in starts if start not in held for more in range(DAYS_PER_CALCULATION)}
+        return sorted(day for day in days if day not in held and FIRST_DATE <= day * DAY < LAST_DATE)
 
     def _warn_once(self, message: str) -> None:
         if message not in self._warned:

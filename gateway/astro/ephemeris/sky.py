@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 
 from gateway.astro.ephemeris import closed_forms
-from gateway.astro.ephemeris.almanac import DAY, FROM, TO, Almanac, Row
+from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, Row
 from gateway.astro.ephemeris.closed_forms import Frame
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
@@ -32,7 +32,7 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-_FRAMES_KEPT = 16  # enough for the minutes of the host's clock, and the mount's
+_MAX_CACHED_FRAMES = 16  # enough for the minutes of the host's clock, and the mount's
 _EARTH_RADIUS = 6378.137  # km, at the equator (WGS 84)
 _EARTH_FLATTENING = 1.0 / 298.257223563
 
@@ -60,7 +60,7 @@ class Sky:
 
     def _values(self, part: str, unix: float) -> Row | None:
         """Return what the tables say, if they have the day; else note that it is missing."""
-        if not FROM <= unix < TO:
+        if not FIRST_DATE <= unix < LAST_DATE:
             return None
         values = self._almanac.at(part, unix)
         day = int(unix // DAY)
@@ -160,7 +160,7 @@ class Sky:
         minute = unix - unix % 60.0
         frame = self._frames.get(minute)
         if frame is None:
-            if len(self._frames) >= _FRAMES_KEPT:
+            if len(self._frames) >= _MAX_CACHED_FRAMES:
                 self._frames.clear()
             values = self._values("frame", minute)
             frame = self._frames[minute] = closed_forms.frame(minute) if values is None else _frame_of(minute, *values)

@@ -30,9 +30,9 @@ import textwrap
 from gateway.cli.serve.live import Screen
 
 #: Columns of a line, and of the progress bar in it.
-COLUMNS, BAR = 60, 14
+LINE_COLUMNS, BAR_COLUMNS = 60, 14
 #: Seconds between two looks at the keyboard, where the event loop cannot wait for it.
-EVERY = 0.05
+KEYBOARD_PERIOD = 0.05
 
 
 class Terminal(Screen):
@@ -89,7 +89,7 @@ class Terminal(Screen):
         while True:
             while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
                 self.pressed(msvcrt.getwch())  # type: ignore[attr-defined,unused-ignore]
-            await asyncio.sleep(EVERY)
+            await asyncio.sleep(KEYBOARD_PERIOD)
 
     def pressed(self, key: str) -> None:
         leaves = key in "qQ" and not self._asks
@@ -101,14 +101,14 @@ class Terminal(Screen):
     def say(self, text: str) -> None:
         """Print lines of at most 60 columns."""
         indent = " " * (len(text) - len(text.lstrip()))
-        self._print("\n".join(textwrap.wrap(text, COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
+        self._print("\n".join(textwrap.wrap(text, LINE_COLUMNS, subsequent_indent=f"{indent}  ")) + "\n")
 
     warn = say
 
     def progress(self, part: float, what: str) -> None:
         """Show how far the stage has come, below the last line."""
-        done = round(BAR * part)
-        line = f"[{'#' * done}{'.' * (BAR - done)}] {what}"[: COLUMNS - 1]
+        done = round(BAR_COLUMNS * part)
+        line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {what}"[: LINE_COLUMNS - 1]
         self._print(f"{line}\r")
         self._bar = len(line)
 
@@ -129,7 +129,7 @@ class Terminal(Screen):
             if self._leaving:
                 self._leaving = False
                 return "q"
-            self._print(f"{textwrap.fill(question, COLUMNS - 4)} > ")
+            self._print(f"{textwrap.fill(question, LINE_COLUMNS - 4)} > ")
             self._asks = True
             if (key := await self._keys.get()) in keys:
                 self._asks = False
@@ -139,9 +139,9 @@ class Terminal(Screen):
 
 
 #: Degrees from the Sun that the check keeps by day.
-SUN = 40.0
+SUN_DISTANCE = 40.0
 #: How many findings are shown at the end.
-SHOWN = 8
+MAX_SHOWN_FINDINGS = 8
 EXAMPLES = """\
 Examples:
   mount-gateway prove --mount nexstar@/dev/ttyUSB0
@@ -225,7 +225,7 @@ def checked(config: Config) -> Config:
 
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
-    mount = replace(config.mount[0], sun=max(SUN, config.mount[0].sun))
+    mount = replace(config.mount[0], sun=max(SUN_DISTANCE, config.mount[0].sun))
     return replace(config, mount=[mount], status=False, log=False, wait=False)
 
 
@@ -237,8 +237,8 @@ def summary(findings: Findings) -> Iterator[str]:
     counts = [f"{len(findings.of(verdict))} {verdict}" for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
     yield f"Your mount beside what the gateway assumed: {', '.join(counts)}."
     others = [item for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for item in findings.of(verdict)]
-    yield from (finding.line for finding in others[:SHOWN])
-    if len(others) > SHOWN:
-        yield f"{len(others) - SHOWN} others are in findings.json."
+    yield from (finding.line for finding in others[:MAX_SHOWN_FINDINGS])
+    if len(others) > MAX_SHOWN_FINDINGS:
+        yield f"{len(others) - MAX_SHOWN_FINDINGS} others are in findings.json."
     if left := [stage.name for stage in STAGES if not findings.whole(stage.name) and stage.name != "place"]:
         yield f"Not done: {', '.join(left)}. The same command continues from there."

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from gateway.core.requests import Answer
 
 #: Seconds between two requests for the progress.
-EVERY = 1.0
-NOBODY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
+PROGRESS_PERIOD = 1.0
+NO_GATEWAY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
 def add_which(command: argparse.ArgumentParser, which: str = "which mount, if there are several") -> None:
@@ -80,7 +80,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         streams.warn(no_such_mount(arguments.mount, (endpoint.title for endpoint in others)), streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
-    streams.warn(NOBODY.format(which=which), streams.ERROR)
+    streams.warn(NO_GATEWAY.format(which=which), streams.ERROR)
     for process in unreachable_gateways(scope_of(arguments.state)):
         whose = user_name(process.user)
         streams.warn(
@@ -117,5 +117,5 @@ def run_with_gateway(
 async def cancelled_while_waiting(done: asyncio.Event) -> bool:
     """Wait until the next request for the progress; return whether the user pressed Ctrl-C meanwhile."""
     with contextlib.suppress(TimeoutError):
-        await asyncio.wait_for(done.wait(), EVERY)
+        await asyncio.wait_for(done.wait(), PROGRESS_PERIOD)
     return done.is_set()

@@ -29,19 +29,19 @@ Make: TypeAlias = Callable[
     " | requests.MoveRequest",
 ]
 
-GOTO = """\
+GOTO_HELP = """\
 Examples:
   mount-gateway goto 05:34:32 +22:00:52
   mount-gateway goto M42 --wait        until it has arrived; Ctrl-C stops it
   mount-gateway goto Jupiter
 """
-MOVE = """\
+MOVE_HELP = """\
 Examples:
   mount-gateway move north --rate 2 --seconds 3
   mount-gateway move west --rate 9 --seconds 10     Ctrl-C stops it before its time
 """
 DIRECTIONS = ("north", "south", "east", "west")
-PLACES = """\
+POSITION_HELP = """\
 A place is RA DEC of date (--j2000: as in catalogues and maps), or the name of an object.
   05:34:32 +22:00:52     hours and degrees; 5h34m32s 22d00m52s, and fewer parts (05:34 22), are understood as well
   83.633 22.014          degrees both
@@ -57,7 +57,7 @@ def add_goto(commands: Commands) -> None:
         "goto",
         description="Points the mount at a place on the sky, through the running gateway. If the gateway refuses, "
         "it says why, with exit code 1.",
-        epilog=f"{GOTO}\n{PLACES}",
+        epilog=f"{GOTO_HELP}\n{POSITION_HELP}",
     )  # fmt: skip
     add_place(goto)
     _add_wait(goto)
@@ -69,7 +69,7 @@ def add_sync(commands: Commands) -> None:
         "sync",
         description="Tells the mount, through the running gateway, where it points now: centre an object first. The "
         "gateway refuses a sync while the mount moves, and one too far away (--sync-limit of run).",
-        epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{PLACES}",
+        epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{POSITION_HELP}",
     )  # fmt: skip
     add_place(sync)
     _add_request(sync, lambda arguments: requests.SyncRequest(place(arguments)))
@@ -80,7 +80,7 @@ def add_move(commands: Commands) -> None:
         "move",
         description="Presses an arrow of the mount, through the running gateway. The gateway releases it when the "
         "time is over, even if this command was killed. Ctrl-C releases it at once.",
-        epilog=MOVE,
+        epilog=MOVE_HELP,
     )  # fmt: skip
     move.add_argument(
         "direction",
@@ -137,14 +137,14 @@ def _move(arguments: argparse.Namespace) -> requests.MoveRequest:
 
 def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
-    from gateway.app.control.reach import ANSWERED
+    from gateway.app.control.reach import ANSWER_TIMEOUT
     from gateway.app.control.reach import request as send
 
     request = make(arguments)
     lasting = request.seconds if isinstance(request, requests.MoveRequest) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, send(endpoint, request, lasting + ANSWERED))
+        answer = await unless(done, send(endpoint, request, lasting + ANSWER_TIMEOUT))
         if answer is not None and answer.done and arguments.wait:
             if sys.stdout.isatty():
                 gateway_client.report(answer)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.status import OLD_AFTER, AverageRate, Served, State, activity, position_text, status_text
+from gateway.app.status import MAX_POSITION_AGE, AverageRate, Served, State, activity, position_text, status_text
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
 from gateway.cli.serve.signals import unless
@@ -110,7 +110,7 @@ def lines(state: State) -> Iterator[str]:
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
     position = position_text(look)  # includes the age of an old position
-    if look.position is not None and look.age <= OLD_AFTER:
+    if look.position is not None and look.age <= MAX_POSITION_AGE:
         position += f", {look.age:.0f} s ago"
     doing = activity(look) if look.online else ""  # not known now
     rows = {

@@ -71,7 +71,7 @@ def _stop(arguments: argparse.Namespace) -> int:
         bad.append(f"{no_such_mount(arguments.mount, report.others)}. Nothing was stopped")
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
-        good.append(NOTHING[word].format(only=only))
+        good.append(NOTHING_DONE_MESSAGES[word].format(only=only))
     _say(good, sys.stdout, streams.INFO)
     _say(bad, sys.stderr, streams.ERROR)
     return 1 if bad else 0
@@ -89,7 +89,7 @@ def _as_gateways_have_it(mount: str | None) -> str | None:
         return mount
 
 
-NOTHING = {
+NOTHING_DONE_MESSAGES = {
     "stop": "nothing to stop: no gateway runs{only}, and none ended in motion",
     "release": "nothing to release: no gateway runs, and nothing is held",
 }
@@ -97,7 +97,7 @@ NOTHING = {
 
 def _on_disk(folder: Path, word: str) -> tuple[str, str]:
     """Hold or release gateways that are started later with a state folder; return the texts (done, failed)."""
-    from gateway.app.state.file import HOLD, hold_folder, release_folder
+    from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
 
     try:
         if word == "hold":
@@ -110,7 +110,7 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
             if word == "hold"
             else ("a gateway that is started later is held again")
         )
-        return "", f"{folder / HOLD}: {explain_os_error(error)}: {after}"
+        return "", f"{folder / HOLD_FILE}: {explain_os_error(error)}: {after}"
 
 
 def _say(lines: list[str], stream: TextIO, level: int) -> None:

@@ -16,7 +16,7 @@ from gateway.cli.serve.live import Screen
 from gateway.clients.access import AccessRules
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS
-from gateway.transport.listening import SERVED, split_address
+from gateway.transport.listening import WEB_SERVED, split_address
 from gateway.transport.web_server import WebServer
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 #: How many ports are tried after the console's, if that is taken.
-OTHERS = 50
+PORTS_TRIED = 50
 
 
 async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phone: PhoneLines) -> None:
@@ -38,7 +38,7 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
     from gateway.app.discovery.offer import web_address
 
     try:
-        web.where = (await web.listen(page.at, OTHERS)).where
+        web.where = (await web.listen(page.at, PORTS_TRIED)).where
     except UserError as error:
         screen.warn(
             f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
@@ -79,7 +79,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
         return []
     allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
-        SurfaceConfig(at=f"{name}@{SERVED}", mount=mount.name, allow=allow, read_only=looks)
+        SurfaceConfig(at=f"{name}@{WEB_SERVED}", mount=mount.name, allow=allow, read_only=looks)
         for name, spec in PROTOCOLS.items()
         if spec.web is not None
     ]
@@ -95,9 +95,9 @@ def http_offers(web: WebServer) -> list[Offer]:
 
 def console_offers(web: WebServer) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
-    from gateway.app.discovery.offer import WEB, Offer
+    from gateway.app.discovery.offer import HTTP, Offer
 
-    offers = [Offer(WEB, "tcp", *split_address(web.where))] if web.where else []
+    offers = [Offer(HTTP, "tcp", *split_address(web.where))] if web.where else []
     return [offer for offer in offers if offer.wide]
 
 

@@ -20,11 +20,11 @@ from gateway.transport.device_link import is_free
 
 DEMO_PORT = 4030
 #: The number of the port for any program is so much higher.
-APART = ANY_PORT - DEMO_PORT
+ANY_PORT_OFFSET = ANY_PORT - DEMO_PORT
 #: So many ports and names are tried.
-OTHERS = 50
+PORTS_TRIED = 50
 #: The keys of the configuration that are flags of the demo, too.
-SHOWN = ("log", "night")
+DEMO_KEYS = ("log", "night")
 EXAMPLES = """\
 Examples:
   mount-gateway demo                    a Celestron, for programs that drive a Meade
@@ -49,7 +49,7 @@ def add_demo(commands: Commands) -> None:
     demo.add_argument(
         "--port",
         type=int,
-        help=f"TCP port (default {DEMO_PORT}, or the next free one; 0 takes any); for any program {APART} more",
+        help=f"TCP port (default {DEMO_PORT}, or the next free one; 0 takes any); for any program +{ANY_PORT_OFFSET}",
     )
     demo.add_argument(
         "--pty",
@@ -59,7 +59,7 @@ def add_demo(commands: Commands) -> None:
     demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")
     demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
     for key in keys(""):
-        if key.name in SHOWN:
+        if key.name in DEMO_KEYS:
             add_flag(demo, key)
     add_table_flags(demo, "console")
     demo.set_defaults(run=_demo)
@@ -71,7 +71,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     port, notes = arguments.port, []
     if port is None and (port := free_port(DEMO_PORT)) != DEMO_PORT:
         notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")
-    anybody = 0 if arguments.port == 0 else free_port(port + APART)
+    anybody = 0 if arguments.port == 0 else free_port(port + ANY_PORT_OFFSET)
     surfaces = [{"at": f"{name}@tcp://127.0.0.1:{number}"} for name, number in ((ANY, anybody), (client, port))]
     if sys.platform != "win32":
         path = arguments.pty
@@ -81,7 +81,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     tables: dict[str, object] = {
         "mount": [{"at": f"{mount}@sim", "speed": arguments.speed, "sun": 0.0}],  # there is no glass to be harmed
         "surface": surfaces,
-        **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None},
+        **{name: value for name in DEMO_KEYS if (value := getattr(arguments, name)) is not None},
     }
     flags: dict[Place, str] = {
         ("mount", 0, "speed"): "--speed",
@@ -107,7 +107,7 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 def free_port(first: int) -> int:
     """Return the first free port from ``first`` on; ``first`` itself if all that were tried are in use."""
-    for port in range(first, min(first + OTHERS, 65536)):
+    for port in range(first, min(first + PORTS_TRIED, 65536)):
         with socket.socket() as tried:
             if os.name == "posix":
                 tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -120,5 +120,5 @@ def free_port(first: int) -> int:
 
 def free_name(path: str) -> str:
     """Return this name, or the first free name with a number appended; the name itself if all are in use."""
-    names = [path, *(f"{path}-{number}" for number in range(2, OTHERS))]
+    names = [path, *(f"{path}-{number}" for number in range(2, PORTS_TRIED))]
     return next((name for name in names if is_free(name)), path)

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 #: Seconds until the first bytes (a hand control's worst case), until the first valid reply once bytes came, and until
 #: the mount is identified.
-FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
+REPLY_WAIT, VALID_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
 #: Seconds from the start until the gateway gives up a port that opens and stays silent: some hand controls take 25 s to
 #: start.
-GIVE_UP = 40.0
+SEARCH_TIMEOUT = 40.0
 #: Seconds after which a mount that has reported its position is served though it is not identified yet: one whose model
 #: the user has named, and any other.
-NAMED, UNNAMED = 3.0, 4.5
+NAMED_PORT_WAIT, UNNAMED_PORT_WAIT = 3.0, 4.5
 #: The default rate of every mount, baud.
-USUAL = 9600
+BAUD = 9600
 #: With --wait, seconds that the ready lines wait for the identification of the mount.
-QUICK = 0.5
+READY_LINES_WAIT = 0.5
 #: Seconds after which a message says what the gateway waits for.
-SAID_AFTER = 1.0
+MESSAGE_DELAY = 1.0
 
 
 async def serve(
@@ -48,21 +48,21 @@ async def serve(
     """
     if not patient:
         await find(gateway, warn, longest)
-    answers = not patient or await gateway.wait_identified(QUICK)
+    answers = not patient or await gateway.wait_identified(READY_LINES_WAIT)
     await ready(gateway)
     if not answers and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
-        at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
+        at = f" at {gateway.config.baud} baud (mounts talk at {BAUD})" * (gateway.config.baud != BAUD)
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
 async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up early if there is little hope.
 
-    A port may be silent for `FIRST_WORD` seconds, or for ``more`` seconds when the wait is repeated.
+    A port may be silent for `REPLY_WAIT` seconds, or for ``more`` seconds when the wait is repeated.
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
-    began, said, soon = now(), more is not None, NAMED if gateway.mount.model else UNNAMED
+    began, said, soon = now(), more is not None, NAMED_PORT_WAIT if gateway.mount.model else UNNAMED_PORT_WAIT
     heard = began if line.transaction.ever_answered else None
     while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
@@ -70,21 +70,21 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
         if heard is None and line.transaction.ever_answered:
             heard = now()
         hope = (
-            (FIRST_WORD if more is None else more)
+            (REPLY_WAIT if more is None else more)
             if heard is None
-            else FIND_MOUNT
+            else MODEL_WAIT
             if line.times.answers
-            else FIRST_SENSE
+            else VALID_WAIT
         )
         if line.unopened or now() > (heard or began) + hope:
             break
-        if not said and now() > began + SAID_AFTER and not line.unopened:
+        if not said and now() > began + MESSAGE_DELAY and not line.unopened:
             said = True
             warn(waiting_message(gateway))
     return position.is_set()  # a device that reports a position is a mount
 
 
-async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = GIVE_UP) -> None:
+async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = SEARCH_TIMEOUT) -> None:
     """Wait for the mount. Raises UserError, which describes the device found instead.
 
     If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
@@ -120,9 +120,9 @@ async def _check_for_another(gateway: Gateway) -> None:
     from gateway.diagnostics.detect.scan_port import who_answers
 
     protocol = await who_answers(gateway.mount.where, gateway.config.baud)
-    if protocol is None and gateway.config.baud != USUAL and await _answers_at(gateway.mount.where, USUAL):
+    if protocol is None and gateway.config.baud != BAUD and await _answers_at(gateway.mount.where, BAUD):
         raise UserError(
-            f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave --baud out"
+            f"{gateway.title}: the mount answers at {BAUD} baud, and not at {gateway.config.baud}: leave --baud out"
         )
     if protocol and protocol != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {protocol}; write {protocol}@{gateway.mount.where}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
 #: Seconds between two updates, for the terminal and for systemd.
-EVERY, SELDOM = 1.0, 5.0
+TERMINAL_PERIOD, SYSTEMD_PERIOD = 1.0, 5.0
 
 
 class Screen:
@@ -137,7 +137,7 @@ def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[as
 
 async def _show(status_lines: StatusLines, screen: Screen) -> None:
     while True:
-        await asyncio.sleep(EVERY)
+        await asyncio.sleep(TERMINAL_PERIOD)
         screen.show(status_lines.line(screen.columns))
 
 
@@ -157,4 +157,4 @@ async def _report(status_lines: StatusLines, screen: Screen) -> None:
             states.append(f"STATUS={line}")
         if states:
             notify(*states)
-        await asyncio.sleep(SELDOM if patience is None else min(SELDOM, patience / 3))
+        await asyncio.sleep(SYSTEMD_PERIOD if patience is None else min(SYSTEMD_PERIOD, patience / 3))

@@ -8,7 +8,7 @@ from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
-BELOW = """\
+HELP_EPILOG = """\
 A mount is nexstar@/dev/ttyUSB0, lx200@COM3, alpaca@http://HOST:PORT, or nexstar@sim (simulated). A surface, where \
 programs connect, is lx200@tcp://127.0.0.1:4030, nexstar@pty:/tmp/nexstar (a virtual serial port), \
 alpaca@tcp://127.0.0.1:11111, stellarium@tcp://127.0.0.1:10001, or any@tcp://127.0.0.1:4040 for all of these and \
@@ -33,7 +33,7 @@ def add_run(commands: Commands) -> None:
               "       mount-gateway run gateway.toml",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect. Ctrl-C stops the mount and ends the gateway.",
-        late=lambda: BELOW,
+        late=lambda: HELP_EPILOG,
         more=str,
     )  # fmt: skip
     loop = run.add_argument(

@@ -11,9 +11,9 @@ from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.system.own_commands import gateway_argv
 
-TEMPLATE = Path(__file__).with_name("mount-gateway.service")
+UNIT_TEMPLATE = Path(__file__).with_name("mount-gateway.service")
 
-HOW = """\
+INSTALL_HELP = """\
 Examples:
   mount-gateway detect --network --write gateway.toml
   mount-gateway service --config gateway.toml | sudo tee /etc/systemd/system/mount-gateway.service
@@ -30,7 +30,7 @@ def add_service(commands: Commands) -> None:
         "service",
         description="Prints a systemd unit for this installation. It waits for a mount that is switched on later, and "
                     "stops the mount when the gateway ends, however it ends.",
-        epilog=HOW,
+        epilog=INSTALL_HELP,
     )  # fmt: skip
     default = Path("/etc/mount-gateway.toml")
     service.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
@@ -44,7 +44,7 @@ def add_service(commands: Commands) -> None:
 
 def _service(arguments: argparse.Namespace) -> int:
     from gateway.app.config import make_config, read_tables
-    from gateway.app.config.keys import WORD
+    from gateway.app.config.keys import NAME_PATTERN
 
     path = (arguments.file or arguments.config).absolute()
     if not path.exists():
@@ -54,7 +54,7 @@ def _service(arguments: argparse.Namespace) -> int:
         )
     if any(mount.state for mount in make_config(*read_tables(path)).mount):
         raise UserError(f"{path}: take out the key state: a service keeps its state in a folder below /var/lib")
-    if arguments.unit and not re.fullmatch(WORD, arguments.unit):
+    if arguments.unit and not re.fullmatch(NAME_PATTERN, arguments.unit):
         raise UserError(f"service: --unit {arguments.unit!r}: write a word of letters, digits and _ . -")
     folder = "-".join(filter(None, ("mount-gateway", arguments.unit)))
     print(unit(gateway_argv(), str(path), *_user_and_group(arguments.user), folder), end="")
@@ -65,7 +65,7 @@ def unit(program: list[str], config: str, user: str, group: str, folder: str) ->
     """Return the unit that runs a program with a configuration file; its state is in ``folder`` below /var/lib."""
     first, *more = (word(part) for part in program)
     program = [first.replace("$$", "$"), *more]  # in the name of the program $ is not escaped
-    return TEMPLATE.read_text("utf-8").format(
+    return UNIT_TEMPLATE.read_text("utf-8").format(
         program=" ".join(program), config=word(config), user=user, group=group, folder=folder
     )
 

@@ -27,7 +27,7 @@ from gateway.cli.serve.console_and_broker import (
     open_broker,
     open_console,
 )
-from gateway.cli.serve.finding import GIVE_UP, serve
+from gateway.cli.serve.finding import SEARCH_TIMEOUT, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import before_suspension, unless, until_signal
 from gateway.core.errors import Fault
@@ -52,11 +52,11 @@ if TYPE_CHECKING:
     Guest: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
 #: How long the ready lines wait for site and clock of a mount that was found, seconds.
-SETTLED_WITHIN = 3.0
+SITE_AND_CLOCK_WAIT = 3.0
 #: Seconds between two looks at the addresses of this computer.
-LOOK_EVERY = 3.0
+ADDRESS_CHECK_PERIOD = 3.0
 #: Timeout in seconds for a stop before the process is suspended.
-SUSPEND = 4.0
+SUSPEND_TIMEOUT = 4.0
 
 
 def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]]) -> int:
@@ -150,7 +150,7 @@ async def serve_mounts(
         status_tasks = start_status_updates(gateways, screen)
 
         broker = open_broker(config, access, gateways, screen)
-        patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else GIVE_UP
+        patient, longest = config.wait or len(gateways) > 1, 0.0 if config.wait is False else SEARCH_TIMEOUT
 
         to_be_ready = list(gateways)
 
@@ -160,7 +160,7 @@ async def serve_mounts(
             first = asyncio.ensure_future(_print_first_messages(gateway, screen, len(gateways) > 1))
             status_tasks.append(first)
             if gateway.controller.identified.is_set():
-                await asyncio.wait([first], timeout=SETTLED_WITHIN)
+                await asyncio.wait([first], timeout=SITE_AND_CLOCK_WAIT)
             for caution in gateway.cautions():
                 screen.warn(caution)
             for line in phone.new_lines(network_offers(gateway.names())):
@@ -212,7 +212,7 @@ async def serve_mounts(
 async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None]) -> None:
     """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi."""
     while True:
-        await asyncio.sleep(LOOK_EVERY)
+        await asyncio.sleep(ADDRESS_CHECK_PERIOD)
         for line in phone.new_lines(reached()):
             say(line)
 
@@ -255,7 +255,7 @@ async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -
     """Stop all moving mounts before this process is suspended, and print what was done."""
     moving = [gateway for gateway in gateways if gateway.busy]
     try:
-        async with asyncio.timeout(SUSPEND):
+        async with asyncio.timeout(SUSPEND_TIMEOUT):
             await asyncio.gather(*(gateway.controller.stop() for gateway in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):

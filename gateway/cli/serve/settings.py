@@ -24,7 +24,7 @@ from gateway.core.errors import UserError
 from gateway.system import streams
 
 #: The groups of flags in ``--help``; a key that is in none of them belongs to the group of the mount.
-GROUPS = {
+FLAG_GROUPS = {
     "safety": (
         "lowest",
         "highest",
@@ -40,11 +40,11 @@ GROUPS = {
     "how it runs": ("wait", "log", "night", "status", "record", "record-keep", "state", "almanac"),
     "simulated mounts": ("latency", "speed"),
 }
-MOUNT = "about the mount"
-SURFACE = "about the surface, where programs connect (if there are several: in the file)"
+MOUNT_GROUP = "about the mount"
+SURFACE_GROUP = "about the surface, where programs connect (if there are several: in the file)"
 #: Keys that only apply to some surfaces: what their addresses begin with, and these surfaces in words.
 _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
-ONLY_FOR = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
+KEY_SURFACES = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
 #: Tables with flags of their own: the title of the group, and the key of each flag. Their other keys can only be set in
@@ -94,12 +94,12 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         because="write one file",
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help=argparse.SUPPRESS)
-    groups = {title: parser.add_argument_group(title) for title in (MOUNT, SURFACE, *GROUPS)}
+    groups = {title: parser.add_argument_group(title) for title in (MOUNT_GROUP, SURFACE_GROUP, *FLAG_GROUPS)}
     for key in (*keys("mount"), *keys("")):
-        group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
+        group = groups[next((title for title, names in FLAG_GROUPS.items() if key.name in names), MOUNT_GROUP)]
         add_flag(group, key)
     for key in surface_keys():
-        add_flag(groups[SURFACE], key)
+        add_flag(groups[SURFACE_GROUP], key)
     for table in TABLE_FLAGS:
         add_table_flags(parser, table)
     common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.common}
@@ -256,7 +256,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
         meant = [
             number
             for number, surface in enumerate(surfaces)
-            if len(surfaces) == 1 or name not in ONLY_FOR or re.match(ONLY_FOR[name][0], str(surface.get("at")))
+            if len(surfaces) == 1 or name not in KEY_SURFACES or re.match(KEY_SURFACES[name][0], str(surface.get("at")))
         ]
         if len(meant) > 1:
             raise UserError(
@@ -264,7 +264,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
                 f"[[surface]] (mount-gateway config --example shows how)"
             )
         if surfaces and not meant:
-            raise UserError(f"--{name}: none of these surfaces is {ONLY_FOR[name][1]}")
+            raise UserError(f"--{name}: none of these surfaces is {KEY_SURFACES[name][1]}")
         for number in meant:
             tables["surface"] = surfaces = list(surfaces)
             surfaces[number] = surfaces[number] | {name: value}

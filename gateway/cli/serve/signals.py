@@ -19,11 +19,11 @@ from typing import TypeVar
 _T = TypeVar("_T")
 #: Two SIGINTs within this time (seconds) count as one: a wrapper that passes Ctrl-C on delivers it twice, a user is
 #: slower.
-TWICE = 0.1
+DOUBLE_PRESS_TIME = 0.1
 #: What Windows reports: the terminal's window is closed, the user logs off, the computer shuts down.
-CLOSED = (2, 5, 6)
+WINDOWS_CLOSE_EVENTS = (2, 5, 6)
 #: Seconds that the handler waits for the process to end: longer than the 5 s after which Windows ends it.
-WINDOWS_WAITS = 10.0
+WINDOWS_EXIT_TIMEOUT = 10.0
 #: The handlers that Windows calls, which ctypes does not keep alive.
 _HANDLERS: list[object] = []
 
@@ -39,7 +39,7 @@ def until_signal() -> asyncio.Event:
         if not done.is_set():
             done.set()
             asked = loop.time()
-        elif number == signal.SIGINT and loop.time() - asked > TWICE:
+        elif number == signal.SIGINT and loop.time() - asked > DOUBLE_PRESS_TIME:
             os._exit(128 + number)
 
     numbers = [signal.SIGINT, signal.SIGTERM]
@@ -67,11 +67,11 @@ def _when_the_window_closes(end: Callable[[], object]) -> None:
 
     def asked(event: int) -> bool:
         """Called on a thread of Windows' own, which ends the process as soon as this returns True."""
-        if event not in CLOSED:
+        if event not in WINDOWS_CLOSE_EVENTS:
             return False  # Ctrl-C and Ctrl-Break, which are signals
         with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending already
             end()
-        time.sleep(WINDOWS_WAITS)
+        time.sleep(WINDOWS_EXIT_TIMEOUT)
         return True
 
     handler = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(asked)  # type: ignore[attr-defined,unused-ignore]

@@ -12,17 +12,17 @@ from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import ClientAdmission
-from gateway.clients.any_protocol.deciding import HTTP, decide, protocol_that_waits, shared_prefix
+from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, protocol_that_waits, shared_prefix
 from gateway.clients.connection import ClientConnection
-from gateway.clients.strangers import IDLE
+from gateway.clients.strangers import IDLE_BYTES
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.handler import Connected, ConnectionHandler
-from gateway.transport.web_server import NONE, WebServer, answer_of
+from gateway.transport.web_server import NO_PAGE_RESPONSE, WebServer, answer_of
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
-GREET_AFTER, INCOMPLETE_FOR = 3.0, 1.0
+GREETING_DELAY, INCOMPLETE_TIMEOUT = 3.0, 1.0
 #: The maximum number of idle bytes stored before the first command.
-MAX_IDLE = 64
+MAX_IDLE_BYTES = 64
 
 
 class AnyConnection:
@@ -42,7 +42,7 @@ class AnyConnection:
         self._answered_bytes = b""
         self._last_received = -1e9
         self.feed: Callable[[bytes], None] = self._recognise
-        self._silence = port.controller.loop.call_later(GREET_AFTER, self._greet)
+        self._silence = port.controller.loop.call_later(GREETING_DELAY, self._greet)
 
     @property
     def decided(self) -> bool:
@@ -71,12 +71,12 @@ class AnyConnection:
         """Answer a silent client in the protocol whose clients wait for a greeting."""
         protocol = protocol_that_waits()
         if protocol is not None:
-            self._answer_in(protocol, f"because the program has sent nothing for {GREET_AFTER:g} s")
+            self._answer_in(protocol, f"because the program has sent nothing for {GREETING_DELAY:g} s")
 
     def _recognise(self, data: bytes) -> None:
         self._silence.cancel()
         now = self._controller.now()
-        if now - self._last_received >= INCOMPLETE_FOR and (half := self.sent.lstrip(IDLE)):
+        if now - self._last_received >= INCOMPLETE_TIMEOUT and (half := self.sent.lstrip(IDLE_BYTES)):
             self._controller.wire_log.put(
                 self._connected.name, "x", half, "an incomplete command that was not continued within a second"
             )
@@ -84,12 +84,12 @@ class AnyConnection:
         self._last_received = now
         self.sent += data
         waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
-        while rest := self.sent.lstrip(IDLE):
+        while rest := self.sent.lstrip(IDLE_BYTES):
             verdict = decide(rest)
             if verdict is None:
                 break
             waits = False
-            if verdict.protocol == HTTP:
+            if verdict.protocol == HTTP_PROTOCOL:
                 self._pass_to_web(rest)
                 return
             self._answer_in(verdict.protocol, verdict.why)
@@ -104,7 +104,7 @@ class AnyConnection:
         if waits:
             self._close_handler()  # the first byte does not decide for that protocol
         if not rest:
-            self.sent = self.sent[-MAX_IDLE:]
+            self.sent = self.sent[-MAX_IDLE_BYTES:]
 
     def _answer_in(self, protocol: str, why: str = "") -> None:
         """Let the acceptor of this protocol answer from now on."""
@@ -134,7 +134,7 @@ class AnyConnection:
         if self._connected.hand_over is not None:
             self._connected.hand_over(lambda transport: self._web.take(transport, sent))
         elif self._connected.hang_up is not None:
-            self._connected.hang_up(answer_of(*NONE))
+            self._connected.hang_up(answer_of(*NO_PAGE_RESPONSE))
 
 
 class AnyAcceptor:

@@ -11,12 +11,12 @@ import re
 from functools import cache
 from typing import NamedTuple
 
-from gateway.clients.strangers import IDLE, greetings
+from gateway.clients.strangers import IDLE_BYTES, greetings
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import load
 
 #: Stands for a protocol: the client is a web browser or another program that speaks HTTP.
-HTTP = "http"
+HTTP_PROTOCOL = "http"
 
 
 class Decision(NamedTuple):
@@ -29,7 +29,7 @@ class Decision(NamedTuple):
 def decide(sent: bytes) -> Decision | None:
     """Return the verdict for these bytes, which do not begin with idle bytes; None if more bytes are needed."""
     if any(sent.startswith(method) for method in _methods()):
-        return Decision(HTTP)
+        return Decision(HTTP_PROTOCOL)
     spoken = streams()
     whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, sent)) and match.end()]
     if whole:
@@ -54,7 +54,7 @@ def shared_prefix(protocol: str, sent: bytes) -> int:
 
 def may_change(protocol: str, sent: bytes) -> bool:
     """Whether these bytes, so far taken for this protocol, may still turn out to be another protocol."""
-    rest = sent.lstrip(IDLE)
+    rest = sent.lstrip(IDLE_BYTES)
     return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn, TurnRunner
+from gateway.clients.commands.turn import MOUNT_TIMEOUT, NO_DEADLINE, REPLY_TIMEOUT, Inbox, Turn, TurnRunner
 from gateway.clients.commands.unread import UnreadText
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import Fault, NoAnswer
@@ -30,7 +30,7 @@ from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import Connected
 
 #: Seconds within which the releases of all four arrows are a stop.
-ALL_AT_ONCE = 0.3
+RELEASE_GAP = 0.3
 
 
 class Releases:
@@ -52,7 +52,7 @@ class Releases:
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
-        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= ALL_AT_ONCE} | {frame: now}
+        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= RELEASE_GAP} | {frame: now}
         if len(self._recent) == len(Direction):
             self._recent.clear()
             return UrgentEnd(AbortMotion(), ending.takes_back)
@@ -180,7 +180,7 @@ class CommandProcessor:
         ``arrived`` is the loop time of their arrival. Without bytes, bytes that the framer has held back are processed,
         if the line is quiet.
         """
-        self.activity.sent_data |= stops != LONG_AGO
+        self.activity.sent_data |= stops != NO_DEADLINE
         if self.log.sinks and data:
             self.log.put("raw", data)
         if self.unread.hold:
@@ -270,7 +270,7 @@ class CommandProcessor:
                 self.runner.defect(turn.frame, error)
                 continue
             self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
-            until = turn.arrived + WAIT_FOR_MOUNT
+            until = turn.arrived + MOUNT_TIMEOUT
             if self.controller.now() < until:
                 turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
                 return
@@ -324,7 +324,7 @@ class CommandProcessor:
             self._cache.clear()
         elif reply:
             self._cache.remember(frame, reply, turn.readings, now)
-        if reply and now - turn.arrived > ANSWER_WITHIN and not turn.lasting:
+        if reply and now - turn.arrived > REPLY_TIMEOUT and not turn.lasting:
             reply = None
             self._log_no_reply(frame)
         if reply:
@@ -343,7 +343,7 @@ class CommandProcessor:
             return
         self.log.note_once(
             f"no reply to {show(frame)}: the mount has not answered within "
-            f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
+            f"{REPLY_TIMEOUT} s, and a later answer would be taken for the reply to another command"
         )
 
     def _log_refused(self, frame: bytes) -> None:

@@ -19,7 +19,7 @@ from msgspec import Struct
 from gateway.clients.access import Rights
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core.errors import Busy, Fault
-from gateway.core.motion_kinds import BY_HAND, MOVING, begins_motion, ends_focus
+from gateway.core.motion_kinds import HAND_MOTIONS, MOVERS, begins_motion, ends_focus
 from gateway.core.operations import (
     AbortSlew,
     ClockFromGps,
@@ -51,15 +51,15 @@ from gateway.protocols.base.wants import (
 
 #: Used as a count of stops: sent before all of them, by a client that may be gone. Such a command begins no motion and
 #: keeps none alive.
-LONG_AGO = -1
+NO_DEADLINE = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
 #: commands which arrived together with an unanswered command are still answered.
-ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
+REPLY_TIMEOUT, MOUNT_TIMEOUT = 3.5, 3.4
 #: Seconds after which a motion that has not begun is refused, while a reply is still possible.
-REFUSE_AFTER = 3.0
+START_TIMEOUT = 3.0
 #: Commands that may wait in a connection; beyond that the oldest are dropped.
-INBOX = 256
+MAX_WAITING_COMMANDS = 256
 
 
 class Turn(Struct, eq=False):
@@ -90,13 +90,13 @@ class Inbox(deque[Turn]):
     """The commands that wait, in the order of arrival. Commands that are removed other than by ``take`` are logged."""
 
     def __init__(self, log: ClientLog) -> None:
-        super().__init__(maxlen=INBOX)
+        super().__init__(maxlen=MAX_WAITING_COMMANDS)
         self._log = log
 
     def add(self, turn: Turn) -> None:
         """Add a command; if the inbox is full, the oldest is dropped."""
-        if len(self) == INBOX:
-            self._log.put("x", self[0].frame, f"more than {INBOX} commands wait")
+        if len(self) == MAX_WAITING_COMMANDS:
+            self._log.put("x", self[0].frame, f"more than {MAX_WAITING_COMMANDS} commands wait")
         self.append(turn)
 
     def take(self) -> Turn:
@@ -139,9 +139,9 @@ class Inbox(deque[Turn]):
 Kinds = list[type[Operation]]
 
 #: Different commands whose replies are cached.
-MAX_REPLIES = 32
+MAX_CACHED_REPLIES = 32
 #: Seconds within which two coordinates that are requested separately are taken from the same reading.
-SAME_INSTANT = 1.0
+COORDINATE_PAIR_WINDOW = 1.0
 
 
 class ReplyCache:
@@ -162,7 +162,7 @@ class ReplyCache:
     def remember(self, command: bytes, reply: bytes, kinds: Kinds, now: float) -> None:
         """Cache a reply that is valid until one of these readings expires."""
         version, until = self._controller.version, self._controller.fresh_until(kinds)
-        if self._version != version or now >= self._until or len(self._replies) >= MAX_REPLIES:
+        if self._version != version or now >= self._until or len(self._replies) >= MAX_CACHED_REPLIES:
             self._replies.clear()
             self._version, self._until = version, float("inf")
         self._replies[command] = reply, kinds
@@ -190,7 +190,7 @@ class BackgroundOperations:
     def start(self, operation: Operation, stops: int, asked: float) -> None:
         """Start an operation without a reply, which the client ``asked`` for then; a failure goes to the wire log."""
         controller = self._controller
-        if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or the client is gone
+        if isinstance(operation, MOVERS) and stops != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, StopAxis | AbortSlew)
         if halts and controller.reconciler.halt_is_pending(operation):
@@ -278,7 +278,7 @@ class TurnRunner:
         while True:
             answer, fault = None, None
             try:
-                patience = turn.arrived + REFUSE_AFTER - self._controller.now() if self._surface.replies else inf
+                patience = turn.arrived + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
                 value = await self._controller.perform(
                     self._to_internal(wanted), turn.stops, self._activity, patience, turn.arrived
                 )
@@ -310,7 +310,7 @@ class TurnRunner:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
         if late > MAX_START_DELAY and (
-            isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))
+            isinstance(operation, HAND_MOTIONS) or (late > MOUNT_TIMEOUT and _never_late(operation))
         ):
             self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
             return Busy(STARTED_TOO_LATE)
@@ -331,7 +331,7 @@ class TurnRunner:
     def _recent_reading(self, operation: Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
         value, at, version = self._sent.get(type(operation), (None, -inf, 0))
-        if self._controller.now() - at >= SAME_INSTANT:
+        if self._controller.now() - at >= COORDINATE_PAIR_WINDOW:
             return None
         if version == self._controller.version:
             turn.readings.append(type(operation))

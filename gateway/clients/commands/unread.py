@@ -2,8 +2,8 @@
 
 INDI's LX200 drivers read one byte of ``1Object Below Horizon.#``, and discard the rest in a way that has no effect on a
 socket. They would take the text for the reply to their next question, and from then on every reply for the previous
-reply. So the text waits: it is dropped at the next command, and sent after ``HOLD`` seconds to a program that reads on.
-A program that begins with a ``#`` is none of those drivers and gets its replies whole.
+reply. So the text waits: it is dropped at the next command, and sent after ``HOLD_TIME`` seconds to a program that
+reads on. A program that begins with a ``#`` is none of those drivers and gets its replies whole.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from gateway.core.wire_log import ClientLog
 
 #: Seconds: longer than those drivers wait before they ask anew (they poll each second), and shorter than any program
 #: waits for the rest of a reply (3 s).
-HOLD = 1.2
+HOLD_TIME = 1.2
 #: Seconds more, so that a question that has arrived while this computer was busy is read before the text is sent.
-SETTLE = 0.02
+SETTLE_TIME = 0.02
 #: Bytes that ask for nothing.
-_IGNORED = b"#\r\n\0 "
+_IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
@@ -38,7 +38,7 @@ class UnreadText:
         """The program has sent bytes: it does not wait for the text."""
         if data[:1] == b"#" and len(data) > 1:
             self.whole()
-        if data.strip(_IGNORED):
+        if data.strip(_IGNORED_BYTES):
             self.drop()
 
     def drop(self) -> None:
@@ -62,7 +62,7 @@ class UnreadText:
         return reply[:read]
 
     def _settle(self) -> None:
-        self._timer = self._loop.call_later(SETTLE, self._release)
+        self._timer = self._loop.call_later(SETTLE_TIME, self._release)
 
     def _release(self) -> None:
         if text := self._remove_text():

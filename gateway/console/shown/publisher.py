@@ -18,27 +18,27 @@ import msgspec
 from gateway.app.gateway import Gateway
 from gateway.app.status import AverageRate
 from gateway.console.shown import view
-from gateway.console.shown.talk import MOST, ConversationView, surface_spoken
-from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.console.shown.talk import MAX_ROWS, ConversationView, surface_spoken
+from gateway.core.wire_log import MOUNT_SIDE, Entry, show
 
 #: How many answer times are stored for new pages.
-KEPT = 240
+MAX_ANSWER_TIMES = 240
 
 #: Time of the answer (Unix seconds), and the answer time in milliseconds; None for a failed exchange.
 Sample = tuple[float, float | None]
 #: For how many clients the last command is stored; how many bytes of it are shown.
-CLIENTS, SHOWN = 200, 40
+MAX_CLIENTS, MAX_COMMAND_BYTES = 200, 40
 #: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
-BODIES_FRESH, BODIES_MISSING, OTHERS_FRESH = 10.0, 1.0, 1.0
+BODIES_CACHE_TIME, BODIES_RETRY_TIME, OTHER_CACHE_TIME = 10.0, 1.0, 1.0
 #: Of how many seconds a message has the answer times.
-NEWEST = 3.0
+ANSWER_TIMES_WINDOW = 3.0
 
 
 class AnswerTimes:
     """Collects answer times and faults from the mount's side of a wire log."""
 
     def __init__(self) -> None:
-        self.samples: deque[Sample] = deque(maxlen=KEPT)
+        self.samples: deque[Sample] = deque(maxlen=MAX_ANSWER_TIMES)
         self.faults = 0
         self._asked = 0.0
         #: That of the exchanges.
@@ -46,7 +46,7 @@ class AnswerTimes:
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
-        if entry.side != MOUNT:
+        if entry.side != MOUNT_SIDE:
             return
         if entry.arrow == ">":
             self._asked = entry.time
@@ -57,7 +57,7 @@ class AnswerTimes:
 
     def newest(self, now: float) -> list[Sample]:
         """Return the answers of the last seconds; several, because a page may miss a message."""
-        return [sample for sample in self.samples if sample[0] > now - NEWEST]
+        return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
 
 class ConnectedPrograms:
@@ -72,13 +72,13 @@ class ConnectedPrograms:
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
         side = entry.side
-        if side == MOUNT:
+        if side == MOUNT_SIDE:
             return
         if entry.arrow == "-":
             for known in (self._last, self._counts, self._rates):
                 known.pop(side, None)
         elif entry.arrow == ">":
-            if side not in self._last and len(self._last) >= CLIENTS:
+            if side not in self._last and len(self._last) >= MAX_CLIENTS:
                 return
             self._last[side] = entry.data
             self._counts[side] = self._counts.get(side, 0) + 1
@@ -93,7 +93,7 @@ class ConnectedPrograms:
             yield {
                 "name": show(side.encode()), "surface": surface_spoken(surface, visit.protocol),
                 "profile": visit.profile,
-                "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
+                "last": show(self._last.get(side, b"")[:MAX_COMMAND_BYTES]), "rate": round(rate, 1),
                 "read_only": client.runner.rights.read_only,
             }  # fmt: skip
 
@@ -129,10 +129,10 @@ class ShownMount:
         """Return the whole state of the mount."""
         controller, now = self.gateway.controller, self._loop.time()
         state = view.state(self.gateway, self._index)
-        if now - self._abilities_at >= OTHERS_FRESH:
+        if now - self._abilities_at >= OTHER_CACHE_TIME:
             self._abilities_at, self._abilities = now, view.abilities(controller)
         many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
-        if now - self._programs_at >= OTHERS_FRESH or many != len(self._program_list):
+        if now - self._programs_at >= OTHER_CACHE_TIME or many != len(self._program_list):
             self._programs_at, self._program_list = now, list(self._programs.connections(now))
         rate = self.answer_times.rate.per_second(controller.now(), controller.line.times.answers)
         state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
@@ -143,19 +143,19 @@ class ShownMount:
         """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
         controller = self.gateway.controller
         by = controller.sources.site(), controller.astrometry.sky.ready
-        fresh = BODIES_FRESH if len(self._bodies) == len(view.BODIES) else BODIES_MISSING
+        fresh = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
         if now - self._bodies_at >= fresh or by != self._bodies_basis:
             self._bodies_at, self._bodies_basis, self._bodies = now, by, list(view.bodies(controller))
         return self._bodies
 
 
 #: Seconds between two messages while something moves, and at rest.
-MOVING, RESTING = 0.1, 1.0
+MOTION_PERIOD, REST_PERIOD = 0.1, 1.0
 #: What changes all the time, also at rest.
 VOLATILE = {"position", "sidereal", "hour_angle", "clock", "line", "times", "programs", "bodies", "wanted", "lately"}
-#: Seconds for which rows of the conversation are made before other tasks run for ``TURN`` seconds: an exchange may
-#: begin meanwhile, and a stop needs several iterations of the event loop to reach the line.
-PIECE, TURN = 0.0005, 0.001
+#: Seconds for which rows of the conversation are made before other tasks run for ``SLICE_PAUSE`` seconds: an exchange
+#: may begin meanwhile, and a stop needs several iterations of the event loop to reach the line.
+WORK_SLICE, SLICE_PAUSE = 0.0005, 0.001
 
 
 class Publisher:
@@ -171,7 +171,7 @@ class Publisher:
         #: What all pages wait for.
         self._next: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
-        self._rows: deque[Any] = deque(maxlen=MOST)
+        self._rows: deque[Any] = deque(maxlen=MAX_ROWS)
         #: The number of rows of the conversation so far.
         self.count = 0
 
@@ -217,26 +217,26 @@ class Publisher:
             steady = [{key: value for key, value in state.items() if key not in VOLATILE} for state in states]
             moves = any(state["moves"] for state in states)
             if moves or (steady, recordings) != before or self._loop.time() >= due:
-                before, due = (steady, recordings), self._loop.time() + RESTING - MOVING / 2
+                before, due = (steady, recordings), self._loop.time() + REST_PERIOD - MOTION_PERIOD / 2
                 self.text = encoded({"mounts": states, "recordings": recordings})
             elif rows == self.count:
-                await asyncio.sleep(MOVING)
+                await asyncio.sleep(MOTION_PERIOD)
                 continue
             shown, self._next = self._next, self._loop.create_future()
             shown.set_result(None)
-            await asyncio.sleep(MOVING)
+            await asyncio.sleep(MOTION_PERIOD)
 
     async def _take_rows(self) -> None:
         """Make the rows of the conversation since the last message, at most as many as are stored."""
-        began, end = time.perf_counter(), self.count + MOST
+        began, end = time.perf_counter(), self.count + MAX_ROWS
         for mount in self.mounts:
             for row in mount.talk.take():
                 self._rows.append(row)
                 self.count += 1
                 if self.count >= end:
                     return
-                if time.perf_counter() - began > PIECE:
-                    await asyncio.sleep(TURN)
+                if time.perf_counter() - began > WORK_SLICE:
+                    await asyncio.sleep(SLICE_PAUSE)
                     began = time.perf_counter()
 
     def _stop(self) -> None:

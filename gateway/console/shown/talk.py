@@ -12,15 +12,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
-from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.core.wire_log import MOUNT_SIDE, Entry, show
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
 from gateway.protocols.registry import ANY
 
 #: How many rows are stored for pages, and how many entries may wait to be made into rows; the oldest are dropped.
-MOST, WAITING = 400, 2000
+MAX_ROWS, MAX_WAITING_ENTRIES = 400, 2000
 #: For how many seconds an unanswered command may be the reason for an exchange with the mount.
-RECENT = 3.0
+CAUSE_WINDOW = 3.0
 
 
 class ConversationView:
@@ -28,7 +28,7 @@ class ConversationView:
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index
-        self._entries: deque[Entry] = deque(maxlen=WAITING)
+        self._entries: deque[Entry] = deque(maxlen=MAX_WAITING_ENTRIES)
         self._listening = False
         self._number = 0
         self._open: dict[str, tuple[int, float]] = {}
@@ -71,22 +71,22 @@ class ConversationView:
         """
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
-            known[side] = "" if side == MOUNT else connected(self._gateway).get(side, "")
+            known[side] = "" if side == MOUNT_SIDE else connected(self._gateway).get(side, "")
         return known.pop(side) if entry.arrow == "-" else known[side]
 
     def _pair(self, entry: Entry) -> int | None:
         """Return the number of the client's command that an entry belongs to, judged by their order, or None."""
-        if entry.side != MOUNT and entry.arrow == ">":
+        if entry.side != MOUNT_SIDE and entry.arrow == ">":
             self._number += 1
             self._open[entry.side] = (self._number, entry.time)
             return self._number
-        if entry.side != MOUNT:
+        if entry.side != MOUNT_SIDE:
             number = self._open.get(entry.side, (None, 0.0))[0]
             if entry.arrow in "<-":  # not after a note: a refusal is noted first, and its reply follows
                 self._open.pop(entry.side, None)
             return number
         if entry.arrow == ">":  # the mount's answer belongs to the same command, however late it arrives
-            waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]
+            waiting = [number for number, at in self._open.values() if entry.time - at <= CAUSE_WINDOW]
             self._asked = max(waiting, default=None)
         return self._asked
 

@@ -22,7 +22,7 @@ FINE, COARSE = 5, 3
 #: The operations that the page offers only where the mount has them.
 OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
 #: Advice for a terminal, which a page leaves out: it has a button for that.
-RELEASE = " (mount-gateway stop --release)"
+RELEASE_ADVICE = " (mount-gateway stop --release)"
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -54,7 +54,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
 
 def in_page_wording(text: str) -> str:
     """Return a sentence in the page's wording."""
-    return text.replace(RELEASE, "")
+    return text.replace(RELEASE_ADVICE, "")
 
 
 def abilities(controller: MountController) -> dict[str, Any]:

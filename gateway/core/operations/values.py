@@ -33,15 +33,15 @@ Fields = tuple[tuple[str, object], ...]
 
 
 #: Fields of operations that are numbers -> what they are called; and those that end at a pole.
-NUMBERS = {
+NUMBER_FIELDS = {
     "ra": "right ascension", "dec": "declination", "az": "azimuth", "alt": "altitude", "latitude": "latitude",
     "longitude": "longitude", "lowest": "lowest altitude", "highest": "highest altitude", "fastest": "fastest speed",
     "unix": "time", "offset": "UTC offset", "rate": "rate", "factor": "factor", "ms": "duration",
 }  # fmt: skip
-DEGREES = ("ra", "dec", "az", "alt", "latitude", "longitude", "lowest", "highest")
-POLAR = ("dec", "latitude")
+DEGREE_FIELDS = ("ra", "dec", "az", "alt", "latitude", "longitude", "lowest", "highest")
+POLAR_FIELDS = ("dec", "latitude")
 #: Fields that have a few values only: the axis of a motor, and the sense in which it turns.
-CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
+FIELD_CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
 
 
 def _is_number(value: object, most: float) -> bool:
@@ -61,7 +61,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
     position.
     """
 
-    polar: ClassVar[tuple[str, ...]] = POLAR
+    polar: ClassVar[tuple[str, ...]] = POLAR_FIELDS
     survives_abort: ClassVar[bool] = False
     called: ClassVar[str] = ""
 
@@ -72,8 +72,8 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
                 value, optional = value.degrees, True
             if not (value is None and optional) and not _is_number(value, most):
                 span = "" if most == inf else " from -90 to 90"
-                unit = " of degrees" if name in DEGREES else ""
-                raise Invalid(f"The {NUMBERS[name]} must be a number{unit}{span}, not {repr(value)[:40]}.")
+                unit = " of degrees" if name in DEGREE_FIELDS else ""
+                raise Invalid(f"The {NUMBER_FIELDS[name]} must be a number{unit}{span}, not {repr(value)[:40]}.")
         for name, values in _choices(type(self)):
             if getattr(self, name) not in values:
                 among = " or ".join(map(str, values))
@@ -96,7 +96,7 @@ def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
     return tuple(
         (name, 90.0 if name in kind.polar else inf, without.get(name, 0.0) is None)
         for name in kind.__struct_fields__
-        if name in NUMBERS
+        if name in NUMBER_FIELDS
     )
 
 
@@ -105,9 +105,9 @@ def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...
     """Return the fields of an operation that have only a few values, and these values; a default is one of them."""
     without = _defaults(kind)
     return tuple(
-        (name, (*CHOICES[name], without[name]) if name in without else CHOICES[name])
+        (name, (*FIELD_CHOICES[name], without[name]) if name in without else FIELD_CHOICES[name])
         for name in kind.__struct_fields__
-        if name in CHOICES
+        if name in FIELD_CHOICES
     )
 
 

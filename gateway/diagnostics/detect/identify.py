@@ -26,16 +26,16 @@ from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 
 #: Timeout of the whole identification, seconds; a mount that answers needs less than two.
-LONGEST = 20.0
+IDENTIFY_TIMEOUT = 20.0
 #: The timeout of a query that some mounts do not answer: so many times the longest reply time so far, but at least so
 #: many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
-TIMES, AT_LEAST = 4.0, 0.6
-SITE, STATUS = "site", "alignment and tracking"
+TIMEOUT_FACTOR, MIN_TIMEOUT = 4.0, 0.6
+SITE_QUESTION, STATUS_QUESTION = "site", "alignment and tracking"
 #: What a mount is asked once it is known, and what that is called; nothing that would move or change something.
 QUESTIONS: tuple[tuple[str, op.Operation[object]], ...] = (
     ("coordinates", op.Position()),
-    (STATUS, op.GetStatus()),
-    (SITE, op.GetSite()),
+    (STATUS_QUESTION, op.GetStatus()),
+    (SITE_QUESTION, op.GetSite()),
     ("clock", op.GetClock()),
 )
 
@@ -76,7 +76,7 @@ class _Talk:
 
     async def _exchange(self, ask: Send) -> Values:
         if ask.patience is not None and self.took:
-            ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
+            ask = ask._replace(patience=min(ask.patience, max(MIN_TIMEOUT, TIMEOUT_FACTOR * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
             self.took.append(self.line.transaction.times.last_rtt)
@@ -94,7 +94,7 @@ async def identify(
     talk = _Talk(driver, line)
     line.start()
     try:
-        async with asyncio.timeout(LONGEST):
+        async with asyncio.timeout(IDENTIFY_TIMEOUT):
             identity: op.Identity = await talk.perform(op.GetIdentity())
             answers: dict[str, str] = {}
             fields: dict[str, object] = {}
@@ -107,7 +107,7 @@ async def identify(
         raise NoAnswer from None
     finally:
         await line.close()
-    status = fields[STATUS]
+    status = fields[STATUS_QUESTION]
     return FoundMount(
         protocol=protocol,
         product=identity.product,
@@ -119,7 +119,7 @@ async def identify(
         aligned=status.aligned if isinstance(status, op.Status) else None,
         equatorial=status.equatorial if isinstance(status, op.Status) else None,
         tells_model=identity.model in driver.protocol.models,
-        tells_place=driver.gps or bool(answers[SITE]),
+        tells_place=driver.gps or bool(answers[SITE_QUESTION]),
         answers=answers,
     )
 

@@ -15,7 +15,7 @@ from typing import Protocol
 from gateway.transport.wires import OnData, OnLost, Transport
 
 #: Seconds between two checks for received bytes.
-TICK = 0.02
+CHECK_PERIOD = 0.02
 
 
 class Tunable(Transport, Protocol):
@@ -69,7 +69,7 @@ class PortListener:
 
     async def tick(self) -> None:
         """Wait for a moment. Raises OSError if the port has disappeared."""
-        await asyncio.sleep(TICK)
+        await asyncio.sleep(CHECK_PERIOD)
         if self.lost:
             raise OSError(self.lost)
 

@@ -19,9 +19,9 @@ from gateway.system.processes import gateways, is_gateway, openers
 from gateway.system.runtime_folders import user_name
 
 #: The folder in which Linux keeps names of USB ports that do not depend on the socket.
-LASTING = Path("/dev/serial/by-id")
+PERSISTENT_PORTS_FOLDER = Path("/dev/serial/by-id")
 #: The port of a simulated mount, of which every gateway has its own.
-SIMULATED = "sim"
+SIMULATED_PORT = "sim"
 
 
 class SerialPortInfo(Struct, frozen=True):
@@ -69,7 +69,7 @@ def parse_port(text: str) -> SerialPortInfo:
     return SerialPortInfo(port, port)
 
 
-def lasting_name(device: str, folder: Path = LASTING) -> str:
+def lasting_name(device: str, folder: Path = PERSISTENT_PORTS_FOLDER) -> str:
     """Return the name of a port that stays the same in another USB socket; the device's own name if it has none."""
     try:
         links = sorted(folder.iterdir())
@@ -85,7 +85,7 @@ def serving_gateway(url: str) -> int | None:
     for _, gateway in search(Scope(state_folder(None))).gateways:
         where = gateway.mount.partition("@")[2]
         same = address(where) == network if network else os.path.realpath(where) == os.path.realpath(url)
-        if same and where != SIMULATED and is_gateway(gateway.pid):
+        if same and where != SIMULATED_PORT and is_gateway(gateway.pid):
             return gateway.pid
     return None
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 from gateway.diagnostics.detect.identify import FoundMount
 from gateway.diagnostics.detect.ports import is_usb_or_named, unsupported_device
-from gateway.diagnostics.detect.scan_port import BUSY, FOREIGN, MUTE, SERVED, UNOPENED, USUAL, PortFinding
+from gateway.diagnostics.detect.scan_port import BUSY, DEFAULT_BAUD, FOREIGN, MUTE, SERVED, UNOPENED, PortFinding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
-ANYBODY = "anyone on your network can then move the mount"
+NETWORK_WARNING = "anyone on your network can then move the mount"
 #: The version of a mount that does not report its version.
-UNTOLD = "?"
+UNREPORTED_VERSION = "?"
 WORDS = {
     "silent": "nothing here: no answer",
     "echo": "nothing here: what is sent comes back (a loopback plug, a cable with echo, a modem)",
@@ -50,7 +50,7 @@ NO_ADAPTER = (
     "dmesg | tail shows whether this computer noticed"
 )
 #: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
-SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
+SWITCH_ON_ADVICE = "switch the mount on, and wait until its hand control has started"
 SILENT = (
     "use the cable that is made for this hand control: others fit, but are wired differently",
     "close programs that use the mount on another port, and leave the menus of the hand control",
@@ -78,8 +78,8 @@ def _nothing(finding: PortFinding) -> str:
     states = {state: text for spec in PROTOCOLS.values() for state, text in spec.states.items()}
     text = (WORDS | states)[finding.state]
     if finding.state == "silent" and finding.rates > 1:
-        text += f" at {USUAL} baud and {finding.rates - 1} other rates"
-    elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, USUAL):
+        text += f" at {DEFAULT_BAUD} baud and {finding.rates - 1} other rates"
+    elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, DEFAULT_BAUD):
         text += f" ({finding.baud} baud)"
     return f"{text}: {finding.reason}" if finding.reason else text
 
@@ -91,7 +91,7 @@ def _mount_lines(finding: PortFinding) -> list[str]:
         return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_starts(finding)]
     baud = f"{finding.baud} baud; " if finding.baud else ""
     motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
-    version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
+    version = "tells no version" if mount.version == UNREPORTED_VERSION else f"version {mount.version}"
     model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
     mute = [name for name, meaning in mount.answers.items() if not meaning]
     title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
@@ -111,7 +111,7 @@ def _starts(finding: PortFinding) -> list[str]:
     return [
         "start the gateway:",
         f"  {command(finding)}",
-        f"instead, to let phones connect ({ANYBODY}):",
+        f"instead, to let phones connect ({NETWORK_WARNING}):",
         f"  {command(finding, network=True)}",
     ]
 
@@ -141,7 +141,7 @@ def endpoint(finding: PortFinding) -> str:
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:
         return str(place.named)
-    model = f":{mount.model}" if mount.version == UNTOLD and mount.model else ""
+    model = f":{mount.model}" if mount.version == UNREPORTED_VERSION and mount.model else ""
     return f"{mount.protocol}{model}@{place.name}"
 
 
@@ -155,7 +155,7 @@ def command(finding: PortFinding, network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
     argv = ["mount-gateway", "run", "--mount", endpoint(finding)]
-    if finding.baud not in (None, USUAL):
+    if finding.baud not in (None, DEFAULT_BAUD):
         argv += ["--baud", str(finding.baud)]
     return shlex.join([*argv, "--surface", surface(finding.mount, network)])
 
@@ -164,7 +164,7 @@ def toml(finding: PortFinding, network: bool = False) -> str:
     """Return the equivalent ``gateway.toml``."""
     mount = finding.mount
     assert mount is not None
-    who = f"# {mount.product} {mount.version}".removesuffix(f" {UNTOLD}")
+    who = f"# {mount.product} {mount.version}".removesuffix(f" {UNREPORTED_VERSION}")
     rows = [who, "[mount]", f"at = {json.dumps(endpoint(finding))}"]
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
@@ -175,21 +175,21 @@ def toml(finding: PortFinding, network: bool = False) -> str:
     rows += ["", "[[surface]]", f"at = {json.dumps(surface(mount, network))}"]
     if network:
         rows += [
-            f"# {ANYBODY}: these protocols have no passwords",
+            f"# {NETWORK_WARNING}: these protocols have no passwords",
             '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect',
         ]
     else:
         rows += [
             "# instead, for programs of every protocol, and for your browser:",
             f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
-            f"# instead, to let phones connect ({ANYBODY}: these protocols have no passwords):",
+            f"# instead, to let phones connect ({NETWORK_WARNING}: these protocols have no passwords):",
             f"# at = {json.dumps(surface(mount, True))}",
         ]
     spoken = other_surface(mount.protocol)
     rows += [
         "# instead, for programs on this computer that want a serial port (not on Windows):",
         f'# at = "{spoken}@pty:/tmp/{spoken}"',
-        f"# instead, for a driver that redirects a COM port of a Windows computer ({ANYBODY}):",
+        f"# instead, for a driver that redirects a COM port of a Windows computer ({NETWORK_WARNING}):",
         f'# at = "{spoken}@rfc2217://0.0.0.0:4032"',
     ]
     return "\n".join(rows) + "\n"
@@ -228,7 +228,7 @@ def next_steps(findings: Sequence[PortFinding]) -> list[str]:
         specs = [spec for spec in reversed(PROTOCOLS.values()) if spec.make_driver is not None]
         cables = "; ".join(f"{spec.makers[0].title()}: {spec.cable}" for spec in specs if spec.makers and spec.cable)
         deaf = [spec.detect_warning for spec in specs if spec.detect_warning]
-        steps += [step.format(port=silent[0]) for step in (SWITCHED_OFF, cables, *SILENT, *deaf)]
+        steps += [step.format(port=silent[0]) for step in (SWITCH_ON_ADVICE, cables, *SILENT, *deaf)]
     steps += [
         OF_OTHERS[finding.state].format(port=finding.place.url)
         for finding in findings

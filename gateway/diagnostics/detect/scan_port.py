@@ -60,7 +60,7 @@ class Patience(Struct, frozen=True):
 AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
 #: At other rates only a Meade can be expected, which answers at once. The last query at one rate and the first at the
 #: next are a second apart, too.
-ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
+AT_OTHERS = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
 def questions(named: str | None) -> list[Question]:
@@ -159,15 +159,15 @@ async def _wait(listener: PortListener, seconds: float, condition: Callable[[], 
     return None
 
 
-USUAL = 9600
+DEFAULT_BAUD = 9600
 #: The other rates that a Meade can be set to (LX200 protocol, :SB; its 56.7K is 57600), and 115200 for newer devices;
 #: the likeliest first. At 4800 and 2400 baud a query could harm a hand control that was only slow to start: at its 9600
 #: it would read ACK, or Kx, as ``x``, hibernate. These rates come last, and 9600 is tried again before them.
-OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
+OTHER_BAUD_RATES = (19200, 38400, 57600, 115200, 1200, 14400, 28800, DEFAULT_BAUD, 4800, 2400)
 #: Seconds to listen at each rate to a device that sends by itself: a GPS receiver sends every second.
-EAVESDROP = 1.6
+LISTENING_TIME = 1.6
 #: Verdicts after which other rates are tried.
-OPEN = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
+UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
 #: Another program has the port; and that program is a gateway; or may be the gateway of another user. A gateway in the
 #: network offers the mount.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
@@ -212,7 +212,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 
 
 async def look(
-    place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
+    place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
 ) -> PortFinding:
     """Examine a port; problems with it are part of the result. ``wire`` is used instead of the port of a pyserial
     URL.
@@ -224,7 +224,7 @@ async def look(
         return PortFinding(place, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time
     began = now()
-    listener = PortListener(wire or SerialTransport(place.url, USUAL))
+    listener = PortListener(wire or SerialTransport(place.url, DEFAULT_BAUD))
     try:
         await listener.begin()
     except Exception as error:  # pyserial has more kinds of failure than OSError
@@ -260,22 +260,22 @@ async def _at_every_rate(
 ) -> tuple[str, int, int]:
     """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
     protocol = place.named.protocol if place.named else None
-    verdict, baud, rates = await probe(listener, first, protocol), USUAL, 1
-    if not place.has_rates or verdict not in OPEN:
+    verdict, baud, rates = await probe(listener, first, protocol), DEFAULT_BAUD, 1
+    if not place.has_rates or verdict not in UNDECIDED_VERDICTS:
         return verdict, baud, rates
     talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
-    for baud in OTHERS:
+    for baud in OTHER_BAUD_RATES:
         try:
             listener.tune(baud)
         except OSError:
             await listener.tick()
             continue  # a rate that this port does not have
-        rates += baud != USUAL
-        verdict = await (overhear(listener, EAVESDROP) if talks else probe(listener, others, protocol))
-        if verdict not in OPEN:
+        rates += baud != DEFAULT_BAUD
+        verdict = await (overhear(listener, LISTENING_TIME) if talks else probe(listener, others, protocol))
+        if verdict not in UNDECIDED_VERDICTS:
             return verdict, baud, rates
         garbled = garbled or verdict == PortVerdict.GARBLED
-    return PortVerdict.TALKER if talks else PortVerdict.GARBLED if garbled else PortVerdict.SILENT, USUAL, rates
+    return PortVerdict.TALKER if talks else PortVerdict.GARBLED if garbled else PortVerdict.SILENT, DEFAULT_BAUD, rates
 
 
 async def who_answers(url: str, baud: int) -> str | None:

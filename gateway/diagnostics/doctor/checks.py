@@ -9,26 +9,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 
-from gateway.core.about import RELEASED
+from gateway.core.about import RELEASE_TIME
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Port, Said
 
 #: The oldest and the newest version of Python that mount-gateway is tested with.
-OLDEST, NEWEST = (3, 11), (3, 14)
+OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 14)
 #: What does not work without each extra.
-WITHOUT = {
+MISSING_EXTRA_EFFECTS = {
     "library": "faint objects of NGC and IC and most HIP numbers are unknown; LX200 programs have no object library",
     "metrics": "the console has no figures for Prometheus",
     "mqtt": "the mounts cannot be shown on an MQTT broker",
 }
-DAY = 86400.0
+DAY_SECONDS = 86400.0
 #: What only astropy needs, and a computer with an almanac does not; when its last days are told.
-SKY, FEW = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
+ASTROPY_PACKAGES, MIN_ALMANAC_DAYS = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
 #: The udev rule that makes ModemManager ignore all USB serial ports.
-RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
-LEAVE_ALONE = (
+UDEV_RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
+MODEM_MANAGER_ADVICE = (
     "if you use no modem: sudo systemctl disable --now ModemManager; else write the line "
-    f"{RULE} into /etc/udev/rules.d/99-telescope.rules, type sudo udevadm control --reload, and plug the adapter in "
-    "again"
+    f"{UDEV_RULE} into /etc/udev/rules.d/99-telescope.rules, type sudo udevadm control --reload, and plug the adapter "
+    "in again"
 )
 
 
@@ -36,10 +36,10 @@ def python(facts: Facts) -> Iterator[Said]:
     """Check that this version of Python is tested; also describe this computer for a report."""
     version = ".".join(map(str, facts.python))
     summary = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
-    tried = "{}.{} to {}.{}".format(*OLDEST, *NEWEST)
-    if facts.python[:2] < OLDEST:
+    tried = "{}.{} to {}.{}".format(*OLDEST_PYTHON, *NEWEST_PYTHON)
+    if facts.python[:2] < OLDEST_PYTHON:
         yield BAD, f"{summary}: it is too old", f"install Python {tried}, and reinstall mount-gateway with it"
-    elif facts.python[:2] > NEWEST:
+    elif facts.python[:2] > NEWEST_PYTHON:
         yield (
             NOTE,
             f"{summary}: it is newer than those mount-gateway is tested with",
@@ -51,7 +51,7 @@ def python(facts: Facts) -> Iterator[Said]:
 
 def packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
-    needed = [package for package in facts.packages if not (facts.without_astropy and package.name in SKY)]
+    needed = [package for package in facts.packages if not (facts.without_astropy and package.name in ASTROPY_PACKAGES)]
     wrong = [package for package in needed if not package.fits]
     for package in wrong:
         state = f"version {package.version} is installed" if package.version else "is not installed"
@@ -67,7 +67,7 @@ def packages(facts: Facts) -> Iterator[Said]:
 def extras(facts: Facts) -> Iterator[Said]:
     """List the extras that are not installed."""
     for extra, names in sorted(facts.missing_extras.items()):
-        without = WITHOUT.get(extra, f"the extra {extra} does not work")
+        without = MISSING_EXTRA_EFFECTS.get(extra, f"the extra {extra} does not work")
         yield (
             NOTE,
             f"{' and '.join(names)} not installed: {without}",
@@ -81,7 +81,7 @@ def clock(facts: Facts) -> Iterator[Said]:
     """Check that the clock is not before this software's release, and that a time source keeps it right."""
     now = _day(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
-    least = max(RELEASED, facts.published or 0.0)
+    least = max(RELEASE_TIME, facts.published or 0.0)
     if facts.now < least:
         yield (
             BAD,
@@ -113,7 +113,7 @@ def _almanac(facts: Facts) -> Said:
     calculate = "mount-gateway almanac FILE --days 400 on a computer with astropy, and run --almanac FILE here"
     if facts.almanac_until is not None:
         covers = f"astropy is not installed, and not needed: the almanac lasts until {_day(facts.almanac_until)}"
-        soon = facts.almanac_until < facts.now + FEW * DAY
+        soon = facts.almanac_until < facts.now + MIN_ALMANAC_DAYS * DAY_SECONDS
         return (NOTE, covers, calculate) if soon else (GOOD, covers, "")
     if any(running.sky.startswith("almanac of") for running in facts.gateways):
         return (
@@ -175,14 +175,14 @@ def meddlers(facts: Facts) -> Iterator[Said]:
                 BAD,
                 f"ModemManager (process {process}) looks for modems: when a USB serial port is plugged in it may write "
                 f"AT to it, which a mount can take for commands ({', '.join(exposed)})",
-                LEAVE_ALONE,
+                MODEM_MANAGER_ADVICE,
             )
         elif not usb:
             said = True
             yield (
                 NOTE,
                 f"ModemManager (process {process}) runs: it may write AT to a USB serial port that is plugged in",
-                LEAVE_ALONE,
+                MODEM_MANAGER_ADVICE,
             )
     if process := facts.meddlers.get("brltty"):
         said = True

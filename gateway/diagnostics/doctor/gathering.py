@@ -33,13 +33,13 @@ from gateway.diagnostics.doctor.facts import Facts, Package, Port, Running
 from gateway.system.computer_clock import synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
-from gateway.system.processes import PROC
+from gateway.system.processes import PROC_FOLDER
 from gateway.system.runtime_folders import user_name
 from gateway.transport.wires import group_of
 
-PRODUCT, DATA = "mount-gateway", "astropy-iers-data"
+PRODUCT_NAME, DATA_PACKAGE = "mount-gateway", "astropy-iers-data"
 #: Extras that only developers of mount-gateway need.
-DEVELOPING = ("test", "judges", "dev", "docs", "single-file")
+DEVELOPER_EXTRAS = ("test", "judges", "dev", "docs", "single-file")
 
 
 def version(name: str) -> str:
@@ -50,7 +50,7 @@ def version(name: str) -> str:
         return ""
 
 
-def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
+def needed(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
     """Yield the packages that the product, or an extra of it, requires on this system."""
     try:
         lines = importlib.metadata.requires(product) or []
@@ -68,13 +68,13 @@ def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
             yield Package(wanted.name, str(wanted.specifier), installed, fits)
 
 
-def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
+def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
     """Return the packages that are not installed, by extra."""
     try:
         extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    wanted = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPING}
+    wanted = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPER_EXTRAS}
     missing = {extra: [package.name for package in packages if not package.fits] for extra, packages in wanted.items()}
     return {extra: names for extra, names in missing.items() if names}
 
@@ -92,10 +92,10 @@ def release_date(release: str) -> float | None:
 
 
 #: Programs that are known to disturb serial ports.
-MEDDLERS = ("ModemManager", "brltty")
+PORT_DISTURBERS = ("ModemManager", "brltty")
 #: Timeout of a gateway's answer, seconds.
-PATIENCE = 3.0
-UDEV = Path("/run/udev/data")
+ANSWER_TIMEOUT = 3.0
+UDEV_FOLDER = Path("/run/udev/data")
 
 
 def gather(state: str | None = None, almanac: str | None = None) -> Facts:
@@ -107,7 +107,7 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         python=sys.version_info[:3],
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),
-        published=release_date(version(DATA)),
+        published=release_date(version(DATA_PACKAGE)),
         almanac_until=_almanac_until(time.time(), almanac),
         packages=list(needed()),
         missing_extras=missing_extras(),
@@ -115,7 +115,7 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
         groups=granted,
         active_groups=active,
         clock_synchronized=synchronised(),
-        meddlers=processes_named(MEDDLERS),
+        meddlers=processes_named(PORT_DISTURBERS),
         state_folder=str(folder),
         state_problem=unwritable(folder),
         gateways=list(running(Scope(folder, alone=state is not None))),
@@ -170,11 +170,11 @@ async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[
 
 async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
     """Return where programs connect to a gateway now, and what its sky is from; nothing if it does not answer."""
-    state = await ask_state(endpoint, fresh=False, seconds=PATIENCE)
+    state = await ask_state(endpoint, fresh=False, seconds=ANSWER_TIMEOUT)
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 
 
-def processes_named(names: Collection[str], proc: Path = PROC) -> dict[str, int]:
+def processes_named(names: Collection[str], proc: Path = PROC_FOLDER) -> dict[str, int]:
     """Return the process ids of running programs with these names."""
     results = {}
     for process in proc.glob("[0-9]*"):
@@ -185,7 +185,7 @@ def processes_named(names: Collection[str], proc: Path = PROC) -> dict[str, int]
     return results
 
 
-def modem_manager_ignores(device: str, udev: Path = UDEV) -> bool:
+def modem_manager_ignores(device: str, udev: Path = UDEV_FOLDER) -> bool:
     """Whether a udev rule tells ModemManager to ignore a port."""
     try:
         number = os.stat(device).st_rdev

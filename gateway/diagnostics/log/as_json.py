@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 #: The value of ``log`` that selects this format; a hyphen and a filter may follow, as in ``json-changes``.
 FORM = "json"
 #: The name of each arrow of a row.
-KINDS = {
+EVENT_KINDS = {
     ">": "command",
     "<": "reply",
     "=": "repeated",
@@ -53,7 +53,7 @@ def filter_of(log: bool | str) -> str:
 def written(row: Row, mount: str) -> str:
     """Format a row as one line. ``mount`` is the mount's name, or its endpoint if it has no name."""
     return _line(
-        row.time, mount, row.side, KINDS.get(row.arrow, row.arrow), row.text,
+        row.time, mount, row.side, EVENT_KINDS.get(row.arrow, row.arrow), row.text,
         direction=DIRECTIONS.get(row.arrow), refused=row.kind == "no", data=row.data,
     )  # fmt: skip
 

@@ -20,7 +20,7 @@ from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
 
 #: How many commands may wait for their replies, and how many bytes may wait to become a complete reply.
-DUE, LONGEST = 256, 4096
+MAX_UNANSWERED, MAX_UNPARSED_BYTES = 256, 4096
 
 
 class Heard(NamedTuple):
@@ -52,7 +52,7 @@ class Side:
     def __init__(self, protocol: str, model: str | None = None) -> None:
         framing, self._reply_rules = framer_and_replies(protocol, model)
         self.protocol, self._framer = protocol, framing()
-        self._due: deque[Send] = deque(maxlen=DUE)
+        self._due: deque[Send] = deque(maxlen=MAX_UNANSWERED)
         self._partial_reply = b""
         #: Messages that are sent without being asked for.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
@@ -92,7 +92,7 @@ class Side:
         self._partial_reply += data
         while self._partial_reply:
             taken = self._take()
-            if taken is None and len(self._partial_reply) <= LONGEST:
+            if taken is None and len(self._partial_reply) <= MAX_UNPARSED_BYTES:
                 break
             if taken is None:
                 taken = Heard(b"", "answers no request", fails=True), len(self._partial_reply)

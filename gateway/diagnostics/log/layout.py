@@ -17,20 +17,20 @@ from msgspec import Struct
 from gateway.core.wire_log import show
 
 #: The number of columns if no terminal reports it, and the smallest number that lines are formatted for.
-COLUMNS, LEAST = 80, 40
+DEFAULT_COLUMNS, MIN_COLUMNS = 80, 40
 #: Columns for the connection and for the bytes; longer text moves the rest to the right, or to the next line.
-WHO, BYTES = 15, 18
+NAME_COLUMNS, BYTES_COLUMNS = 15, 18
 #: The words move below the bytes if fewer columns than this are left beside them.
-ROOM = 24
+MIN_WORDS_COLUMNS = 24
 #: The indentation of a continued line.
-UNDER = "    "
+INDENTATION = "    "
 #: The colour of each kind of line, as SGR parameters (ECMA-48); by day and by night.
-DAY = {"program": "36", "mount": "32", "note": "33", "no": "31", "again": "2", "event": "2"}
-NIGHT = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": "2;31", "event": "2;31"}
+DAY_COLOURS = {"program": "36", "mount": "32", "note": "33", "no": "31", "again": "2", "event": "2"}
+NIGHT_COLOURS = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": "2;31", "event": "2;31"}
 
 
 class Row(Struct, frozen=True):
-    """The content of a line. ``kind`` is a key of ``DAY``; ``name`` is the mount's name if there are several."""
+    """The content of a line. ``kind`` is a key of ``DAY_COLOURS``; ``name`` is the mount's if there are several."""
 
     time: float
     side: str
@@ -48,36 +48,36 @@ def stamp(unix: float) -> str:
 
 def plain(row: Row, timed: bool = True) -> str:
     """Format a row as one line, however long."""
-    data = [show(row.data).ljust(BYTES)] if row.data else []
+    data = [show(row.data).ljust(BYTES_COLUMNS)] if row.data else []
     return " ".join([_head(row, timed), *data, row.text]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
     """Format a row as lines of at most so many columns."""
-    head, columns = _head(row, timed=True) + " ", max(columns, LEAST)
+    head, columns = _head(row, timed=True) + " ", max(columns, MIN_COLUMNS)
     start: list[str] = []
-    if len(head) > columns - ROOM:  # the rest moves to the lines below
-        start, head = _split_text(head.rstrip(), columns - len(UNDER)), UNDER
+    if len(head) > columns - MIN_WORDS_COLUMNS:  # the rest moves to the lines below
+        start, head = _split_text(head.rstrip(), columns - len(INDENTATION)), INDENTATION
     room, data = columns - len(head), show(row.data)
     if not data:
         lines = _split_text(row.text, room)
-    elif len(data.ljust(BYTES)) + 1 + len(row.text) <= room:
-        lines = [f"{data:<{BYTES}} {row.text}"]
+    elif len(data.ljust(BYTES_COLUMNS)) + 1 + len(row.text) <= room:
+        lines = [f"{data:<{BYTES_COLUMNS}} {row.text}"]
     else:
         lines = _in_columns(data, row.text, room)
     indent = " " * len(head)
     if start:
-        return [line.rstrip() for line in (start[0], *(UNDER + line for line in (*start[1:], *lines)))]
+        return [line.rstrip() for line in (start[0], *(INDENTATION + line for line in (*start[1:], *lines)))]
     return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
 
 
 def _in_columns(data: str, note: str, room: int) -> list[str]:
     """Return lines with the bytes, and the text beside or below them."""
-    beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
+    beside = BYTES_COLUMNS + 1 if room - BYTES_COLUMNS - 1 >= MIN_WORDS_COLUMNS else 2
     pieces = _pieces(data, room)
     text = _split_text(note, room - beside)
-    if len(pieces) == 1 and len(data) <= BYTES and beside > 2:
-        return [f"{data:<{BYTES}} {text[0]}", *(" " * beside + line for line in text[1:])]
+    if len(pieces) == 1 and len(data) <= BYTES_COLUMNS and beside > 2:
+        return [f"{data:<{BYTES_COLUMNS}} {text[0]}", *(" " * beside + line for line in text[1:])]
     if len(pieces) == 1 and len(data) + 1 + len(note) <= room:
         return [f"{data} {note}"]
     return [*pieces, *(" " * beside + line for line in text)]
@@ -87,7 +87,7 @@ def _head(row: Row, timed: bool) -> str:
     """Return the beginning of a line: time, mount, connection, direction."""
     clock = [stamp(row.time)] if timed else []
     name = [f"{row.name:<8}"] if row.name else []
-    return " ".join([*clock, *name, f"{row.side:<{WHO}}", row.arrow])
+    return " ".join([*clock, *name, f"{row.side:<{NAME_COLUMNS}}", row.arrow])
 
 
 def _pieces(text: str, room: int) -> list[str]:
@@ -114,9 +114,9 @@ def columns_of(stream: TextIO) -> Callable[[], int]:
 
     def columns() -> int:
         try:
-            return os.get_terminal_size(stream.fileno()).columns or COLUMNS
+            return os.get_terminal_size(stream.fileno()).columns or DEFAULT_COLUMNS
         except (OSError, ValueError):
-            return COLUMNS
+            return DEFAULT_COLUMNS
 
     return columns
 
@@ -126,7 +126,7 @@ def colours_of(stream: TextIO, night: bool) -> dict[str, str]:
     shows = sys.platform != "win32" or "WT_SESSION" in os.environ
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not shows or not stream.isatty():
         return {}
-    return NIGHT if night else DAY
+    return NIGHT_COLOURS if night else DAY_COLOURS
 
 
 def painted(line: str, kind: str, colours: dict[str, str]) -> str:

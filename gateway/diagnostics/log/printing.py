@@ -14,7 +14,7 @@ from typing import TextIO
 from msgspec import Struct
 
 from gateway.clients.wrong_preset import other
-from gateway.core.wire_log import MOUNT, Entry, show
+from gateway.core.wire_log import MOUNT_SIDE, Entry, show
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
 from gateway.protocols.registry import ANY, guess
@@ -22,15 +22,15 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
 
 #: Seconds after which the log shows how often a query has been repeated.
-EVERY = 10.0
+REPEAT_REPORT_PERIOD = 10.0
 #: A host that reconnects within so many seconds continues the folding of its last connection.
-BACK = 60.0
+RECONNECT_WINDOW = 60.0
 #: How many lines of a connection are held back, at most, until it is clear whether they are worth showing.
-HELD = 32
+MAX_HELD_LINES = 32
 #: The key of messages that answer no query.
-UNASKED = b""
+UNPROMPTED_KEY = b""
 #: How many disconnected hosts are remembered.
-HOSTS = 64
+MAX_HOSTS = 64
 
 
 class LogLine(Struct, frozen=True):
@@ -43,7 +43,7 @@ class LogLine(Struct, frozen=True):
 
 
 #: The arrows of a new connection and of its recognised protocol.
-COMING = "+~"
+CONNECTION_ARROWS = "+~"
 
 
 class _Run:
@@ -99,7 +99,7 @@ class Folding:
     def _connection_opened(self, line: LogLine) -> list[Row]:
         party = self._gone.pop(line.host, None)
         has_party = any(side.rpartition(":")[0] == line.host for side in self._parties)
-        if party is None or has_party or line.row.time - party.left > BACK:
+        if party is None or has_party or line.row.time - party.left > RECONNECT_WINDOW:
             party = _Party()
         self._parties[line.row.side] = party
         if not party.runs and self._filter != "refusals":
@@ -119,7 +119,7 @@ class Folding:
         party = self._parties.pop(line.row.side, None) or _Party()
         party.left = line.row.time
         self._gone[line.host] = party
-        if len(self._gone) > HOSTS:
+        if len(self._gone) > MAX_HOSTS:
             del self._gone[next(iter(self._gone))]
         silent = bool(party.held) and party.held[0].arrow == "+"
         rows = self._unanswered(party)
@@ -151,11 +151,11 @@ class Folding:
         if line.heard.fails:
             return self._shown(party, line)
         if self._filter == "refusals" or (line.heard.asks and self._filter == "changes"):
-            party.held = [row for row in party.held if row.arrow in COMING]
+            party.held = [row for row in party.held if row.arrow in CONNECTION_ARROWS]
             return []
         asked: Row | None = line.row
         if line.heard.pushed:
-            key, run = UNASKED, party.runs.setdefault(UNASKED, _Run(line.row.time))
+            key, run = UNPROMPTED_KEY, party.runs.setdefault(UNPROMPTED_KEY, _Run(line.row.time))
         else:
             key, repeated = line.asked, party.runs.get(line.asked) if line.heard.asks else None
             if repeated is None:
@@ -169,14 +169,14 @@ class Folding:
         if not line.heard.pushed:
             party.held.remove(asked)
         run.count, run.last = run.count + 1, line.row.text
-        return self._count(key, run, line.row) if line.row.time - run.since >= EVERY else []
+        return self._count(key, run, line.row) if line.row.time - run.since >= REPEAT_REPORT_PERIOD else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """Show a request that was held back and is still unanswered when the next request arrives."""
-        if all(row.arrow in COMING for row in party.held):
+        if all(row.arrow in CONNECTION_ARROWS for row in party.held):
             return []
         if self._filter == "refusals":
-            party.held = [row for row in party.held if row.arrow in COMING]
+            party.held = [row for row in party.held if row.arrow in CONNECTION_ARROWS]
             return []
         return self._show_held(party)
 
@@ -187,7 +187,7 @@ class Folding:
         return rows
 
     def _show_held(self, party: _Party) -> list[Row]:
-        rows, party.held = party.held[-HELD:], []
+        rows, party.held = party.held[-MAX_HELD_LINES:], []
         return rows
 
     def _counts_line(self, party: _Party, by: Row) -> list[Row]:
@@ -214,9 +214,9 @@ def _times(count: int) -> str:
 
 
 #: Entries that are not shown: raw bytes (shown as commands), and a lost port (a note follows).
-SILENT = ("raw", "v")
+HIDDEN_ENTRIES = ("raw", "v")
 #: The meaning of the arrows that carry no bytes.
-EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
+EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
 
 class Rows:
@@ -231,8 +231,8 @@ class Rows:
 
     def take(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
-        ours = entry.side == MOUNT
-        if entry.arrow in SILENT or self._shown == (MOUNT if not ours else "program"):
+        ours = entry.side == MOUNT_SIDE
+        if entry.arrow in HIDDEN_ENTRIES or self._shown == (MOUNT_SIDE if not ours else "program"):
             return ()
         host = entry.side.rpartition(":")[0] or entry.side
         kind = "mount" if ours else "program"
@@ -277,13 +277,13 @@ class Rows:
                 note = note.replace(note.partition(",")[0], surface, 1)
             return Heard(entry.data, describe_event(entry.arrow, _plain(note)))
         side = self._sides.get(entry.side)
-        if side is None and entry.arrow == "<" and entry.side != MOUNT:
+        if side is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
             # A client that connected before this log began: its next command shows its protocol.
             return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
         if side is None:
-            protocol = self._mount if entry.side == MOUNT else guess(entry.data)
+            protocol = self._mount if entry.side == MOUNT_SIDE else guess(entry.data)
             # What is no command of any protocol says nothing of what follows.
-            if protocol is None or (entry.side != MOUNT and load(protocol).find(entry.data) is None):
+            if protocol is None or (entry.side != MOUNT_SIDE and load(protocol).find(entry.data) is None):
                 return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
             side = self._sides[entry.side] = Side(protocol)
         if entry.arrow == "x":
@@ -297,7 +297,7 @@ class Rows:
 
 def describe_event(arrow: str, note: str) -> str:
     """Describe an event that carries no bytes."""
-    return (" " if arrow == "~" else ", ").join(filter(None, (EVENTS.get(arrow, ""), note)))
+    return (" " if arrow == "~" else ", ").join(filter(None, (EVENT_WORDS.get(arrow, ""), note)))
 
 
 def _plain(text: str) -> str:

@@ -75,7 +75,7 @@ def _format_value(protocol: str, name: str, value: object, word: Word) -> str:
     elif word.form == "model":
         text = next((model for model, row in load(protocol).models.items() if row.get("id") == value), str(value))
     elif word.form is not None:
-        text = FORMS[word.form](value)
+        text = FORMATS[word.form](value)
     elif isinstance(value, int | float):
         text = f"{value * word.scale:.10g}{' ' * bool(word.unit)}{word.unit}"
     else:
@@ -129,7 +129,7 @@ def _clock(seconds: float) -> str:
 
 
 #: The formatting function of each format. Values are degrees, seconds since midnight, or hours.
-FORMS: dict[str, Callable[[Any], str]] = {
+FORMATS: dict[str, Callable[[Any], str]] = {
     "hours": sexagesimal.hours,
     "signed": _signed,
     "turn": _turn,

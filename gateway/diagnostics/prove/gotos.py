@@ -18,18 +18,18 @@ from gateway.diagnostics.prove.telescope import CheckedMount, Ended
 from gateway.mount.motion.run_on import TimedPosition
 
 #: Seconds that a goto may take, and after which the last goto is cancelled.
-LONGEST, CANCELLED = 300.0, 2.0
+GOTO_TIMEOUT, CANCEL_DELAY = 300.0, 2.0
 #: Degrees: how far the goto goes, how near to its goal it must end, what is at rest; so far from it nothing goes on.
-FAR, NEAR, RESTS, ELSEWHERE = 5.0, 0.1, 0.1, 1.0
+GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1, 0.1, 1.0
 #: Degrees from the horizon, the zenith and the pole at which the small motions have room, and from the Sun beyond
 #: those that are always kept.
-ROOM, POLE, ASIDE = 20.0, 75.0, 7.0
+MARGIN, MAX_DECLINATION, SUN_ROOM = 20.0, 75.0, 7.0
 #: Degrees from the meridian at which a German mount has room, and within which none of its gotos here leads.
-MERIDIAN, BESIDE = 15.0, 3.0
+MERIDIAN_ROOM, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
 #: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
-HOUR_ANGLES, PART = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
+HOUR_ANGLES, LATITUDE_FACTOR = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 #: The gotos of the stage: there, back, a goto that is cancelled, and back again.
-STEPS = 4
+GOTO_COUNT = 4
 
 
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
@@ -42,13 +42,13 @@ def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> st
         return ""
     altitude, hour_angle = telescope.controller.astrometry.overhead(sky)
     limits = telescope.controller.policy.limits
-    if abs(sky.dec) > POLE:
+    if abs(sky.dec) > MAX_DECLINATION:
         return "it points near the pole"
-    if (sun := min(telescope.controller.suns.distances(sky), default=inf)) < telescope.controller.suns.limit + ASIDE:
+    if (sun := min(telescope.controller.suns.distances(sky), default=inf)) < telescope.controller.suns.limit + SUN_ROOM:
         return f"it points {sun:.0f}° from the Sun"
-    if altitude is not None and not limits.lowest + ROOM <= altitude <= min(90.0, limits.highest) - ROOM:
+    if altitude is not None and not limits.lowest + MARGIN <= altitude <= min(90.0, limits.highest) - MARGIN:
         return f"its altitude is {altitude:.0f}°"
-    if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < MERIDIAN:
+    if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < MERIDIAN_ROOM:
         return "it points near the meridian, where it would change the side of its pier"
     return ""
 
@@ -61,7 +61,7 @@ async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
         raise Ended("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
     now = sidereal - telescope.latest.sky.ra if telescope.latest is not None else 0.0
-    goals = [op.Equatorial((sidereal - away) % 360.0, PART * site.latitude) for away in HOUR_ANGLES]
+    goals = [op.Equatorial((sidereal - away) % 360.0, LATITUDE_FACTOR * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
     goals = [goal for goal in goals if not why_no_room(telescope, goal)] or goals
@@ -69,7 +69,7 @@ async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
     if goal is None:
         raise Ended(f"{why}, and no better place is allowed: {refused}")
     report.progress(0, 1, "on its way to a better place")
-    if refused := await telescope.goto(goal, LONGEST):
+    if refused := await telescope.goto(goal, GOTO_TIMEOUT):
         raise Ended(f"{why}, and the goto was refused: {refused}")
     check_arrival(await telescope.rest(), goal)
     if why := why_no_room(telescope):
@@ -89,15 +89,15 @@ async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> t
 
 async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
     """Return an allowed goal 5° away, or None and the reason."""
-    aside = FAR / max(0.2, cos(radians(position.dec)))
-    ways = ((0.0, FAR), (0.0, -FAR), (aside, 0.0), (-aside, 0.0))
+    aside = GOTO_DISTANCE / max(0.2, cos(radians(position.dec)))
+    ways = ((0.0, GOTO_DISTANCE), (0.0, -GOTO_DISTANCE), (aside, 0.0), (-aside, 0.0))
     west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
 
     def stays(goal: op.Equatorial) -> bool:
         """Whether a German mount goes to a goal without changing the side of its pier."""
         before = 90.0 if west is None else wrap180(west)
         after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
-        return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > BESIDE
+        return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > MIN_MERIDIAN_DISTANCE
 
     goals = (op.Equatorial((position.ra + ra) % 360.0, position.dec + dec) for ra, dec in ways)
     return await _allowed(telescope, filter(stays, goals))
@@ -109,18 +109,18 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if places is None:
         return
     start, goal = places
-    report.progress(2, STEPS, "goto, cancelled on the way")
-    if refused := await telescope.goto(goal, CANCELLED):
+    report.progress(2, GOTO_COUNT, "goto, cancelled on the way")
+    if refused := await telescope.goto(goal, CANCEL_DELAY):
         report.add(Finding("cancelled goto", NOT_TRIED, refused))
         return
     position = (await telescope.rest()).sky
-    if (left := degrees_apart(position, goal)) > NEAR:
+    if (left := degrees_apart(position, goal)) > GOAL_TOLERANCE:
         report.add(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
         means = "A stop may not end a goto: keep a hand at the mount's switch."
         report.add(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
-    report.progress(3, STEPS, "back to where it was")
-    if degrees_apart(position, start) > RESTS:
+    report.progress(3, GOTO_COUNT, "back to where it was")
+    if degrees_apart(position, start) > REST_TOLERANCE:
         await telescope.goto(start, inf)
         await telescope.rest()
 
@@ -133,20 +133,20 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
         report.add(Finding("goto of 5°", NOT_TRIED, refused))
         return None
     for number, (what, to) in enumerate((("goto of 5°", goal), ("goto back", start))):
-        report.progress(number, STEPS, what)
+        report.progress(number, GOTO_COUNT, what)
         began = telescope.now()
-        if refused := await telescope.goto(to, LONGEST):
+        if refused := await telescope.goto(to, GOTO_TIMEOUT):
             report.add(Finding(what, NOT_TRIED, refused))
             return None
         said = await telescope.look()
         took, arrived = telescope.now() - began, await telescope.rest()
         off = degrees_apart(arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
-        if off > NEAR + max(telescope.ticks):
+        if off > GOAL_TOLERANCE + max(telescope.ticks):
             report.add(
                 Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
             )
-        elif telescope.drift(said, arrived) > RESTS:
+        elif telescope.drift(said, arrived) > REST_TOLERANCE:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
             report.add(Finding(what, DIFFERS, f"{measured}; it reported its end too early", "at rest", early))
         else:
@@ -157,7 +157,7 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
 
 def check_arrival(arrived: TimedPosition, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
-    if (off := degrees_apart(arrived.sky, goal)) > ELSEWHERE:
+    if (off := degrees_apart(arrived.sky, goal)) > MIN_DISTANCE_FROM_GOAL:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 

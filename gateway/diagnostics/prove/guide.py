@@ -18,10 +18,10 @@ from gateway.core import requests
 from gateway.core.errors import Fault, UserError
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, rest_of
-from gateway.diagnostics.prove.telescope import WHO, CheckedMount, Ended, StoppedByOthers
+from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, Ended, StoppedByOthers
 
 #: What is asked after the space bar.
-AFTER_STOP = "y: next stage  a: this one again  q: leave"
+KEYS_AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
@@ -87,13 +87,13 @@ class GuidedCheck:
         if identity is not None:
             mount, version = reads.named(identity, telescope.driver)
             findings = self._findings
-            unknown = reads.UNKNOWN in (version, findings.version)
+            unknown = reads.UNKNOWN_VERSION in (version, findings.version)
             same = mount.removesuffix(version) == findings.mount.removesuffix(findings.version)
             if mount != findings.mount and not (same and unknown):
                 if findings.stages:
                     raise UserError(f"the folder holds what was found of {findings.mount}; --folder names another one")
                 self._findings = Findings(mount, identity.model, version)
-            elif version != reads.UNKNOWN:
+            elif version != reads.UNKNOWN_VERSION:
                 findings.mount, findings.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
         telescope.begin()
@@ -167,7 +167,7 @@ class GuidedCheck:
             person.say(f"Not now: {ended}.")
             return "y"
         if person.stop.is_set():  # pressed before the stage began
-            return await self._answer(AFTER_STOP, "yaq")
+            return await self._answer(KEYS_AFTER_STOP, "yaq")
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
         stopped = theirs = False
@@ -199,7 +199,7 @@ class GuidedCheck:
             if not theirs:
                 await self._restore(tracked, stage.moves and not telescope.tracking_by_others)
         self._keep_all(stage)
-        return await self._answer(AFTER_STOP, "yaq") if stopped else "y"
+        return await self._answer(KEYS_AFTER_STOP, "yaq") if stopped else "y"
 
     def _ends_early(self, stage: Stage, reason: str) -> None:
         """Add the findings of an earlier run to those of this run, and the reason why the rest is missing."""
@@ -240,7 +240,7 @@ class GuidedCheck:
                 was, now = ("on", "off") if before else ("off", "on")
                 why = telescope.switched_off if before else ""
                 self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'prove did not do that'}.")
-            elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=WHO))).done:
+            elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=CLIENT))).done:
                 self._person.say(f"Its tracking was off: {answer.text}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
@@ -255,5 +255,5 @@ class GuidedCheck:
 
     def progress(self, done: int, of: int, what: str) -> None:
         """Show how far the stage has come, and on the page and in ``status`` that a check is under way."""
-        self._telescope.controller.wire_log.remember(WHO, "checks this mount")
+        self._telescope.controller.wire_log.remember(CLIENT, "checks this mount")
         self._person.progress(done / max(1, of), what)

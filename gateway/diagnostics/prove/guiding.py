@@ -7,18 +7,18 @@ import asyncio
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
-from gateway.diagnostics.prove.small_motions import PAIRS, STEPS, rate_text
-from gateway.diagnostics.prove.telescope import ACROSS, CheckedMount, Ended
+from gateway.diagnostics.prove.small_motions import DIRECTION_PAIRS, MIN_READING_STEPS, rate_text
+from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, Ended
 
 #: Pulses in each direction, seconds of each, and seconds between two.
-PULSES, LASTS, EVERY = 20, 0.2, 0.5
+PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
 #: Exchanges that a pulse takes on an alt-az mount at most; seconds of an exchange with which pulses are timed well
 #: enough.
-EXCHANGES, SOON = 16, 0.15
+EXCHANGES_PER_PULSE, QUICK_TIME = 16, 0.15
 #: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
-LATE = LASTS / 8.0
+MAX_DELAY = PULSE_SECONDS / 8.0
 #: The part of the guide rate by which it may be off.
-OFF = 0.25
+RATE_TOLERANCE = 0.25
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
@@ -28,33 +28,35 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
         return
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
-    if (exchange := telescope.controller.line.times.typical_rtt) > SOON:
+    if (exchange := telescope.controller.line.times.typical_rtt) > QUICK_TIME:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
     telescope.mine = True
-    for axis, pair in enumerate(PAIRS, 1):
+    for axis, pair in enumerate(DIRECTION_PAIRS, 1):
         ways, late = list[float](), 0.0
         for direction in pair:
             before = await telescope.rest()
-            for number in range(PULSES):
-                done = 2 * PULSES * (axis - 1) + PULSES * len(ways) + number
-                report.progress(done, 4 * PULSES, f"pulses {direction.word}")
-                due = telescope.now() + max(EVERY, EXCHANGES * exchange)
-                await telescope.pulse(direction, int(LASTS * 1000.0))
+            for number in range(PULSE_COUNT):
+                done = 2 * PULSE_COUNT * (axis - 1) + PULSE_COUNT * len(ways) + number
+                report.progress(done, 4 * PULSE_COUNT, f"pulses {direction.word}")
+                due = telescope.now() + max(PULSE_PERIOD, EXCHANGES_PER_PULSE * exchange)
+                await telescope.pulse(direction, int(PULSE_SECONDS * 1000.0))
                 await asyncio.sleep(due - telescope.now())
-                late += (telescope.now() - due) / PULSES / len(pair)
+                late += (telescope.now() - due) / PULSE_COUNT / len(pair)
                 telescope.check()
             after = await telescope.rest()
-            if telescope.moved(before, after, tracks=True) > ACROSS:
+            if telescope.moved(before, after, tracks=True) > MAX_CROSS_MOTION:
                 raise Ended("it turned much farther than by pulses: somebody pressed its keys")
             ways.append(telescope.turned(before, after)[axis - 1])
-        rate = (ways[0] - ways[1]) / 2.0 / (PULSES * LASTS)
+        rate = (ways[0] - ways[1]) / 2.0 / (PULSE_COUNT * PULSE_SECONDS)
         if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
             rate = abs(rate)
         assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
         finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
-        if finding.verdict == DIFFERS and (late > LATE or telescope.controller.line.times.typical_rtt > SOON):
+        if finding.verdict == DIFFERS and (
+            late > MAX_DELAY or telescope.controller.line.times.typical_rtt > QUICK_TIME
+        ):
             reason = "this computer or its line was too busy for such short pulses"
             finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
         report.add(finding)
@@ -65,13 +67,13 @@ def guide_rate_finding(what: str, rate: float, assumed: float, exchange: float, 
     for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
     """
     rates = rate_text(rate), rate_text(assumed)
-    if max(abs(rate), assumed) * PULSES * LASTS < STEPS * tick:
+    if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * tick:
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", rates[1])
-    shows = exchange / 2.0 / LASTS * assumed + 2.0 * tick / (PULSES * LASTS)
+    shows = exchange / 2.0 / PULSE_SECONDS * assumed + 2.0 * tick / (PULSE_COUNT * PULSE_SECONDS)
     measured = f"{rates[0]} ± {rate_text(shows)}"
-    if (off := abs(rate - assumed)) <= OFF * assumed:
+    if (off := abs(rate - assumed)) <= RATE_TOLERANCE * assumed:
         return Finding(what, SAME, measured, rates[1])
-    if off <= OFF * assumed + shows:
+    if off <= RATE_TOLERANCE * assumed + shows:
         return Finding(what, NOT_MEASURABLE, f"{measured}, too rough to judge", rates[1])
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
     return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, rates[1], means)

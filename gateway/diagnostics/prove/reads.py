@@ -18,18 +18,18 @@ from gateway.protocols.registry import streams
 
 #: Questions that are not asked: names that people have given to sites, lists that a question leafs through, and the
 #: target of a server, which there is after a goto.
-LEFT_ALONE = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
+UNASKED_QUESTIONS = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
                         "targetrightascension"))  # fmt: skip
 #: Seconds after which a line continues if an answer was missing.
-RECOVERS = 3.0
+RECOVERY_TIME = 3.0
 #: Questions for the mount's name, which those do not answer whose version is unknown.
-NAMES, UNKNOWN = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
+NAME_QUESTIONS, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: In the text for a reply that has no form of its command; a refusal has a form.
-GARBLED = "garbled"
+GARBLED_WORD = "garbled"
 #: Seconds: a usual line answers sooner; a line that takes this much longer than usual is busy.
-SOON, BUSY = 0.3, 1.0
+USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
 #: Exchanges that a question may take, which is asked again if its answer is doubtful.
-EXCHANGES = 6.0
+MAX_EXCHANGES = 6.0
 
 
 async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
@@ -45,7 +45,7 @@ def _readable(driver: Driver) -> Iterator[str]:
     """Yield the commands of the mount's protocol that only read something, and that this mount has."""
     for name, command in driver.protocol.commands.items():
         asks = command.question and command.answer != "stream" and not command.request.fields and command.asked
-        if asks and not command.beyond and name not in LEFT_ALONE and driver.supports(name):
+        if asks and not command.beyond and name not in UNASKED_QUESTIONS and driver.supports(name):
             yield name
 
 
@@ -66,14 +66,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         except Refused:
             heard = Heard(b"", "refused")  # an answer, too
         except Fault:
-            await asyncio.sleep(RECOVERS)
+            await asyncio.sleep(RECOVERY_TIME)
             telescope.check()
-            if name in NAMES and identity is not None and identity.version == UNKNOWN:
+            if name in NAME_QUESTIONS and identity is not None and identity.version == UNKNOWN_VERSION:
                 continue
             silent.append(name)
             continue
         telescope.check()
-        if not heard.text or GARBLED in heard.text:
+        if not heard.text or GARBLED_WORD in heard.text:
             strange.append(name)
             continue
         took[name] = telescope.now() - began
@@ -116,10 +116,10 @@ def _times(took: dict[str, float], usual: float) -> Finding:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
     longest = max(took.values())
     measured = f"{usual * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
-    if usual > SOON:
+    if usual > USUAL_REPLY_TIME:
         means = "A slow line: limits stop the mount earlier, and arrows end later. The gateway adapts by itself."
-        return Finding("reply times", DIFFERS, measured, f"below {SOON * 1000.0:.0f} ms", means)
-    if longest > EXCHANGES * usual + BUSY:
+        return Finding("reply times", DIFFERS, measured, f"below {USUAL_REPLY_TIME * 1000.0:.0f} ms", means)
+    if longest > MAX_EXCHANGES * usual + BUSY_EXTRA_TIME:
         means = "At times it is busy and answers late; the gateway waits for it."
         return Finding("reply times", DIFFERS, measured, "even", means)
     return Finding("reply times", SAME, measured)

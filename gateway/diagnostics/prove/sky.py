@@ -18,9 +18,9 @@ from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
 
 #: Degrees by which altitude and azimuth may differ from those calculated; in both the motion during the reads is less.
-AGREES = 0.5
+DIRECTION_TOLERANCE = 0.5
 #: Seconds by which the clocks may differ; degrees by which a longitude may differ from that of the mount's zone.
-CLOCK, ZONE = 120.0, 45.0
+CLOCK_TOLERANCE, ZONE_TOLERANCE = 120.0, 45.0
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
@@ -39,7 +39,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     computer = next((time for time in times if time.source == COMPUTER), None)
     if by_mount is None or computer is None:
         report.add(Finding("clock", NOT_MEASURABLE, "the mount reports no time"))
-    elif abs(by_mount.unix - computer.unix) <= CLOCK:
+    elif abs(by_mount.unix - computer.unix) <= CLOCK_TOLERANCE:
         report.add(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
     report.progress(1, 2, "altitude and azimuth")
     report.add(await _overhead(telescope))
@@ -52,7 +52,7 @@ def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
         return Finding("site", NOT_MEASURABLE, "no source has it; --site LATITUDE,LONGITUDE sets it")
     zone = clock[0].offset if clock is not None else 0.0  # a clock that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
-    if sites[0].source == MOUNT and away > ZONE:
+    if sites[0].source == MOUNT and away > ZONE_TOLERANCE:
         means = "The longitude, its sign, or the zone is wrong: one of them."
         return Finding("site and zone", DIFFERS, f"{away:.0f}° from the longitude of its zone", "", means)
     if len(sites) > 1:
@@ -78,7 +78,7 @@ async def _overhead(telescope: CheckedMount) -> Finding:
     if not {"az", "alt"} <= values.keys():
         return Finding(what, NOT_MEASURABLE, "it does not tell them")
     off = separation(values["az"], values["alt"], expected.az, expected.alt)
-    if off <= AGREES:
+    if off <= DIRECTION_TOLERANCE:
         return Finding(what, SAME, f"{off:.1f}° apart")
     means = "Its alignment, its site or its clock do not belong together: align it again before a night."
     return Finding(what, DIFFERS, f"{off:.1f}° apart", "", means)

@@ -25,7 +25,7 @@ from gateway.diagnostics.prove.findings import (
     MeasuredRate,
     StageReporter,
 )
-from gateway.diagnostics.prove.telescope import FARTHEST, FAST, LONGEST, CheckedMount, Motion
+from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
 #: The keys of the hand control, by whose numbers programs name the rates; of several with the same speed the last is
@@ -33,19 +33,19 @@ from gateway.mount.safety.allow import RUN_ON, RUN_UP
 KEYS: Sequence[int] = range(9, 0, -1)
 #: The parts of a rate by which it may be off: measured between readings, of small gotos one after the other, and by
 #: the whole way of a short motion.
-EVEN, STEPPED, SHORT = 0.08, 0.25, 0.35
+STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
 #: Seconds between readings that show a rate at least; and for which tracking is watched.
-SPAN, WATCHED = 1.5, 10.0
+MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
 #: A way of fewer steps of the mount's reading shows nothing.
-STEPS = 10.0
+MIN_READING_STEPS = 10.0
 #: Degrees by which the run-on may be more than assumed.
-MORE = 0.3
+RUN_ON_TOLERANCE = 0.3
 #: Degrees a second by which tracking may be off.
-DRIFT = 3.0 / 3600.0
+TRACKING_TOLERANCE = 3.0 / 3600.0
 #: A measured rate outside 1/4 to 4 times the assumed rate is a measurement error; the longest configurable run-on, s.
-BELIEVED, RUN_ONS = 4.0, (0.5, 10.0)
-MEANS = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
-PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
+MAX_RATE_RATIO, RUN_ON_RANGE = 4.0, (0.5, 10.0)
+RATE_EFFECT = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
+DIRECTION_PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
 class Velocity(NamedTuple):
@@ -70,14 +70,16 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
     span = even[-1].at - even[0].at if even else 0.0
     last = motion.places[-1] if motion.places else motion.before
     rest, left = abs(telescope.turned(last, motion.after)[number]), motion.ended - last.at
-    long = rest > (left + 2.0 * RUN_ON) * speed + MORE  # then the whole distance does not show the rate
-    if (short := span < SPAN) and not long:
+    long = rest > (left + 2.0 * RUN_ON) * speed + RUN_ON_TOLERANCE  # then the whole distance does not show the rate
+    if (short := span < MIN_RATE_SPAN) and not long:
         rate = distance / lasted
-        error = SHORT * abs(rate) + 2.0 * tick / lasted
+        error = SHORT_TOLERANCE * abs(rate) + 2.0 * tick / lasted
     elif len(two := even[:1] + even[-1:] if not short else list(motion.places[-2:])) == 2:
         span = two[1].at - two[0].at
         rate = telescope.turned(*two)[number] / span
-        part = SHORT if short else STEPPED if telescope.driver.moves_by_gotos else EVEN
+        part = (
+            SHORT_TOLERANCE if short else STEPPED_TOLERANCE if telescope.driver.moves_by_gotos else STEADINESS_TOLERANCE
+        )
         error = part * abs(rate) + 2.0 * tick / span
     else:
         rate, error = copysign(speed, distance), inf
@@ -88,7 +90,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Raises Ended."""
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
     speeds = {telescope.speed(key): key for key in KEYS}
-    tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in PAIRS]
+    tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in DIRECTION_PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.press(Direction.WEST, 1, 1.0)
     before = {item.what: item for item in report.before if item.rate is not None}
@@ -102,27 +104,27 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(finding)
         findings.append(finding)
     moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
-    for axis, pair in enumerate(PAIRS, 1):
+    for axis, pair in enumerate(DIRECTION_PAIRS, 1):
         report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST for distance in rate.run_ons]
     report.add(run_on_finding(run_ons, telescope.controller.line.times.typical_rtt, telescope.controller.policy.run_on))
     report.add(await tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
-    if real := {assumed: rate for assumed, rate in even if 1.0 / BELIEVED < rate / assumed < BELIEVED}:
+    if real := {assumed: rate for assumed, rate in even if 1.0 / MAX_RATE_RATIO < rate / assumed < MAX_RATE_RATIO}:
         speeds_of = [telescope.speed(key) for key in range(1, 10)]
         rates = [round(real.get(speed, speed), 5) for speed in speeds_of]
-        report.add(Finding("rates of all keys", DIFFERS, "measured", "its maker's", MEANS, {"rates": rates}))
+        report.add(Finding("rates of all keys", DIFFERS, "measured", "its maker's", RATE_EFFECT, {"rates": rates}))
 
 
 async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on it. Raises Ended."""
     axis = pair[0].axis
-    motions = [await telescope.press(direction, key, min(LONGEST, FARTHEST / speed)) for direction in pair]
+    motions = [await telescope.press(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
         return Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused)
     rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
-    distance, least = max(onwards.distance, back.distance), STEPS * telescope.ticks[axis - 1]
+    distance, least = max(onwards.distance, back.distance), MIN_READING_STEPS * telescope.ticks[axis - 1]
     run_ons = (onwards.run_on, back.run_on) if distance > least else ()
     finding = rate_finding(what, abs(rate), error, speed, onwards, distance, least)
     return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.short))
@@ -136,17 +138,17 @@ def rate_finding(
     """
     measured, assumed = rate_text(rate), rate_text(speed)
     if distance <= least:
-        if speed * LONGEST > 2.0 * least:
+        if speed * MAX_SECONDS > 2.0 * least:
             return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:
         return Finding(what, NOT_MEASURABLE, "it runs on for too long", assumed)
     off = abs(rate - speed)
-    if off <= max(EVEN * speed, 0.0 if measured_velocity.short else error):
+    if off <= max(STEADINESS_TOLERANCE * speed, 0.0 if measured_velocity.short else error):
         return Finding(what, SAME, measured, assumed)
     if measured_velocity.short and (off <= error or rate < speed):
         return Finding(what, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
-    return Finding(what, DIFFERS, measured, assumed, MEANS)
+    return Finding(what, DIFFERS, measured, assumed, RATE_EFFECT)
 
 
 def rate_text(rate: float) -> str:
@@ -174,11 +176,11 @@ def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_t
     rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * run_on_time), pair[0]))
     allowed = rate * (run_on_time + 2.0 * exchange)
     measured, assumed = f"{max(0.0, most):.1f}° from {rate_text(rate)}", f"{rate * run_on_time:.1f}°"
-    if most <= 1.5 * allowed + MORE:
+    if most <= 1.5 * allowed + RUN_ON_TOLERANCE:
         return Finding(what, SAME, measured, assumed)
     means = "Limits must stop the mount that much earlier: set run-on in gateway.toml."
     seconds = round(most / rate + 0.05, 1)
-    keys: dict[str, object] = {"run-on": seconds} if RUN_ONS[0] <= seconds <= RUN_ONS[1] else {}
+    keys: dict[str, object] = {"run-on": seconds} if RUN_ON_RANGE[0] <= seconds <= RUN_ON_RANGE[1] else {}
     return Finding(what, DIFFERS, measured, assumed, means, keys)
 
 
@@ -187,13 +189,13 @@ async def tracking(telescope: CheckedMount) -> Finding:
     tracks = telescope.status.tracking is not op.Tracking.OFF
     before = await telescope.rest()
     sky, least = abs(SIDEREAL_RATE) * cos(radians(before.sky.dec)), 2.0 * max(telescope.ticks)
-    seconds = min(6.0 * WATCHED, max(WATCHED, 2.0 * least / max(sky, DRIFT)))
+    seconds = min(6.0 * TRACKING_TIME, max(TRACKING_TIME, 2.0 * least / max(sky, TRACKING_TOLERANCE)))
     await telescope.until(lambda: False, seconds)
     after = await telescope.look()
     off = telescope.moved(before, after, tracks) - least
     what, rate = f"tracking is {'on' if tracks else 'off'} afterwards", max(0.0, off) / (after.at - before.at)
-    if rate <= DRIFT:
-        shows = sky * seconds - least > DRIFT * seconds
+    if rate <= TRACKING_TOLERANCE:
+        shows = sky * seconds - least > TRACKING_TOLERANCE * seconds
         return Finding(what, SAME) if shows else Finding(what, NOT_MEASURABLE, "too few steps of its reading")
     explanation = "It reports tracking, but does not track." if tracks else "It reports rest, but follows the sky."
     return Finding(what, DIFFERS, f"it drifts {rate_text(rate)}", "", explanation)

@@ -31,16 +31,16 @@ from gateway.mount.safety.unattended import SWITCHED_OFF
 from gateway.protocols.registry import streams
 
 #: Who asks, in the log and on the page.
-WHO = "mount-gateway prove"
+CLIENT = "mount-gateway prove"
 #: Seconds between two looks at what the mount does; for it to come to rest; between positions that show it at rest.
-LOOK, TO_REST, APART = 0.1, 15.0, 0.8
+LOOK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
 #: A motion ends when its reading has changed so often, or after so many seconds, or degrees at the rate asked for; the
 #: other axis may turn by so many degrees meanwhile.
-CHANGES, LONGEST, FARTHEST, ACROSS = 20, 10.0, 5.0, 0.5
+ENOUGH_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: From this rate on (degrees a second) a reading must change within so many seconds.
-FAST, UNCHANGED = 0.5, 2.0
+FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
 #: Degrees: the finest step of a server's angles that is believed, and a change that may result from its calculation.
-FINEST, CALCULATED = 1.0 / 3600.0, 0.5 / 3600.0
+FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
 
 Pair = tuple[float, float]
 
@@ -115,7 +115,7 @@ class CheckedMount:
         """Raise Ended if the stage cannot go on."""
         controller = self.controller
         if controller.stops != self._stops:
-            said = [entry.text for entry in controller.wire_log.recent if entry.side != WHO]
+            said = [entry.text for entry in controller.wire_log.recent if entry.side != CLIENT]
             reason = controller.wanted.value.short or next(reversed(said), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
@@ -130,7 +130,7 @@ class CheckedMount:
     @property
     def other(self) -> str:
         """Who else moves the mount; empty if nobody does."""
-        return next((by.who for by in self._movers() if by is not None and by.who != WHO), "")
+        return next((by.who for by in self._movers() if by is not None and by.who != CLIENT), "")
 
     def _movers(self) -> Iterator[HostActivity | None]:
         wanted = self.controller.wanted.value
@@ -146,7 +146,7 @@ class CheckedMount:
 
     def _ordered(self, wanted: Wanted) -> None:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
-        self.tracking_by_others |= any(order.by is not None and order.by.who != WHO for order in orders)
+        self.tracking_by_others |= any(order.by is not None and order.by.who != CLIENT for order in orders)
 
     async def until(self, done: Callable[[], bool], seconds: float) -> bool:
         """Wait for a condition; return whether it became true. Raises Ended."""
@@ -154,7 +154,7 @@ class CheckedMount:
         while not done():
             if self.now() >= end:
                 return False
-            await asyncio.sleep(LOOK)
+            await asyncio.sleep(LOOK_PERIOD)
             self.check()
         return True
 
@@ -187,11 +187,11 @@ class CheckedMount:
             ends = ends or (self.mine and controller.watch.moved_by_others)  # what runs on longer looks like that
             return not (ends or controller.moving or controller.wanted.goto_waits)
 
-        if not await self.until(rests, TO_REST):
+        if not await self.until(rests, REST_TIMEOUT):
             raise Ended("the mount does not come to rest")
         present = await self.look()
-        for _ in range(int(TO_REST / APART)):
-            await asyncio.sleep(APART)
+        for _ in range(int(REST_TIMEOUT / POSITION_SPACING)):
+            await asyncio.sleep(POSITION_SPACING)
             before, present = present, await self.look()
             if self.drift(before, present) <= max(self.ticks) + 5.0 / 3600.0:
                 self.mine = False
@@ -205,25 +205,25 @@ class CheckedMount:
         self._places.clear()
         self.mine = True
         try:
-            answer = await self.ask(requests.PressRequest(direction=direction, key=key, number=number, who=WHO))
+            answer = await self.ask(requests.PressRequest(direction=direction, key=key, number=number, who=CLIENT))
             if refused := self._refused(answer):
                 return Motion(refused=refused)
             began, changed, count = self.now(), self.now(), 0
-            while self.now() < began + longest and count < CHANGES:
-                await asyncio.sleep(max(0.01, min(LOOK, began + longest - self.now())))
+            while self.now() < began + longest and count < ENOUGH_CHANGES:
+                await asyncio.sleep(max(0.01, min(LOOK_PERIOD, began + longest - self.now())))
                 self.check()
                 observed = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._places))
                 if observed != count:
                     count, changed = observed, self.now()
-                if speed > FAST and self.now() > changed + UNCHANGED:
+                if speed > FAST and self.now() > changed + MAX_UNCHANGED_TIME:
                     break
         finally:
-            await self.ask(requests.ReleaseKeyRequest(number=number, who=WHO, lost=True))
+            await self.ask(requests.ReleaseKeyRequest(number=number, who=CLIENT, lost=True))
         ended = self.now()
         places = tuple(place for place in self._places if place.asked > began and place.at < ended)
         after = await self.rest()
         across = abs(self.turned(before, after)[2 - direction.axis])
-        if across > ACROSS + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
+        if across > MAX_CROSS_MOTION + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
             raise Ended(
                 f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
             )
@@ -239,7 +239,7 @@ class CheckedMount:
         where = requests.Spot(goal.ra % 360.0, goal.dec)
         self.mine, controller, over = True, self.controller, False
         try:
-            answer = await self.ask(requests.GotoRequest(where=where, number=number, who=WHO))
+            answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
             if refused := self._refused(answer):
                 return refused
             over = await self.until(lambda: not (controller.slewing or controller.wanted.goto_waits), seconds)
@@ -250,7 +250,7 @@ class CheckedMount:
 
     async def pulse(self, direction: op.Direction, ms: int) -> None:
         """Send a guide pulse, as a guiding program does; one that is refused moves nothing."""
-        await self.ask(replace(packed(op.Pulse(direction, ms), requests.new_number()), who=WHO))
+        await self.ask(replace(packed(op.Pulse(direction, ms), requests.new_number()), who=CLIENT))
 
     def _refused(self, answer: requests.Answer) -> str:
         """Return why an order was refused; empty if it was not. Raises Ended."""
@@ -282,8 +282,8 @@ class CheckedMount:
         self._places.append(place)
         before = self._places[-2:][0].sky
         for number, change in enumerate((wrap180(place.sky.ra - before.ra), place.sky.dec - before.dec)):
-            if abs(change) > CALCULATED:
-                self._steps[number] = min(self._steps[number], max(FINEST, abs(change)))
+            if abs(change) > CALCULATED_CHANGE:
+                self._steps[number] = min(self._steps[number], max(FINEST_STEP, abs(change)))
 
     def axes(self, place: TimedPosition) -> Pair:
         """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""

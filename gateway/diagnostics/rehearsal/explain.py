@@ -15,11 +15,11 @@ from msgspec.structs import replace
 from gateway.app.bindings import presents_mount
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
-from gateway.astro.ephemeris.almanac import SHIPPED, decoded
+from gateway.astro.ephemeris.almanac import SHIPPED_FILE, decoded
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, MountKind, outcome, remarks, taken
+from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, outcome, remarks, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import format_fields
 from gateway.diagnostics.rehearsal.play import (
@@ -40,12 +40,12 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
 
 #: How long the gateway is idle before the command, seconds.
-IDLE = 3.0
+IDLE_TIME = 3.0
 #: The outcome of an order that changes nothing.
-NOTHING_TO_DO = "nothing to do (the mount is as the command wants it)"
-NO_HINT = "; mappings/README.md lists them all"
+NOTHING_TO_DO_OUTCOME = "nothing to do (the mount is as the command wants it)"
+TABLES_HINT = "; mappings/README.md lists them all"
 #: How many equal commands in a row are shown.
-MANY = 3
+MAX_EQUAL_COMMANDS = 3
 
 
 class Explained(NamedTuple):
@@ -69,7 +69,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
     match = protocol.find(frame)
     if match is None:
         raise UserError(
-            f"{face.protocol} has no command {typed!r}{_hint(face.protocol, at.protocol, frame) or NO_HINT}"
+            f"{face.protocol} has no command {typed!r}{_hint(face.protocol, at.protocol, frame) or TABLES_HINT}"
         )
     command, picture = match
     row = protocol.surface.get(command.name)
@@ -115,7 +115,7 @@ def explain(surface: str, mount: str, typed: str) -> Explained:
 def rehearsal_sky() -> Sky:
     """Return the exact sky of the days of all rehearsals. It is in the package, so that no rehearsal loads astropy."""
     exact = Sky()
-    exact.use(decoded(SHIPPED.read_bytes()))
+    exact.use(decoded(SHIPPED_FILE.read_bytes()))
     return exact
 
 
@@ -165,7 +165,7 @@ def play_one(
     async def play() -> tuple[Play, str, str]:
         async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
             await whole_gateway.gateway.present_fitting_model()
-            await asyncio.sleep(IDLE)  # readings in the cache expire, so that the mount is asked
+            await asyncio.sleep(IDLE_TIME)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(
                 frame,
                 Before() if row is None else commands_before(face, row),
@@ -181,7 +181,7 @@ def play_one(
                 and row
                 and any(map(may_change_mount, row.operations))
             )
-            return played, NOTHING_TO_DO if idle else said, said
+            return played, NOTHING_TO_DO_OUTCOME if idle else said, said
 
     result: tuple[Play, str, str] = run(play())
     return result
@@ -205,7 +205,7 @@ def _name(at: Endpoint) -> str:
 def _means(outcome: str, reply: bytes) -> str:
     """Return the meaning of an outcome; for a refusal, who gets the message."""
     if outcome != "refused":
-        return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
+        return f"{outcome} ({OUTCOME_MEANINGS[outcome]})" if outcome in OUTCOME_MEANINGS else outcome
     if not reply:
         return "refused (this command has no reply: only the log says so)"
     if reply == ACKNOWLEDGED:
@@ -247,9 +247,9 @@ def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
             line = f"    to the mount: {show(event.data)}  {heard.text}"
             again = again + 1 if heard.command == last else 0
             last = heard.command
-            if again == MANY:
+            if again == MAX_EQUAL_COMMANDS:
                 line = "    to the mount: and so on"
-            elif again > MANY:
+            elif again > MAX_EQUAL_COMMANDS:
                 continue
         elif event.kind == "note":
             line = f"    {event.text}"

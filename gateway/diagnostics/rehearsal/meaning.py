@@ -8,11 +8,11 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.operations import Operation
-from gateway.diagnostics.log.words import FORMS
+from gateway.diagnostics.log.words import FORMATS
 
 #: The names that hand controls have for speeds.
-_RATES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
-_MODES = {
+_RATE_NAMES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
+_MODE_NAMES = {
     "off": "off",
     "alt-az": "in alt-az",
     "eq-north": "equatorially, in the north",
@@ -22,7 +22,7 @@ _MODES = {
 
 def meaning(operation: Operation) -> str:
     """Describe an operation with all its values."""
-    describe = _WORDS.get(type(operation), _by_name)
+    describe = _DESCRIBERS.get(type(operation), _by_name)
     return describe if isinstance(describe, str) else describe(operation)
 
 
@@ -46,11 +46,11 @@ def _value(value: object) -> str:
 
 
 def _place(place: Any) -> str:
-    return f"RA {FORMS['hours'](place.ra)}, Dec {FORMS['signed'](place.dec)}"
+    return f"RA {FORMATS['hours'](place.ra)}, Dec {FORMATS['signed'](place.dec)}"
 
 
 def _horizon(place: Any) -> str:
-    return f"azimuth {FORMS['turn'](place.az)}, altitude {FORMS['signed'](place.alt)}"
+    return f"azimuth {FORMATS['turn'](place.az)}, altitude {FORMATS['signed'](place.alt)}"
 
 
 def _axis(number: int | None) -> str:
@@ -62,7 +62,7 @@ def _axis(number: int | None) -> str:
 def _rate(rate: op.Rate) -> str:
     parts = []
     if rate.name is not None:
-        parts.append(f"at {_RATES.get(rate.name, rate.name)}")
+        parts.append(f"at {_RATE_NAMES.get(rate.name, rate.name)}")
     if rate.key is not None:
         parts.append(f"with speed {rate.key} of the hand control")
     if rate.degrees is not None:
@@ -79,8 +79,8 @@ def _site(operation: op.SetSite) -> str:
     if operation.latitude is None and operation.longitude is None:
         return "the site is the one of the hand control" if operation.others is not None else "the mount's site"
     parts = [
-        None if operation.latitude is None else f"latitude {FORMS['north'](operation.latitude)}",
-        None if operation.longitude is None else f"longitude {FORMS['east'](operation.longitude)}",
+        None if operation.latitude is None else f"latitude {FORMATS['north'](operation.latitude)}",
+        None if operation.longitude is None else f"longitude {FORMATS['east'](operation.longitude)}",
     ]
     return f"the mount stands at {', '.join(part for part in parts if part)}"
 
@@ -96,14 +96,14 @@ def _clock(operation: op.SetClock) -> str:
 def _moon(operation: op.MoonPlace) -> str:
     if operation.latitude is None or operation.longitude is None:
         return "where is the middle of the Moon now?"
-    return f"where is {FORMS['north'](operation.latitude)}, {FORMS['east'](operation.longitude)} on the Moon now?"
+    return f"where is {FORMATS['north'](operation.latitude)}, {FORMATS['east'](operation.longitude)} on the Moon now?"
 
 
 def _sense(sense: int) -> str:
     return "forwards" if sense > 0 else "backwards"
 
 
-_WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
+_DESCRIBERS: dict[type[Operation], str | Callable[[Any], str]] = {
     # queries, and operations without values
     op.Position: "where does the mount point (right ascension and declination)?",
     op.HorizontalPosition: "where does the mount point (azimuth and altitude)?",
@@ -141,7 +141,7 @@ _WORDS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.PulseAxis: lambda order: f"guide with {_axis(order.axis)} {_sense(order.sense)} for {order.ms} ms"
                               + ("" if order.rate is None else f" at {order.rate:g} of the sidereal rate"),
     op.SetTracking: lambda order: "tracking off" if not order.on else
-                                "tracking on" + (f" {_MODES[order.mode.value]}" if order.mode else ""),
+                                "tracking on" + (f" {_MODE_NAMES[order.mode.value]}" if order.mode else ""),
     op.TrackRate: lambda order: f"track at the {order.name} rate" if order.name else
                               f"track at {order.factor:g} of the sidereal rate",
     op.GuideRate: lambda order: f"how fast does {_axis(order.axis)} guide?",

@@ -18,7 +18,7 @@ from gateway.core.errors import Unsupported
 from gateway.core.operations import Read, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
-from gateway.diagnostics.rehearsal.samples import START
+from gateway.diagnostics.rehearsal.samples import START_TIME
 from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
@@ -37,17 +37,17 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 
 #: Timeout of a reply, seconds.
-PATIENCE = 30.0
+REPLY_TIMEOUT = 30.0
 #: How long a command that may change the mount is observed after its reply, seconds; a setting may wait for another.
-WATCHED, WATCHED_SETTING = 2.0, 8.0
+OBSERVATION_TIME, SETTING_OBSERVATION_TIME = 2.0, 8.0
 #: How long a command without a reply may take to reach the mount, seconds.
-MAX_BACKGROUND = 1.0
+BACKGROUND_TIMEOUT = 1.0
 #: By what factor rehearsed slews are faster than real ones.
-HURRY = 10.0
+SLEW_SPEEDUP = 10.0
 #: How long a slew before the command may take, seconds.
-ARRIVED = 300.0
+SLEW_TIMEOUT = 300.0
 #: How long a query is observed, seconds: by then it has been sent to the mount.
-GLANCE = 0.4
+QUERY_OBSERVATION_TIME = 0.4
 _STEP = 0.05
 
 
@@ -83,7 +83,7 @@ class Play(NamedTuple):
 
 def observation_time(command: Command, aligned: bool) -> float:
     """Return how long a command is observed after its reply, seconds."""
-    return GLANCE if command.question else WATCHED if aligned else WATCHED_SETTING
+    return QUERY_OBSERVATION_TIME if command.question else OBSERVATION_TIME if aligned else SETTING_OBSERVATION_TIME
 
 
 def may_change_mount(name: str) -> bool:
@@ -140,14 +140,14 @@ def stage(
     return RehearsalMount(
         mount.model or spec.default_model,
         mount.version,
-        start=START,
+        start=START_TIME,
         driven=mount.protocol,
         presented=face.protocol,
         surface=face.model,
         surface_version=face.version,
         aligned=aligned,
         sky=sky,
-        speed=HURRY,
+        speed=SLEW_SPEEDUP,
         named=True,
         config={"site": DEFAULT_SITE} | ({"mode": "eq-north"} if wedge else {}),
         simulated={name: has for name, has in spec.rehearsal_settings(wedge).items() if name != lacking},
@@ -176,18 +176,18 @@ class Player:
         surface.handle = lambda session, frame: relayed(handle(session, frame), self._ask)  # type: ignore[method-assign]
         stage.wire_log.sinks.append(self._note)
 
-    async def play(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Play:
+    async def play(self, frame: bytes, before: Before = Before(), watching: float = SETTING_OBSERVATION_TIME) -> Play:
         """Send the commands of ``before``, then the frame, and observe for ``watching`` seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:
             visitor.tell(said)
             await self._settled(visitor, 0.0)
-            await asyncio.sleep(MAX_BACKGROUND)
+            await asyncio.sleep(BACKGROUND_TIMEOUT)
             await self._at_rest()
         for said in before.during:
             visitor.tell(said)
-            await self._settled(visitor, MAX_BACKGROUND)
+            await self._settled(visitor, BACKGROUND_TIMEOUT)
         self.begin()
         wire, refusals = len(self.stage.wire), self.stage.wire_log.refusals
         self._events.clear()
@@ -207,11 +207,11 @@ class Player:
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Wait until everything sent was answered, at most as long as a program waits."""
         await asyncio.sleep(least)
-        await _until(lambda: visitor.answered, PATIENCE)
+        await _until(lambda: visitor.answered, REPLY_TIMEOUT)
 
     async def _at_rest(self) -> None:
         """Wait until the mount has arrived and its position shows that to the gateway."""
-        await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), ARRIVED)
+        await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
 
     def _ask(self, wanted: SurfaceStep) -> bool:
         """Note a request; return False, as it is carried out as well."""

@@ -13,13 +13,13 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.fields import Codec
 
 #: 2026-01-28 21:00 UTC: a night with the Moon, the Crab nebula and Jupiter well up at the simulated mount's site.
-START = 1769634000.0
-_NOW = datetime.fromtimestamp(START + 60.0, UTC)
+START_TIME = 1769634000.0
+_NOW = datetime.fromtimestamp(START_TIME + 60.0, UTC)
 #: The Crab nebula.
-TARGET = (83.633, 22.0145)
+TARGET_POSITION = (83.633, 22.0145)
 #: Values by the name of a field, for any command.
-_BY_NAME: dict[str, object] = {
-    "ra": TARGET[0], "dec": TARGET[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
+_FIELD_VALUES: dict[str, object] = {
+    "ra": TARGET_POSITION[0], "dec": TARGET_POSITION[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
     "date": _NOW.date(), "time": _NOW.hour * 3600.0 + _NOW.minute * 60.0, "offset": -1.0, "hertz": 60.0, "limit": 20.0,
     "number": 42, "site": 2, "direction": "n", "ms": 500, "name": "HOM", "types": "GPDCO",
     "stamp": _NOW.strftime("%y%m%d%H%M%S"), "hour": _NOW.hour, "minute": _NOW.minute, "second": 0, "month": _NOW.month,
@@ -27,7 +27,7 @@ _BY_NAME: dict[str, object] = {
     "on": 1, "echo": 120,
 }  # fmt: skip
 #: Values by command and field.
-_BY_COMMAND: dict[tuple[str, str], object] = {
+_COMMAND_FIELD_VALUES: dict[tuple[str, str], object] = {
     ("H", "year"): _NOW.year % 100, ("I", "year"): _NOW.year % 100, ("rtc_set_year", "year"): _NOW.year,
     ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
     ("LS", "number"): 32349, ("move_pos", "device"): 18, ("move_neg", "device"): 18, ("RA", "rate"): 2.0,
@@ -40,7 +40,7 @@ _BY_COMMAND: dict[tuple[str, str], object] = {
     ("set_guideratedeclination", "rate"): 0.001, ("set_guideraterightascension", "rate"): 0.001,
     **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
 }  # fmt: skip
-_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
+_FALLBACK_VALUES = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
 
 
 def example(command: Command) -> bytes:
@@ -52,7 +52,7 @@ def example(command: Command) -> bytes:
 def value(command: Command, name: str, field: Codec) -> object:
     """Return a value that the field can encode and decode."""
     choices = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
-    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING, *choices)
+    wanted = (_COMMAND_FIELD_VALUES.get((command.name, name)), _FIELD_VALUES.get(name), *_FALLBACK_VALUES, *choices)
     for value in (value for value in wanted if value is not None):
         try:
             field.decode(field.encode(value))

@@ -25,7 +25,7 @@ from gateway.transport.handler import Connected
 from gateway.transport.wires import Connection, SimulatedTransport
 
 #: The default protocols of the surface and the mount.
-PRESENTED, DRIVEN = pairs()[0]
+DEFAULT_SURFACE, DEFAULT_MOUNT = pairs()[0]
 
 
 class RehearsalMount:
@@ -43,8 +43,8 @@ class RehearsalMount:
         version: str | None = None,
         *,
         start: float,
-        driven: str = DRIVEN,
-        presented: str = PRESENTED,
+        driven: str = DEFAULT_MOUNT,
+        presented: str = DEFAULT_SURFACE,
         surface: str | None = None,
         surface_version: str | None = None,
         site: tuple[float, float] = DEFAULT_SITE,

@@ -10,24 +10,24 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.app.recording.format import RECORDER, Event, Recording
+from gateway.app.recording.format import RECORDER_SIDE, Event, Recording
 from gateway.astro.spherical import separation, wrap180
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
-from gateway.core.wire_log import MOUNT
+from gateway.core.wire_log import MOUNT_SIDE
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Incident, Night, Pointing, ProgramConnections, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
 
 #: Positions are kept every so many seconds, or when the tube has moved by more than so many degrees.
-SELDOM, FAR = 10.0, 0.3
+PERIOD, STEP = 10.0, 0.3
 #: Right ascension and declination reported within so many seconds of each other belong together.
-TOGETHER = 3.0
+COORDINATE_PAIR_WINDOW = 3.0
 #: How many requests may wait for their replies.
-DUE = 64
+MAX_UNANSWERED = 64
 #: How many remarks of each kind are kept.
-MOST = 10_000
+MAX_REMARKS = 10_000
 
 
 def gather(recording: Recording) -> Night:
@@ -59,22 +59,22 @@ class _Gathering:
         if mount.get("site"):
             self.night.site = SiteOfNight(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.taken = 0
-        protocol = PROTOCOLS[self.sides.protocol(MOUNT)]
+        protocol = PROTOCOLS[self.sides.protocol(MOUNT_SIDE)]
         self._rows = protocol.night
         self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
         self._speaking: dict[str, Side] = {}
         self._programs: dict[str, ProgramConnections] = {}
-        self._asked: deque[tuple[float, str]] = deque(maxlen=DUE)
+        self._asked: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
         self._told: dict[str, tuple[float, float]] = {}
 
     def take(self, event: Event) -> None:
         """Process a line of the recording."""
         time = self._began + event.at
         self.night.ended = max(self.night.ended, time)
-        if event.side == RECORDER:
+        if event.side == RECORDER_SIDE:
             return
         self.taken += 1
-        if event.side == MOUNT:
+        if event.side == MOUNT_SIDE:
             self._of_mount(event, time)
         else:
             self._of_program(event, time)
@@ -87,11 +87,11 @@ class _Gathering:
             if event.arrow == "v":
                 text = f"the mount's port was lost: {text}" if text else "the mount's port was lost"
                 self._given_up(len(self._asked))
-                self._speaking.pop(MOUNT, None)
-            if text and len(self.night.remarks) < MOST:
-                self.night.remarks.append(Incident(time, MOUNT, text))
+                self._speaking.pop(MOUNT_SIDE, None)
+            if text and len(self.night.remarks) < MAX_REMARKS:
+                self.night.remarks.append(Incident(time, MOUNT_SIDE, text))
             return
-        side = self._side(MOUNT)
+        side = self._side(MOUNT_SIDE)
         if event.arrow == ">":
             for heard in side.commands(event.data, event.at):
                 if heard.command in self._answering:
@@ -125,10 +125,10 @@ class _Gathering:
         if not {"ra", "dec"} <= set(self._told) or "dec" not in fields:
             return
         (asked, ra), (_, dec) = self._told["ra"], self._told["dec"]
-        if time - asked > TOGETHER or not -90.0 <= dec <= 90.0:
+        if time - asked > COORDINATE_PAIR_WINDOW or not -90.0 <= dec <= 90.0:
             return
         places = self.night.pointings
-        if not places or time - places[-1].time >= SELDOM or separation(places[-1].ra, places[-1].dec, ra, dec) > FAR:
+        if not places or time - places[-1].time >= PERIOD or separation(places[-1].ra, places[-1].dec, ra, dec) > STEP:
             places.append(Pointing(time, ra, dec))
 
     def _site(self, fields: Mapping[str, Any], time: float) -> None:
@@ -156,7 +156,7 @@ class _Gathering:
         elif event.arrow == "!":
             if program is not None:
                 program.refused += 1
-            if len(self.night.refusals) < MOST:
+            if len(self.night.refusals) < MAX_REMARKS:
                 who = event.side if program is None else program.host
                 self.night.refusals.append(Incident(time, who, event.data.decode("latin-1")))
         elif event.arrow == ">":

@@ -17,7 +17,7 @@ from gateway.diagnostics.report.plots import TrackPoint, at, light, track
 from gateway.diagnostics.report.svg import clock
 
 #: How many commands of each program are named, and how many rows of refusals and notes are shown.
-NAMED, ROWS = 8, 200
+MAX_COMMANDS, MAX_ROWS = 8, 200
 
 
 def page(night: Night, source: str) -> str:
@@ -87,8 +87,8 @@ def table_of_programs(night: Night) -> str:
     rows = []
     busiest = max((program.sent for program in night.programs.values()), default=1) or 1
     for program in sorted(night.programs.values(), key=lambda listed: -listed.sent):
-        named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(NAMED)]
-        more = len(program.commands) - NAMED
+        named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(MAX_COMMANDS)]
+        more = len(program.commands) - MAX_COMMANDS
         share = program.sent / busiest * 100.0
         rows.append([
             html.escape(program.host), html.escape(program.surface),
@@ -108,12 +108,12 @@ def table_of_remarks(remarks: Sequence[Incident], none: str, of_programs: bool) 
     if not same:
         return f"<p>{html.escape(none)}</p>"
     rows = []
-    for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:ROWS]:
+    for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:MAX_ROWS]:
         when = clock(times[0], seconds=True)
         when += f" – {clock(times[-1], seconds=True)}" if len(times) > 1 else ""
         rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if of_programs else []), html.escape(text)])
     heads = ("how often", "when", *(["to whom"] if of_programs else []), "what")
-    left = f"<p>{len(same) - ROWS:,} others are not shown.</p>" if len(same) > ROWS else ""
+    left = f"<p>{len(same) - MAX_ROWS:,} others are not shown.</p>" if len(same) > MAX_ROWS else ""
     return table(heads, rows) + left
 
 

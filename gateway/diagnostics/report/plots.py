@@ -12,9 +12,9 @@ from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, clock, path, picture, tag, text
 
 #: The number of intervals of the night.
-PARTS = 240
+INTERVAL_COUNT = 240
 #: The vertical scale shows this part of the reply times, times a margin.
-SHOWN, ROOM = 0.99, 1.3
+SHOWN_FRACTION, SCALE_MARGIN = 0.99, 1.3
 
 
 class Spread(NamedTuple):
@@ -34,7 +34,7 @@ def at(part: float, ordered: Sequence[float]) -> float:
 
 def spreads(night: Night) -> list[Spread]:
     """Return the spread of every interval in which the mount answered."""
-    width = max((night.ended - night.began) / PARTS, 1e-3)
+    width = max((night.ended - night.began) / INTERVAL_COUNT, 1e-3)
     parts: dict[int, list[float]] = {}
     for time, took in zip(night.asked, night.took, strict=True):
         parts.setdefault(int((time - night.began) / width), []).append(took)
@@ -48,7 +48,7 @@ def spreads(night: Night) -> list[Spread]:
 
 def _longest(night: Night) -> float:
     """Return the longest reply time that is shown, milliseconds."""
-    return max(at(SHOWN, sorted(night.took)) * 1000.0 * ROOM, 1.0)
+    return max(at(SHOWN_FRACTION, sorted(night.took)) * 1000.0 * SCALE_MARGIN, 1.0)
 
 
 def _round(value: float) -> float:
@@ -86,7 +86,7 @@ def over_time(night: Night) -> str:
 
 def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
     """Split into stretches without a gap."""
-    gap = 3.5 * (night.ended - night.began) / PARTS
+    gap = 3.5 * (night.ended - night.began) / INTERVAL_COUNT
     parts: list[list[Spread]] = []
     for spread in measured:
         if not parts or spread.time - parts[-1][-1].time > gap:
@@ -96,12 +96,12 @@ def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
 
 
 #: Motion faster than this (degrees a second) counts as slewing; a longer gap than this (seconds) breaks the line.
-FAST, GAP = 0.05, 120.0
+SLEW_SPEED, TRACK_GAP = 0.05, 120.0
 #: Seconds between two computed altitudes of the Sun, and how many are computed at most.
-LOOK, LOOKS = 240.0, 400
+SUN_STEP, MAX_SUN_ALTITUDES = 240.0, 400
 #: The altitudes of the Sun at which day and twilight end, degrees.
-SET, DARK = -0.8, -18.0
-SIDE, RADIUS = 460.0, 200.0
+SUNSET_ALTITUDE, NIGHT_ALTITUDE = -0.8, -18.0
+CHART_SIZE, CHART_RADIUS = 460.0, 200.0
 #: The size of a time label beside a track, pixels.
 WIDE, HIGH = 46.0, 15.0
 
@@ -127,8 +127,8 @@ def track(night: Night, sky: Sky) -> list[TrackPoint]:
         if night.equinox == "j2000":
             ra, dec = sky.to_of_date(ra, dec, time)
         az, alt = sky.horizon(ra, dec, latitude, longitude, time)
-        joined = bool(points) and time - points[-1].time <= GAP
-        slewing = joined and separation(az, alt, points[-1].az, points[-1].alt) > FAST * (time - points[-1].time)
+        joined = bool(points) and time - points[-1].time <= TRACK_GAP
+        slewing = joined and separation(az, alt, points[-1].az, points[-1].alt) > SLEW_SPEED * (time - points[-1].time)
         points.append(TrackPoint(time, alt, az, slewing, joined))
     return points
 
@@ -157,7 +157,7 @@ def light(night: Night, sky: Sky) -> list[Light]:
     """Divide the whole time into day, twilight and dark; empty if no site is known."""
     if night.site is None or night.ended <= night.began:
         return []
-    step = max(LOOK, (night.ended - night.began) / LOOKS)
+    step = max(SUN_STEP, (night.ended - night.began) / MAX_SUN_ALTITUDES)
     lights: list[Light] = []
     time = night.began
     while time < night.ended:
@@ -173,39 +173,39 @@ def light(night: Night, sky: Sky) -> list[Light]:
 def _daylight(night: Night, sky: Sky, time: float) -> str:
     assert night.site is not None
     _, alt = sky.horizon(*sky.sun(time), night.site.latitude, night.site.longitude, time)
-    return "day" if alt > SET else "twilight" if alt > DARK else "dark"
+    return "day" if alt > SUNSET_ALTITUDE else "twilight" if alt > NIGHT_ALTITUDE else "dark"
 
 
 def all_sky(points: list[TrackPoint], night: Night) -> str:
     """Draw the sky in stereographic projection: zenith in the middle, north up, east to the left."""
-    middle = SIDE / 2
-    drawn = [tag("circle", cx=middle, cy=middle, r=RADIUS, class_="sky")]
+    middle = CHART_SIZE / 2
+    drawn = [tag("circle", cx=middle, cy=middle, r=CHART_RADIUS, class_="sky")]
     for altitude in (30.0, 60.0):
         drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="grid"))
         drawn.append(text(f"{altitude:.0f}°", middle + 4, middle - _reach(altitude) - 3, "tick", "start"))
     for altitude in {night.lowest, night.highest} - {0.0, 90.0}:
         drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="limit"))
     drawn += [
-        tag("line", x1=middle - RADIUS, x2=middle + RADIUS, y1=middle, y2=middle, class_="grid"),
-        tag("line", x1=middle, x2=middle, y1=middle - RADIUS, y2=middle + RADIUS, class_="grid"),
+        tag("line", x1=middle - CHART_RADIUS, x2=middle + CHART_RADIUS, y1=middle, y2=middle, class_="grid"),
+        tag("line", x1=middle, x2=middle, y1=middle - CHART_RADIUS, y2=middle + CHART_RADIUS, class_="grid"),
     ]
     for azimuth, letter in ((0, "N"), (90, "E"), (180, "S"), (270, "W")):
-        x, y = _point(azimuth, 0.0, RADIUS + 14)
+        x, y = _point(azimuth, 0.0, CHART_RADIUS + 14)
         drawn.append(text(letter, x, y + 5, "compass"))
     for piece in pieces(points):
         drawn.append(path((_point(place.az, place.alt) for place in piece), _kind(piece)))
     drawn += _times(points)
-    return picture(SIDE, SIDE, "".join(drawn), "Where the telescope pointed, over the whole sky")
+    return picture(CHART_SIZE, CHART_SIZE, "".join(drawn), "Where the telescope pointed, over the whole sky")
 
 
 def _reach(altitude: float) -> float:
-    return RADIUS * math.tan(math.radians(90.0 - max(altitude, -5.0)) / 2)
+    return CHART_RADIUS * math.tan(math.radians(90.0 - max(altitude, -5.0)) / 2)
 
 
 def _point(azimuth: float, altitude: float, radius: float | None = None) -> Point:
     reach = _reach(altitude) if radius is None else radius
     turn = math.radians(azimuth)
-    return SIDE / 2 - reach * math.sin(turn), SIDE / 2 - reach * math.cos(turn)
+    return CHART_SIZE / 2 - reach * math.sin(turn), CHART_SIZE / 2 - reach * math.cos(turn)
 
 
 def _kind(piece: list[TrackPoint]) -> str:

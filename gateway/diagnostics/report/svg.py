@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 14.0, 12.0, 26.0
 #: Possible steps of a time axis, seconds; how many ticks fit side by side.
 STEPS = (10, 30, 60, 300, 600, 1800, 3600, 7200, 10800, 21600, 86400)
-TICKS = 9
+MAX_TICKS = 9
 
 Point = tuple[float, float]
 
@@ -93,6 +93,6 @@ class PlotFrame:
 
     def times(self) -> list[float]:
         """Return the times of the ticks, Unix seconds."""
-        step = next((length for length in STEPS if (self.ended - self.began) / length <= TICKS), STEPS[-1])
+        step = next((length for length in STEPS if (self.ended - self.began) / length <= MAX_TICKS), STEPS[-1])
         first = -(-self.began // step) * step
         return [first + number * step for number in range(int((self.ended - first) // step) + 1)]

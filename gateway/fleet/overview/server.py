@@ -26,9 +26,9 @@ from gateway.transport.web_server import WebServer
 #: Gateway and mount.
 _Name = tuple[str, str]
 #: The maximum number of mounts; the maximum length of a text that is shown.
-MOST, LONGEST = 5000, 200
+MAX_MOUNTS, MAX_TEXT_LENGTH = 5000, 200
 #: Kinds of events that report the result of an order.
-RESULTS = ("done", "failed", "refused")
+RESULT_KINDS = ("done", "failed", "refused")
 
 
 class ShownState(Struct, frozen=True):
@@ -76,7 +76,7 @@ class Roster:
     def receive(self, received: Received) -> None:
         """Take a message of the broker."""
         match self._topics.parts(received.topic):
-            case [gateway, "availability"] if gateway in self._available or len(self._available) < MOST:
+            case [gateway, "availability"] if gateway in self._available or len(self._available) < MAX_MOUNTS:
                 self._available[gateway] = received.payload == ONLINE
             case [gateway, mount, "state"]:
                 self._put(self._states, (gateway, mount), received, ShownState)
@@ -91,9 +91,9 @@ class Roster:
             value = msgspec.json.decode(received.payload, type=kind)
         except (ValueError, RecursionError):
             return
-        if isinstance(value, ShownEvent) and (value.kind not in RESULTS or value.who != "mqtt"):
+        if isinstance(value, ShownEvent) and (value.kind not in RESULT_KINDS or value.who != "mqtt"):
             return
-        if of in known or len(known) < MOST:
+        if of in known or len(known) < MAX_MOUNTS:
             then = value.time if received.retained and isinstance(value, ShownState) else self._clock()
             known[of] = value, then
 
@@ -103,25 +103,25 @@ class Roster:
         for (gateway, mount), (state, then) in sorted(self._states.items()):
             event, at = self._results.get((gateway, mount), (None, 0.0))
             mounts.append({
-                "gateway": gateway[:LONGEST], "mount": mount[:LONGEST],
+                "gateway": gateway[:MAX_TEXT_LENGTH], "mount": mount[:MAX_TEXT_LENGTH],
                 "available": self._available.get(gateway, False), "online": state.online,
-                "does": state.does[:LONGEST], "moving": state.moving, "held": state.held,
+                "does": state.does[:MAX_TEXT_LENGTH], "moving": state.moving, "held": state.held,
                 "ra": state.ra_hours, "dec": state.dec_degrees, "alt": state.altitude_degrees,
-                "az": state.azimuth_degrees, "model": (state.model or "")[:LONGEST], "programs": state.programs,
-                "age": round(max(0.0, now - then)),
-                "said": event.words[:LONGEST] if event else "", "said_age": round(max(0.0, now - at)) if event else 0,
+                "az": state.azimuth_degrees, "model": (state.model or "")[:MAX_TEXT_LENGTH], "programs": state.programs,
+                "age": round(max(0.0, now - then)), "said": event.words[:MAX_TEXT_LENGTH] if event else "",
+                "said_age": round(max(0.0, now - at)) if event else 0,
             })  # fmt: skip
         return mounts
 
 
-OWN = Path(__file__).parent / "page"
+PAGE_FOLDER = Path(__file__).parent / "page"
 #: Files of the console's page that this server serves as well.
-SHARED = ("css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js", "js/core/format.js",
-          "icon.svg")  # fmt: skip
+CONSOLE_FILES = ("css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js",
+                 "js/core/format.js", "icon.svg")  # fmt: skip
 #: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
-ECHO_TIMEOUT, FLOOD = 3.0, 5000
+ECHO_TIMEOUT, MAX_MESSAGE_RATE = 3.0, 5000
 #: The message if a stop was not passed on.
-NOT_SENT = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
+STOP_FAILED = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
 
 
 class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
@@ -151,11 +151,11 @@ class Overview:
         self._commands = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").everyone]
         subscriptions = [*self._roster.subscriptions, *self._commands]
         self._link = BrokerLink(
-            access, subscriptions, self._on_message, self._on_connection, connect=connect, flood=FLOOD
+            access, subscriptions, self._on_message, self._on_connection, connect=connect, flood=MAX_MESSAGE_RATE
         )
         self._token = secrets.token_urlsafe(24)
-        files = {path.name: path for path in OWN.iterdir()}
-        self._files = Pages(files | {name: look / name for name in SHARED})
+        files = {path.name: path for path in PAGE_FOLDER.iterdir()}
+        self._files = Pages(files | {name: look / name for name in CONSOLE_FILES})
         self._connected, self._why = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
         self._server = WebServer(self._load)
@@ -232,5 +232,5 @@ class Overview:
         if bool(stop.gateway) != bool(stop.mount) or set(stop.gateway + stop.mount) & set("/+#\0"):
             raise web.HTTPBadRequest(reason="This names no mount.")
         why = await self.send_stop(stop)
-        answer = {"sent": not why, "words": NOT_SENT.format(why=why) if why else "stop sent"}
+        answer = {"sent": not why, "words": STOP_FAILED.format(why=why) if why else "stop sent"}
         return web.Response(body=msgspec.json.encode(answer), content_type="application/json")

@@ -16,11 +16,11 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Refused
 from gateway.core.motion_kinds import (
-    BY_HAND,
-    ENDS,
+    END_ORDERS,
     GOTOS,
-    MOVING,
-    RESTARTED_AFTER_END,
+    HAND_MOTIONS,
+    MOVERS,
+    RESUMABLE_ORDERS,
     axis_moved,
     ends_focus,
     survives_abort,
@@ -78,7 +78,7 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
 
     A halt that waits behind a goto serves only if no other order came between the two.
     """
-    if not isinstance(operation, ENDS):
+    if not isinstance(operation, END_ORDERS):
         return None
     overtakes = not wanted.waiting_gotos
     for other in wanted.pending:
@@ -127,9 +127,7 @@ def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
     if (
         halt.rank != FIRST
         or active is None
-        or not (
-            isinstance(active.operation, RESTARTED_AFTER_END) or (isinstance(active, Halt) and active.keeps_repeating)
-        )
+        or not (isinstance(active.operation, RESUMABLE_ORDERS) or (isinstance(active, Halt) and active.keeps_repeating))
     ):
         return wanted
     pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
@@ -290,7 +288,7 @@ def carried_out(wanted: Wanted, order: Order, now: float) -> Wanted:
 def failed(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
     wanted = removed(wanted, order)
-    if isinstance(order.operation, ENDS):
+    if isinstance(order.operation, END_ORDERS):
         wanted = replace(wanted, halted=tuple(halt for halt in wanted.halted if halt.operation != order.operation))
     pending = tuple(
         replace(other, unless=0, rank=FIRST) if _waits_for(other, order) else other
@@ -307,8 +305,8 @@ def _waits_for(halt: Order, goto: Order) -> bool:
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
     """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
-    unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
-    return order.arrow.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
+    unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.sent
+    return order.arrow.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVERS))
 
 
 def acknowledged(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.motion_kinds import ENDS, GOTOS
+from gateway.core.motion_kinds import END_ORDERS, GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import HibernationGate
 from gateway.mount.motion.ends import EndWatch
@@ -40,7 +40,7 @@ class Consequences:
         self._cache.put(op.Slewing, False, self._now())
 
     def begins(self, operation: op.Operation) -> None:
-        self._reader.ordered(operation, isinstance(operation, ENDS) and self._watch.moved_by_others)
+        self._reader.ordered(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 

@@ -14,7 +14,7 @@ from msgspec import Struct
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.core.motion_kinds import MOVING
+from gateway.core.motion_kinds import MOVERS
 from gateway.mount.motion.ends import PART, SLOW, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
@@ -42,7 +42,7 @@ def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list
     """Return what the gateway has set moving; None if positions could not show whether that goes on."""
     begun = [
         *wanted.by_hand.values(),
-        *(order.operation for order in wanted.pending if isinstance(order.operation, MOVING)),
+        *(order.operation for order in wanted.pending if isinstance(order.operation, MOVERS)),
     ]
     if isinstance(wanted.motion, Slew):
         begun.insert(0, wanted.motion.operation)

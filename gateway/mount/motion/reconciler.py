@@ -22,7 +22,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core import waiting
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, survives_abort
+from gateway.core.motion_kinds import END_ORDERS, GOTOS, MOVERS, ends_focus, survives_abort
 from gateway.core.signals import Signal
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
@@ -123,7 +123,7 @@ class Reconciler:
         guides = isinstance(operation, op.Move) and taps.at_guide_rate(operation)
         exchange = self._link.times.typical_rtt if guides else 0.0
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # earlier orders would get no reply
-        kind = Halt if isinstance(operation, ENDS) else Order
+        kind = Halt if isinstance(operation, END_ORDERS) else Order
         order = kind(
             next(self._numbers),
             operation,
@@ -334,7 +334,7 @@ class Reconciler:
         except TimeoutError:  # the client has stopped waiting
             raise Busy from None
         self._admitted = order.number
-        if isinstance(operation, MOVING):
+        if isinstance(operation, MOVERS):
             for announce in self._announcers:
                 await announce()
         elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
@@ -381,7 +381,7 @@ class Reconciler:
         # It may have ended the motion before it, or left tracking suspended.
         interrupts = sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
         half_begun = changes.may_have_begun(order, error) or interrupts
-        not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
+        not_ended = isinstance(order.operation, END_ORDERS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             if not any(isinstance(other.operation, op.Focus) for other in self.wanted.pending):
                 self.plan(Schedule(FOCUS_AGAIN, order.operation))  # no position shows it, no stop of the mount does it

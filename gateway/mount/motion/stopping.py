@@ -12,7 +12,7 @@ import contextlib
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import MOVING
+from gateway.core.motion_kinds import MOVERS
 from gateway.core.operations import AbortMotion, StopAxis
 from gateway.core.signals import Signal
 from gateway.core.waiting import mark_retrieved
@@ -92,7 +92,7 @@ class StopSender:
     def _owed_for(self) -> object:
         """Return the motion for which a stop is owed; None if none is owed, or another motion is pending."""
         wanted = self._context.wanted.value
-        coming = any(isinstance(order.operation, MOVING) for order in wanted.pending)
+        coming = any(isinstance(order.operation, MOVERS) for order in wanted.pending)
         return None if self._closed or coming or not wanted.owed else wanted.motion
 
     def _retry(self, motion: object) -> None:

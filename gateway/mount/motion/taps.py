@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy
-from gateway.core.motion_kinds import ENDS, axis_moved
+from gateway.core.motion_kinds import END_ORDERS, axis_moved
 from gateway.mount.motion.wanted import FIRST, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
@@ -120,7 +120,7 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
     An order that removes a halt ends its motion, too. An arrow was replaced by the same client's next arrow, or joined
     with another.
     """
-    if isinstance(order.operation, ENDS):
+    if isinstance(order.operation, END_ORDERS):
         return True
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)

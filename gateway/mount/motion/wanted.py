@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault
-from gateway.core.motion_kinds import ENDS, GOTOS, axis_moved
+from gateway.core.motion_kinds import END_ORDERS, GOTOS, axis_moved
 from gateway.core.signals import Signal
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
@@ -340,7 +340,7 @@ class WantedState:
     @property
     def ending(self) -> bool:
         """Whether a stop or a halt is not done yet."""
-        return self.value.owed or any(isinstance(order.operation, ENDS) for order in self.value.pending)
+        return self.value.owed or any(isinstance(order.operation, END_ORDERS) for order in self.value.pending)
 
     @property
     def goto_waits(self) -> bool:

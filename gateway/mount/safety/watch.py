@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from gateway.core.motion_kinds import GOTOS, MOVING
+from gateway.core.motion_kinds import GOTOS, MOVERS
 from gateway.core.signals import Signal
 from gateway.mount.context import FASTEST, Context
 from gateway.mount.motion import seen as fold
@@ -144,7 +144,7 @@ class LimitWatch:
     def on_clear_path(self) -> bool:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
-        ordered = any(isinstance(order.operation, MOVING) for order in wanted.value.pending)
+        ordered = any(isinstance(order.operation, MOVERS) for order in wanted.value.pending)
         return self._checked_path.clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
 
     def narrow(self, lowest: float, highest: float, past: float | None) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
-from gateway.core.about import RELEASED
+from gateway.core.about import RELEASE_TIME
 from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
 from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
@@ -149,7 +149,7 @@ class SiteClock:
         """Whether this computer's time ``host`` may be lost."""
         if self._trust != "auto":
             return self._trust == "doubtful"
-        return host < RELEASED or (self._kernel is not None and self._kernel())
+        return host < RELEASE_TIME or (self._kernel is not None and self._kernel())
 
     # --- new values -------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,13 @@ from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import MountKind, versions
 from gateway.diagnostics.rehearsal.explain import commands_before, counted_version, rehearsal_sky, traits
-from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, stage
+from gateway.diagnostics.rehearsal.play import (
+    OBSERVATION_TIME,
+    QUERY_OBSERVATION_TIME,
+    SETTING_OBSERVATION_TIME,
+    Before,
+    stage,
+)
 from gateway.diagnostics.rehearsal.samples import example, value
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
@@ -92,7 +98,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
             player = Watcher(shared)
             for command in asking:
                 plays += 1
-                found += await _one(pair, player, command, state, GLANCE)
+                found += await _one(pair, player, command, state, QUERY_OBSERVATION_TIME)
     for command in commands:
         row = protocol.surface.get(command.name)
         for state in _states(driven, pair.mount.model or "") if _alone(row) else ():
@@ -128,7 +134,7 @@ def _alone(row: SurfaceRow | None) -> bool:
 
 def _long(row: SurfaceRow | None) -> float:
     """Return how long a row is observed, seconds: a setting may wait for another."""
-    return WATCHED_SETTING if row is not None and SETTINGS.intersection(row.operations) else WATCHED
+    return SETTING_OBSERVATION_TIME if row is not None and SETTINGS.intersection(row.operations) else OBSERVATION_TIME
 
 
 def _states(driven: CommandSet, model: str) -> Iterator[State]:

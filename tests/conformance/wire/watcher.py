@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from gateway.core.motion_kinds import ENDS
+from gateway.core.motion_kinds import END_ORDERS
 from gateway.core.operations import Operation, Read, named
-from gateway.diagnostics.rehearsal.play import WATCHED_SETTING, Before, Play, Player, may_change_mount
+from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Before, Play, Player, may_change_mount
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relayed
@@ -48,7 +48,7 @@ class Watcher(Player):
         surface.ending = lambda session, frame: self._ended(ending(session, frame))
         self.driver.perform = lambda operation: perform(self._performed(operation))
 
-    async def watch(self, frame: bytes, before: Before = Before(), watching: float = WATCHED_SETTING) -> Seen:
+    async def watch(self, frame: bytes, before: Before = Before(), watching: float = SETTING_OBSERVATION_TIME) -> Seen:
         play = await self.play(frame, before, watching)
         return Seen(play, tuple(self._asked), self._before != self._kept(), self._known != self._knows(), self._tells)
 
@@ -104,6 +104,6 @@ class Watcher(Player):
     def _performed(self, operation: Operation) -> Operation:
         """Note an operation that changes the mount, also one made of another one; not the end of a pulse."""
         name = type(operation).__name__
-        if not isinstance(operation, (Read, *ENDS)) and named(name) is not None:
+        if not isinstance(operation, (Read, *END_ORDERS)) and named(name) is not None:
             self._asked[name] = None
         return operation

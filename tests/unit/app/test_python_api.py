@@ -36,8 +36,8 @@ from gateway import (
 )
 from gateway.app.api import frames
 from gateway.app.control.operations import answer_type
-from gateway.app.control.orders import LONGEST
-from gateway.app.control.reach import ANSWERED
+from gateway.app.control.orders import STOP_TIMEOUT
+from gateway.app.control.reach import ANSWER_TIMEOUT
 from tests.support.each import each
 from tests.support.forked import POSSIBLE
 from tests.support.process import Running
@@ -214,7 +214,7 @@ async def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path:
 
 
 def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
-    assert ANSWERED >= LONGEST
+    assert ANSWER_TIMEOUT >= STOP_TIMEOUT
 
 
 async def test_a_port_that_does_not_exist_is_told_at_once() -> None:

@@ -80,7 +80,7 @@ async def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) ->
     assert said == []
     for own in ("192.168.1.23", "192.168.1.99"):
         addresses[:] = [own]
-        await asyncio.sleep(serving.LOOK_EVERY + 0.1)
+        await asyncio.sleep(serving.ADDRESS_CHECK_PERIOD + 0.1)
         assert said[-1] == f"on your phone: {own}, port 4030"
     await asyncio.sleep(60.0)
     assert len(said) == 2

@@ -15,13 +15,13 @@ import pytest
 
 from gateway.astro.ephemeris import almanac as file
 from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.almanac import DAY, KEPT, PARTS, Almanac, decoded, read, stored
-from gateway.astro.ephemeris.keeper import AGAIN, LEFT, PAUSE, AlmanacKeeper, renewed
+from gateway.astro.ephemeris.almanac import DAY, MAX_DAYS, PARTS, Almanac, decoded, read, stored
+from gateway.astro.ephemeris.keeper import CHECK_PERIOD, MIN_DAYS_LEFT, RETRY_PERIOD, AlmanacKeeper, renewed
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
 from gateway.cli import main
 from gateway.core.errors import UserError
-from gateway.diagnostics.rehearsal.samples import START
+from gateway.diagnostics.rehearsal.samples import START_TIME
 from gateway.diagnostics.virtual_time import run
 from gateway.system.locks import PidLock
 from tests.support.each import each
@@ -55,7 +55,7 @@ class Process:
 def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path / "cache"))
     monkeypatch.setattr(keeper, "calculated", found := Process())
-    monkeypatch.setattr(keeper, "AHEAD", AHEAD)
+    monkeypatch.setattr(keeper, "DAYS_PER_CALCULATION", AHEAD)
     return found
 
 
@@ -141,9 +141,9 @@ def test_the_rehearsals_days_are_in_the_package() -> None:
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    shipped = decoded(file.SHIPPED.read_bytes())
-    assert file.SHIPPED.stat().st_size <= 10_000
-    assert set(shipped.days) == set(range(int(START // DAY), int(START // DAY) + 3))
+    shipped = decoded(file.SHIPPED_FILE.read_bytes())
+    assert file.SHIPPED_FILE.stat().st_size <= 10_000
+    assert set(shipped.days) == set(range(int(START_TIME // DAY), int(START_TIME // DAY) + 3))
     for day in shipped.days:
         for part in PARTS:  # other data on the Earth's rotation
             row = shipped.at(part, (day + 0.4) * DAY)
@@ -223,7 +223,7 @@ def test_what_cannot_be_stored_is_used_all_the_same_and_told_once(
         spoil(tmp_path / "cache", patch)
         serving = Serving()
         serving.later = [lambda: serving.sky.sun(15000 * DAY)]  # a program sets another date
-        serving.runs(3 * PAUSE)
+        serving.runs(3 * CHECK_PERIOD)
     assert serving.has(TODAY) and serving.has(15000), "the first one is kept in memory"
     assert len(serving.told) == 1 and says in serving.told[0] and "cannot be stored" in serving.told[0]
     assert len(process.asked) == 2
@@ -239,7 +239,7 @@ def calculates(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     def be(program: str) -> None:
         monkeypatch.setattr(keeper, "gateway_argv", lambda: [sys.executable, "-c", program])
 
-    monkeypatch.setattr(keeper, "LONGEST", 20.0)
+    monkeypatch.setattr(keeper, "TIMEOUT", 20.0)
     return be
 
 
@@ -271,7 +271,7 @@ def test_a_process_that_hangs_is_killed(
     calculates: Callable[[str], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calculates(f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)")
-    monkeypatch.setattr(keeper, "LONGEST", 2.0)
+    monkeypatch.setattr(keeper, "TIMEOUT", 2.0)
     with pytest.raises(ValueError, match="more than 2 s"):
         REAL([TODAY])
     with pytest.raises(ProcessLookupError):
@@ -283,7 +283,8 @@ def test_a_process_that_hangs_is_killed(
 
 @pytest.mark.parametrize(
     ("left", "quiet", "first"),
-    [(0, False, TODAY), (LEFT, True, TODAY + LEFT), (LEFT, False, None), (LEFT + 1, True, None)],
+    [(0, False, TODAY), (MIN_DAYS_LEFT, True, TODAY + MIN_DAYS_LEFT), (MIN_DAYS_LEFT, False, None),
+     (MIN_DAYS_LEFT + 1, True, None)],
 )  # fmt: skip
 def test_the_next_days_are_calculated_when_few_are_left_and_nothing_moves(
     left: int, quiet: bool, first: int | None, process: Process
@@ -293,7 +294,7 @@ def test_the_next_days_are_calculated_when_few_are_left_and_nothing_moves(
     serving = Serving()
     serving.quiet = quiet
     before = len(process.asked)
-    serving.runs(3 * PAUSE)
+    serving.runs(3 * CHECK_PERIOD)
     asked = process.asked[before:]
     assert asked == ([] if first is None else [[*range(first, first + AHEAD)]])
     assert serving.has(TODAY)
@@ -304,11 +305,11 @@ def test_another_date_is_calculated_at_once_and_the_next_one_a_minute_later(proc
     serving = Serving()
     serving.quiet = False
     serving.later = [lambda day=day: serving.sky.sun(day * DAY) for day in range(15000, 15500, 100)]
-    serving.runs(PAUSE - 10.0)
+    serving.runs(CHECK_PERIOD - 10.0)
     assert process.asked[1:] == [[*range(15000, 15000 + AHEAD)]]
     assert serving.has(15000) and not serving.has(15400)
     serving.later = []
-    serving.runs(PAUSE)
+    serving.runs(CHECK_PERIOD)
     assert [days[0] for days in process.asked[2:]] == [15400], "which is still missing"
 
 
@@ -318,12 +319,12 @@ def test_a_clock_in_a_year_without_tables_asks_for_nothing_until_it_is_set(first
     serving.later = [lambda: setattr(serving, "today", TODAY)]
     serving.runs(0.0)
     assert not process.asked
-    serving.runs(2 * PAUSE)
+    serving.runs(2 * CHECK_PERIOD)
     assert serving.has(TODAY)
 
 
 def test_at_the_end_of_the_last_year_only_its_days_are_asked_for(process: Process) -> None:
-    Serving(47480).runs(PAUSE)
+    Serving(47480).runs(CHECK_PERIOD)
     assert process.asked == [[47480, 47481]]
 
 
@@ -338,7 +339,7 @@ def test_what_fails_is_tried_again_after_an_hour_and_told_once(
     start: Callable[[threading.Thread], object], says: str, process: Process
 ) -> None:
     process.fails, serving = "No module named 'astropy'", Serving()
-    serving.runs(3.5 * AGAIN, start)
+    serving.runs(3.5 * RETRY_PERIOD, start)
     assert len(process.asked) == (4 if start is threading.Thread.run else 0)
     assert len(serving.told) == 1 and says in serving.told[0] and "an hour" in serving.told[0]
     process.fails = ""
@@ -351,7 +352,7 @@ def test_a_program_that_sets_one_date_after_another_fills_neither_memory_nor_dis
     for day in range(2000, 22000, 500):
         serving.sky.sun(day * DAY)
         serving.runs(1.0)
-    assert len(stored().days) == KEPT and 21500 in stored().days
+    assert len(stored().days) == MAX_DAYS and 21500 in stored().days
 
 
 # --- from another computer --------------------------------------------------------------------------------------------

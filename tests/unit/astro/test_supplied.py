@@ -37,7 +37,7 @@ def test_all_of_messier_and_caldwell_and_what_has_no_magnitude() -> None:
     entries = {id(entry): entry for entry in known.values()}
     assert 2700 < len(entries) < 2900
     assert json.loads(supplied.file("deepsky.json").read_text("utf-8"))["about"]["licence"].startswith("CC-BY-SA-4.0")
-    assert "ShareAlike 4.0" in supplied.file(supplied.SHARED[2]).read_text("utf-8")
+    assert "ShareAlike 4.0" in supplied.file(supplied.PAGE_FILES[2]).read_text("utf-8")
 
 
 def test_they_stand_where_the_whole_catalogue_has_them() -> None:

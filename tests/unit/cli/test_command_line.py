@@ -103,7 +103,7 @@ class Stranger:
 @pytest.fixture
 def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stranger is given a tenth of the time; how long it should be is the business of the tests of ``detect``."""
-    monkeypatch.setattr(finding, "FIRST_WORD", 0.3)
+    monkeypatch.setattr(finding, "REPLY_WAIT", 0.3)
     monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=0.4))
 
 

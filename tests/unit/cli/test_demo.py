@@ -81,7 +81,7 @@ def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) 
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         number = taken.getsockname()[1]
-        assert number < demo.free_port(number) < number + demo.OTHERS
+        assert number < demo.free_port(number) < number + demo.PORTS_TRIED
 
 
 def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

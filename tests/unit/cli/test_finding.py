@@ -134,7 +134,7 @@ async def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("longest", "least", "most", "hints"), [(finding.GIVE_UP, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
+    ("longest", "least", "most", "hints"), [(finding.SEARCH_TIMEOUT, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
 )
 async def test_a_port_that_stays_silent_is_given_up(
     longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
@@ -146,11 +146,11 @@ async def test_a_port_that_stays_silent_is_given_up(
     with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
         await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
     assert least < now() - began < most
-    assert slow.times == pytest.approx([finding.SAID_AFTER, *hints], abs=0.5)
+    assert slow.times == pytest.approx([finding.MESSAGE_DELAY, *hints], abs=0.5)
     await bridge.controller.close()
 
 
-@pytest.mark.parametrize("longest", [finding.GIVE_UP, 0.0])
+@pytest.mark.parametrize("longest", [finding.SEARCH_TIMEOUT, 0.0])
 async def test_an_address_that_is_not_supported_is_looked_at_once(
     longest: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,7 +161,7 @@ async def test_an_address_that_is_not_supported_is_looked_at_once(
     with pytest.raises(UserError, match="AUX protocol"):
         await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
     assert 8.5 < now() - began < 9.5
-    assert slow.times == pytest.approx([finding.SAID_AFTER], abs=0.5)
+    assert slow.times == pytest.approx([finding.MESSAGE_DELAY], abs=0.5)
     assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
     await bridge.controller.close()
 

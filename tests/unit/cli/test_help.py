@@ -11,9 +11,9 @@ import pytest
 
 from gateway.app.config.describing import keys
 from gateway.cli import main
-from gateway.cli.command_line import COMMANDS, GROUPS, parser
+from gateway.cli.command_line import COMMAND_GROUPS, COMMANDS, parser
 from gateway.cli.completion import SHELLS, script
-from gateway.cli.serve.settings import GROUPS as SETTING_GROUPS
+from gateway.cli.serve.settings import FLAG_GROUPS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 
@@ -38,7 +38,7 @@ def test_the_first_page_fits_a_screen_and_names_the_commands_people_need(
 ) -> None:
     page = told(capsys, monkeypatch, columns="80")
     assert len(page.splitlines()) <= 36
-    daily, trouble, rest = GROUPS.values()
+    daily, trouble, rest = COMMAND_GROUPS.values()
     listed = re.findall(r"(?m)^  ([a-z]+)  ", page)
     assert listed == [*daily, *trouble] and rest
     assert page.index("mount-gateway demo") < page.index("mount-gateway run --mount")
@@ -63,11 +63,11 @@ def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
     every = [key for key in (*keys("mount"), *keys("")) if key.flag]
     assert all(f"\n  --{key.name}" in page for key in every)
     assert all((f"\n  --{key.name}" in few) is key.common for key in every)
-    titles = ["connections", "about the mount:", *(f"{title}:" for title in SETTING_GROUPS), "Examples:"]
+    titles = ["connections", "about the mount:", *(f"{title}:" for title in FLAG_GROUPS), "Examples:"]
     places = [page.index(f"\n{title}") for title in titles]
     assert places == sorted(places)
     named = {key.name for key in every}
-    assert all(set(names) <= named for names in SETTING_GROUPS.values())
+    assert all(set(names) <= named for names in FLAG_GROUPS.values())
 
 
 @each("words", [[], *([name] for name in COMMANDS)])

@@ -19,7 +19,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import COLUMNS, Terminal, checked, summary
+from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, checked, summary
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, ProofFile, save
 from gateway.diagnostics.prove.guide import STAGES
@@ -44,7 +44,7 @@ def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "[#######.......]" in out and "[##############]" in out
     lines = [line for whole in out.split("\n") for line in whole.split("\r")]
-    assert max(map(len, lines)) <= COLUMNS
+    assert max(map(len, lines)) <= LINE_COLUMNS
     assert lines[0].startswith("  a sentence") and lines[1].startswith("    ")
 
 
@@ -152,6 +152,6 @@ def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
     assert {path.name for path in folder.iterdir()} == {"findings.json", "prove-6-8se-4.21.json"}
     written = msgspec.json.decode((folder / "prove-6-8se-4.21.json").read_bytes(), type=ProofFile)
     assert written.simulated and written.mount == MOUNT and written.stages == done
-    assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= COLUMNS
+    assert max(len(line) for line in re.split(r"[\r\n]", screen)) <= LINE_COLUMNS
     assert "Wrote prove/prove-6-8se-4.21.json" in screen
     assert "send it to whoever gave you" in " ".join(screen.split())

@@ -40,7 +40,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
     """The gateways that ``stop`` sees among the processes: other tests' are none of them."""
     found: list[Process] = []
     monkeypatch.setattr(processes, "gateways", lambda: found)
-    monkeypatch.setattr(stop_command, "BETWEEN", 0.01)
+    monkeypatch.setattr(stop_command, "SEARCH_PERIOD", 0.01)
     return found
 
 
@@ -103,7 +103,7 @@ def test_a_gateway_without_a_descriptor_left_stops_its_mount(
 def test_a_frozen_gateway_is_said_to_be_one(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reach, "HEARD", 0.3)
+    monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 0.3)
     moving = Moving(started, tmp_path)
     moving.gateway.process.send_signal(signal.SIGSTOP)
     began = time.monotonic()
@@ -238,7 +238,7 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
     assert "process 4711 is a gateway" in words and "kill 4711" in words
 
 
-@each(("seconds", "looks"), [(5.0, stop_command.LOOKS), (3600.0, 2)])
+@each(("seconds", "looks"), [(5.0, stop_command.TRIES), (3600.0, 2)])
 def test_one_that_cannot_be_asked_is_waited_for_only_while_it_may_be_starting(
     seconds: float, looks: int, stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -297,7 +297,7 @@ def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
 def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR")
-    monkeypatch.setattr(runtime, "SESSIONS", tmp_path / "run")
+    monkeypatch.setattr(runtime, "SESSIONS_FOLDER", tmp_path / "run")
     theirs, fake = tmp_path / "mount-gateway-1", tmp_path / "mount-gateway-2"
     theirs.mkdir()
     endpoint = '{"mount": "m", "pid": 4711, "port": 9, "secret": "s", "state": "/x"}'
@@ -343,7 +343,7 @@ def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
     tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Started by another program, for one: it has the port, and it does not answer."""
-    monkeypatch.setattr(reach, "HEARD", 0.2)
+    monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 0.2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
         frozen.bind(("127.0.0.1", 0))
         other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)

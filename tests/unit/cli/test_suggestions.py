@@ -177,7 +177,7 @@ def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> No
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
-    names = {*load(protocol).models, endpoints.OPEN, *(["starsense"] if protocol == "nexstar" else [])}
+    names = {*load(protocol).models, endpoints.OPEN_MODEL, *(["starsense"] if protocol == "nexstar" else [])}
     rows = endpoints.names_by_model(protocol)
     assert set(rows) <= names
     words = [word for side in PROTOCOLS for row in endpoints.names_by_model(side).values() for word in row]
@@ -185,7 +185,7 @@ def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
     for model, row in rows.items():
         for word in row:
             assert parse_device(word).protocol == protocol and (
-                model == endpoints.OPEN or parse_device(word).where == ""
+                model == endpoints.OPEN_MODEL or parse_device(word).where == ""
             )
 
 

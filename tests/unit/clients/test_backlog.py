@@ -6,15 +6,15 @@ import asyncio
 
 import pytest
 
-from gateway.transport.tcp import SHARE
+from gateway.transport.tcp import READ_BYTES
 from tests.support.in_process_gateway import Bridge
 
-ARROWS = b":RM#:Me#" * (4 * SHARE // 8)
+ARROWS = b":RM#:Me#" * (4 * READ_BYTES // 8)
 
 
 def shares(data: bytes) -> list[bytes]:
     """As a port reads them."""
-    return [data[at : at + SHARE] for at in range(0, len(data), SHARE)]
+    return [data[at : at + READ_BYTES] for at in range(0, len(data), READ_BYTES)]
 
 
 @pytest.mark.parametrize("who", ["another program", "mount-gateway stop"])
@@ -52,7 +52,7 @@ async def test_whoever_has_caught_up_moves_the_mount_again() -> None:
 async def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-        client.tell(b":GR#" * (SHARE // 4))
+        client.tell(b":GR#" * (READ_BYTES // 4))
         await asyncio.sleep(30.0)
         other.tell(b":Q#")
         await asyncio.sleep(30.0)

@@ -10,7 +10,7 @@ import pytest
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.transport.listening import split_address
-from gateway.transport.tcp import PAUSE, SHARE
+from gateway.transport.tcp import READ_BYTES, READ_PAUSE
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE
 from tests.unit.clients.test_backlog import shares
@@ -20,9 +20,9 @@ ARROWS = b":RM#:Me#" * 60_000
 
 async def flood(visitor: Any, data: bytes, seconds: float) -> None:
     """As a port reads it."""
-    for share in shares(data)[: round(seconds / PAUSE)]:
+    for share in shares(data)[: round(seconds / READ_PAUSE)]:
         visitor.tell(share)
-        await asyncio.sleep(PAUSE)
+        await asyncio.sleep(READ_PAUSE)
 
 
 async def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() -> None:
@@ -45,12 +45,12 @@ async def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
         other.tell(b":RM#:Mn#")
         await flood(gone, b":GR#" * 2000, 0.5)
         gone.heard = b""
-        gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * SHARE)[:SHARE])
+        gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(1.0)
         assert gone.heard.startswith(b"111Stopped.#")
         assert gone.heard.endswith(b"#")
         assert bridge.controller.wanted.axes == {2}
-        gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
+        gone.tell((b":Q#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(2.0)
         assert not bridge.controller.moving
 

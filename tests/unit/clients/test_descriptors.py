@@ -65,7 +65,9 @@ async def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_l
         assert await ask(here, b":GVP#")
         free = os.open(os.devnull, os.O_RDONLY)
         os.close(free)
-        monkeypatch.setattr(file_limits, "limit", lambda: free + file_limits.SPARE)  # the next one has this number
+        monkeypatch.setattr(
+            file_limits, "limit", lambda: free + file_limits.RESERVED_FILES
+        )  # the next one has this number
         for _ in range(5):
             reader, writer = await asyncio.open_connection(*address(gateway))
             with contextlib.suppress(ConnectionResetError):

@@ -17,7 +17,7 @@ from gateway.clients.commands.turn import MAX_BACKGROUND
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import Shared
 from gateway.transport import tcp
-from gateway.transport.tcp import PAUSE, SHARE
+from gateway.transport.tcp import READ_BYTES, READ_PAUSE
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
@@ -286,7 +286,9 @@ async def test_a_burst_is_answered_to_the_last() -> None:
         link[1].write(b":GR#" * 1000)
         async with asyncio.timeout(60):
             assert len(await link[0].readexactly(9000)) == 9000
-        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * PAUSE * 0.8, "others had their turn"
+        assert asyncio.get_running_loop().time() - began > 4000 // READ_BYTES * READ_PAUSE * 0.8, (
+            "others had their turn"
+        )
         link[1].close()
 
 
@@ -295,7 +297,7 @@ async def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(tcp, "PAUSE", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(tcp, "READ_PAUSE", 0.001)  # else it takes two seconds to say enough
 
     with caplog.at_level(logging.WARNING, "asyncio"):
         async with serving("lx200@tcp://127.0.0.1:0") as gateway:
@@ -309,7 +311,7 @@ async def test_who_does_not_read_is_let_go_without_a_word(
             async with asyncio.timeout(60):
                 while port.connections:
                     try:
-                        deaf.send(b":GVP#" * (SHARE // 5))
+                        deaf.send(b":GVP#" * (READ_BYTES // 5))
                     except OSError:
                         await asyncio.sleep(0.005)
                     await asyncio.sleep(0)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clients.strangers import IDLE, Greeting, Piece, Recogniser, StrangerFilter, greetings
+from gateway.clients.strangers import IDLE_BYTES, Greeting, Piece, Recogniser, StrangerFilter, greetings
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
@@ -45,7 +45,7 @@ TIME = [among(0, 23), SIXTY, SIXTY, among(1, 12), among(1, 31), EVERY, EVERY, FL
 ASKING = "EeZzVvJLMmtwhipl"
 #: Everything a hand control's program can say: command by command, the values of every byte.
 NEXSTAR = [
-    *([frozenset((byte,))] for byte in IDLE),
+    *([frozenset((byte,))] for byte in IDLE_BYTES),
     *(letters(letter) for letter in ASKING + "xyu"),
     [*letters("K"), EVERY],
     [*letters("T"), among(0, 3)],
@@ -58,7 +58,7 @@ NEXSTAR = [
 ]
 #: A Meade's: an ACK, or a colon and a name, and anything up to a ``#``; what tries other protocols first begins so.
 LX200 = [
-    *([frozenset((byte,))] for byte in (*IDLE, 6)),
+    *([frozenset((byte,))] for byte in (*IDLE_BYTES, 6)),
     letters("$Q#"),
     letters("$$$"),
     letters("Ka"),
@@ -195,7 +195,9 @@ def test_what_waits_is_bounded() -> None:
         for _ in range(60):
             beginning = StrangerFilter(commands)
             short = chance.choice(greetings()).first[:-1]
-            data = bytes(chance.choice(IDLE) for _ in range(100)) + bytes(chance.choice(sorted(set_)) for set_ in short)
+            data = bytes(chance.choice(IDLE_BYTES) for _ in range(100)) + bytes(
+                chance.choice(sorted(set_)) for set_ in short
+            )
             for byte in data:
                 if not beginning.done:
                     beginning.feed(Piece(bytes((byte,)), 0.0, 0))

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.clients.reply_pace import AS_HARDWARE, paced
+from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, paced
 from gateway.mount.policy import Limits
 from gateway.transport.handler import Connected
 from tests.support.process import Running
@@ -121,7 +121,7 @@ def test_no_pace_is_no_handler_in_between() -> None:
         return Echo(connected)
 
     assert paced(accept, 0.0) is accept
-    assert 0.005 <= AS_HARDWARE <= 0.01
+    assert 0.005 <= HARDWARE_REPLY_TIME <= 0.01
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals and tcflush as on Linux")

@@ -95,7 +95,7 @@ async def test_a_large_request_is_answered_to_the_end() -> None:
 
 
 async def test_whoever_stays_is_put_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tcp, "LINGER", 0.2)
+    monkeypatch.setattr(tcp, "LINGER_TIME", 0.2)
     async with serving() as (ports, _):
         reader, writer = await asyncio.open_connection("127.0.0.1", ports[1])
         writer.write(GREETINGS["TLS"])

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import profiles
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.programs import hold
-from gateway.clients.commands.unread import HOLD
+from gateway.clients.commands.unread import HOLD_TIME
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.transport.handler import Connected
@@ -68,7 +68,7 @@ async def test_text_is_dropped_when_the_program_asks_anew() -> None:
 async def test_text_follows_for_a_program_that_waits() -> None:
     line = Line()
     assert await line.refused() == b"1"
-    assert await line.after(HOLD - 0.1) == b""
+    assert await line.after(HOLD_TIME - 0.1) == b""
     assert await line.after(0.2) == TEXT
     assert await line.ask(b":GR#") == b"12:34:56#"
 
@@ -76,7 +76,7 @@ async def test_text_follows_for_a_program_that_waits() -> None:
 async def test_bytes_that_ask_for_nothing_do_not_drop_it() -> None:
     line = Line()
     await line.refused()
-    assert await line.ask(b"\r\n", HOLD + 0.1) == TEXT
+    assert await line.ask(b"\r\n", HOLD_TIME + 0.1) == TEXT
 
 
 async def test_stop_does_not_wait_and_takes_the_text_away() -> None:
@@ -131,7 +131,7 @@ async def test_end_of_the_connection_sends_it() -> None:
 async def test_reply_of_which_nothing_is_read() -> None:
     """:I# of an LX200GPS: one program waits for its X, another goes on at once."""
     line = Line("lx200gps")
-    assert await line.ask(b":I#", HOLD + 0.1) == b"X"
+    assert await line.ask(b":I#", HOLD_TIME + 0.1) == b"X"
     assert await line.ask(b":I#") == b""
     assert await line.ask(b":GR#") == b"12:34:56#"
     line.guest.feed(b":I#")

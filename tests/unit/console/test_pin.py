@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.console.pin import FREE, PAUSE, TOGETHER, Pin
+from gateway.console.pin import FREE_TRIES, FREE_TRIES_OF_ALL, TRY_PERIOD, Pin
 from gateway.core.errors import UserError
 
 HERE, THERE = "192.168.1.20", "192.168.1.66"
@@ -28,11 +28,11 @@ def tried() -> Tried:
 
 
 def test_an_address_has_five_free_tries_then_one_a_minute(tried: Tried) -> None:
-    assert [tried.outcome("0000") for _ in range(FREE)] == [False] * FREE
+    assert [tried.outcome("0000") for _ in range(FREE_TRIES)] == [False] * FREE_TRIES
     assert "wait 60 s" in str(tried.outcome("4711")), "a try that has to wait is not even compared"
-    tried.now += PAUSE
+    tried.now += TRY_PERIOD
     assert tried.outcome("0000") is False
-    tried.now += PAUSE - 1
+    tried.now += TRY_PERIOD - 1
     assert "wait 1 s" in str(tried.outcome("4711"))
     tried.now += 1
     assert tried.outcome("4711") is True
@@ -44,7 +44,7 @@ def test_an_hour_of_trying_from_many_addresses_is_at_most_ten_a_minute(tried: Tr
     for second in range(3600):
         tried.now = 1000.0 + second
         compared += sum(tried.outcome("0000", f"10.0.{second % 200}.{one}") is False for one in range(20))
-    assert compared == TOGETHER * 60
+    assert compared == FREE_TRIES_OF_ALL * 60
 
 
 def test_others_do_not_slow_an_address_that_has_given_the_right_one(tried: Tried) -> None:

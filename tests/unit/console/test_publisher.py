@@ -14,7 +14,7 @@ from gateway.app.gateway import Gateway
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.console.shown import view
-from gateway.console.shown.publisher import MOVING, RESTING
+from gateway.console.shown.publisher import MOTION_PERIOD, REST_PERIOD
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.controller import MountController
@@ -79,19 +79,19 @@ def test_ten_messages_a_second_while_it_moves_and_one_at_rest_the_same_for_all_p
         pages = [Page(mounts) for _ in range(10)]
         await asyncio.sleep(1.0)
         began = loop.time()
-        await asyncio.sleep(10.0 * RESTING)
+        await asyncio.sleep(10.0 * REST_PERIOD)
         assert 9 <= len(pages[0].told(began)) <= 12
         heard = len(pages[0].texts)
         while len(pages[0].texts) == heard:  # until a message has just come
             await asyncio.sleep(0.01)
         pages[1].session.take('{"do":"narrow","lowest":1}')
-        await asyncio.sleep(2.5 * MOVING)
+        await asyncio.sleep(2.5 * MOTION_PERIOD)
         assert pages[0].told(0.0)[-1]["limits"]["lowest"] == 1.0, "a change is told at once"
         await controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=5)))
         await asyncio.sleep(0.5)
         assert pages[0].told(0.0)[-1]["by_hand"]
         began = loop.time()
-        await asyncio.sleep(20.0 * MOVING)
+        await asyncio.sleep(20.0 * MOTION_PERIOD)
         assert 15 <= len(pages[0].told(began)) <= 21
         await controller.stop()
         for page in pages[1:]:

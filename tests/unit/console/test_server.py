@@ -20,8 +20,8 @@ from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import mount_state
 from gateway.cli.serve.console_and_broker import load_console
-from gateway.console.server import LONGEST, MOST_PAGES
-from gateway.transport.room import KEPT
+from gateway.console.server import MAX_MESSAGE_BYTES, MAX_PAGES
+from gateway.transport.room import RESERVED_PLACES
 from gateway.transport.web_server import WebServer
 
 pytestmark = pytest.mark.real_time
@@ -171,7 +171,7 @@ async def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> 
     async with opened(tmp_path) as there:
         async with there.page() as page:
             with contextlib.suppress(ConnectionError):
-                await page.ws.send_str("x" * (LONGEST * 640))
+                await page.ws.send_str("x" * (MAX_MESSAGE_BYTES * 640))
             async with asyncio.timeout(PATIENCE):
                 while (await page.ws.receive()).type is aiohttp.WSMsgType.TEXT:
                     pass
@@ -211,7 +211,7 @@ def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
             async def connect() -> Page:
                 return Page(await stack.enter_async_context(there.http.ws_connect(where)))
 
-            pages = [await connect() for _ in range(MOST_PAGES - KEPT)]
+            pages = [await connect() for _ in range(MAX_PAGES - RESERVED_PLACES)]
             with pytest.raises(AssertionError, match=r"CLOSE.*1013"):
                 await (await connect()).until(lambda: False)
             await pages.pop().ws.close()

@@ -21,7 +21,7 @@ OTHER = "f" * 40
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The folder in which the package lies, without anything beside it."""
-    monkeypatch.setattr(about, "PACKAGE", tmp_path / "gateway")
+    monkeypatch.setattr(about, "PACKAGE_FOLDER", tmp_path / "gateway")
     (tmp_path / "gateway").mkdir()
     for known in (about.version, about.commit):
         known.cache_clear()

@@ -102,9 +102,9 @@ def test_a_goto_of_an_alpaca_telescope_is_explained_by_its_requests() -> None:
 
 
 def test_every_outcome_is_explained() -> None:
-    from gateway.diagnostics.command_outcomes import STANDS_FOR
+    from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS
 
-    assert tuple(STANDS_FOR) == get_args(Outcome)
+    assert tuple(OUTCOME_MEANINGS) == get_args(Outcome)
     assert "mount: refused" in explain("lx200gps", "cge/3.02", ":gT#").text
 
 

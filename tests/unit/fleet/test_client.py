@@ -11,7 +11,7 @@ from gateway.app.config import Source, make_config
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError
 from gateway.fleet import client as accesses
-from gateway.fleet.client import PASSWORD, access, connector
+from gateway.fleet.client import PASSWORD_VARIABLE, access, connector
 from gateway.fleet.topics import Topics, own_id
 from tests.support.each import each
 
@@ -51,7 +51,7 @@ def test_the_password_comes_from_a_file_or_from_the_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (file := tmp_path / "password").write_text("from file\n")
-    monkeypatch.setenv(PASSWORD, "from environment")
+    monkeypatch.setenv(PASSWORD_VARIABLE, "from environment")
     assert access("mqtt://pi", "eve").password == "from environment"
     assert access("mqtt://pi", "eve", str(file)).password == "from file"
     assert access("mqtt://adam@pi", None, str(file)).user == "adam"

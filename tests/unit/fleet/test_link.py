@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from gateway.fleet import link as links
-from gateway.fleet.client import LARGEST
+from gateway.fleet.client import MAX_MESSAGE_BYTES
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import EVENTS, MqttMessage, Outbox, Received
+from gateway.fleet.topics import MAX_EVENTS, MqttMessage, Outbox, Received
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
@@ -25,14 +25,14 @@ HERE, GONE = (
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(links, "PAUSES", (0.01,))
+    monkeypatch.setattr(links, "DELAYS", (0.01,))
     monkeypatch.setattr(links, "LONG_PAUSE", 0.02)
 
 
 class There:
     """A link, its broker, and what it has told."""
 
-    def __init__(self, flood: int = links.FLOOD) -> None:
+    def __init__(self, flood: int = links.MAX_FLOOD) -> None:
         self.broker, self.heard, self.told = FakeBroker(), list[Received](), list[tuple[bool, str]]()
         self.link = BrokerLink(
             NOWHERE, ["a/command"], self.heard.append, lambda there, why: self.told.append((there, why)), [HERE],
@@ -41,7 +41,7 @@ class There:
 
 
 @asynccontextmanager
-async def linked(flood: int = links.FLOOD) -> AsyncIterator[There]:
+async def linked(flood: int = links.MAX_FLOOD) -> AsyncIterator[There]:
     there = There(flood)
     there.link.start()
     try:
@@ -107,7 +107,7 @@ async def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() 
         there.broker.mute = False
         await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
         assert there.broker.payloads("a/state")[-1] == b"999" and len(there.broker.payloads("a/state")) < 20
-        assert len(there.broker.payloads("a/event")) <= EVENTS + links.AT_A_TIME
+        assert len(there.broker.payloads("a/event")) <= MAX_EVENTS + links.MAX_IN_FLIGHT
 
 
 async def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
@@ -121,10 +121,10 @@ async def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
 
 async def test_of_a_message_that_is_too_long_the_beginning_arrives_and_a_stop_beside_it() -> None:
     async with linked() as there:
-        there.broker.say("a/command", b"x" * (2 * LARGEST))
+        there.broker.say("a/command", b"x" * (2 * MAX_MESSAGE_BYTES))
         there.broker.say("a/command", b"stop")
         await until(lambda: len(there.heard) == 2)
-        assert [message.payload for message in there.heard] == [b"x" * (LARGEST + 1), b"stop"]
+        assert [message.payload for message in there.heard] == [b"x" * (MAX_MESSAGE_BYTES + 1), b"stop"]
         assert there.told == [(True, "")], "the link stays, and a stop is not lost"
 
 
@@ -158,10 +158,10 @@ def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
 
 def test_an_outbox_never_grows() -> None:
     outbox = Outbox()
-    for number in range(EVENTS * 3):
+    for number in range(MAX_EVENTS * 3):
         outbox.put(MqttMessage("a/event", b"%d" % number))
         outbox.put(state(b"%d" % number))
     assert [message.payload for message in outbox.take(3)] == [b"599", b"400", b"401"]
-    assert len(outbox.take(10_000)) == EVENTS - 2 and not outbox.take(1)
+    assert len(outbox.take(10_000)) == MAX_EVENTS - 2 and not outbox.take(1)
     outbox.requeue_states()
     assert [message.payload for message in outbox.take(3)] == [b"599"]

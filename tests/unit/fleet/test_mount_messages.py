@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from gateway.core.wire_log import WireLog
-from gateway.fleet.mount_messages import BURST, LONGEST, RATE, Events
+from gateway.fleet.mount_messages import EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH, Events
 from tests.support.each import each
 
 
@@ -44,10 +44,10 @@ def test_the_conversation_is_no_event() -> None:
 
 def test_what_is_too_much_is_counted() -> None:
     there = There()
-    for _ in range(int(BURST) + 40):
+    for _ in range(int(EVENT_BURST) + 40):
         there.log.put("127.0.0.1:5", "+")
-    assert len(there.told) == BURST
-    there.now += 3.0 / RATE
+    assert len(there.told) == EVENT_BURST
+    there.now += 3.0 / EVENT_RATE
     there.log.put("127.0.0.1:5", "-")
     assert [event["kind"] for event in there.told[-2:]] == ["left out", "disconnected"]
     assert there.told[-2]["words"].startswith("40 events")
@@ -56,4 +56,4 @@ def test_what_is_too_much_is_counted() -> None:
 def test_words_are_shortened_and_names_are_printable() -> None:
     there = There()
     there.events.publish("refused", "a\x1bb", "x" * 5000)
-    assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == LONGEST
+    assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == MAX_TEXT_LENGTH

@@ -12,7 +12,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from gateway.console.server import PAGE
+from gateway.console.server import PAGE_FOLDER
 from gateway.fleet.overview import server as servers
 from gateway.fleet.overview.server import Overview
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
@@ -25,7 +25,7 @@ class There:
 
     def __init__(self, http: aiohttp.ClientSession) -> None:
         self.broker, self.http, self.told = FakeBroker(), http, list[bool]()
-        self.page = Overview(NOWHERE, "club", PAGE, lambda: 0.0, lambda there, why: self.told.append(there),
+        self.page = Overview(NOWHERE, "club", PAGE_FOLDER, lambda: 0.0, lambda there, why: self.told.append(there),
                              self.broker.connect)  # fmt: skip
         self.token = ""
 

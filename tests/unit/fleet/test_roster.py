@@ -71,7 +71,7 @@ def test_other_topics_are_left_out(topic: str) -> None:
 
 
 def test_there_is_an_end_to_what_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rosters, "MOST", 3)
+    monkeypatch.setattr(rosters, "MAX_MOUNTS", 3)
     states = [(f"a/{number}/state", {}) for number in range(9)]
     made = roster(*states, *((f"{name}/availability", b"online") for name in "xyzw"))
     assert len(made.mounts()) == 3 and len(made._available) == 3

@@ -15,7 +15,7 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet import station as stations
-from gateway.fleet.client import LARGEST
+from gateway.fleet.client import MAX_MESSAGE_BYTES
 from gateway.fleet.station import Station
 from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
 
@@ -59,7 +59,7 @@ async def shown(folder: Path, name: str | None = None, **keys: Any) -> AsyncIter
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stations, "EVERY_SECOND", 0.05)
+    monkeypatch.setattr(stations, "CHECK_PERIOD", 0.05)
 
 
 def play(work: Coroutine[Any, Any, None]) -> None:
@@ -151,7 +151,7 @@ async def test_what_is_not_obeyed_is_refused_in_words(
 async def test_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_it(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         for _ in range(3):
-            there.broker.say(COMMAND, b"x" * (LARGEST + 1))
+            there.broker.say(COMMAND, b"x" * (MAX_MESSAGE_BYTES + 1))
             there.broker.say("mount-gateway/all/command", b"stop")
         await until(lambda: there.happened("done"))
         assert len(told := there.happened("refused")) == 1 and "100 characters" in told[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.about import RELEASED
+from gateway.core.about import RELEASE_TIME
 from gateway.mount.site.site_clock import SiteClock
 from gateway.system import computer_clock
 from gateway.system.computer_clock import Kernel, board_without_clock, synchronised
@@ -51,7 +51,7 @@ def test_only_a_board_whose_kernel_says_so_is_doubted(tmp_path: Path, monkeypatc
     board = Kernel(tmp_path)
     assert board()
     assert board(), "the kernel is asked once a minute"
-    monkeypatch.setattr(computer_clock, "_ASK_AGAIN", -1.0)
+    monkeypatch.setattr(computer_clock, "_QUESTION_PERIOD", -1.0)
     assert not board()
 
 
@@ -62,11 +62,11 @@ def test_the_kernel_is_really_asked() -> None:
 @each(
     ("choice", "now", "kernel", "doubtful"),
     [
-        ("auto", RELEASED + 1.0, False, False),
-        ("auto", RELEASED + 1.0, True, True),
-        ("auto", RELEASED - 1.0, False, True),
+        ("auto", RELEASE_TIME + 1.0, False, False),
+        ("auto", RELEASE_TIME + 1.0, True, True),
+        ("auto", RELEASE_TIME - 1.0, False, True),
         ("right", 0.0, True, False),
-        ("doubtful", RELEASED + 1.0, False, True),
+        ("doubtful", RELEASE_TIME + 1.0, False, True),
     ],
 )
 def test_the_owner_decides_then_the_date_and_the_kernel(choice: str, now: float, kernel: bool, doubtful: bool) -> None:

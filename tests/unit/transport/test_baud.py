@@ -58,7 +58,7 @@ class Cable:
 async def test_baud_rate_changes_after_the_answer_and_stays_if_the_program_follows(
     follows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(baud, "TRIAL", 1.0)
+    monkeypatch.setattr(baud, "TRIAL_TIME", 1.0)
     cable = Cable()
     async with Bridge(latency=0.0) as bridge:
         port = await SerialPort.open(cable.name, bridge.acceptor.accept)
@@ -85,13 +85,13 @@ def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
         trial.begin(19200)
         await asyncio.sleep(1.0)
         trial.begin(38400)
-        await asyncio.sleep(baud.TRIAL - 0.5)
+        await asyncio.sleep(baud.TRIAL_TIME - 0.5)
         assert rates[-1] == 38400
         await asyncio.sleep(1.0)
         assert rates[-1] == 9600
         trial.begin(57600)
         trial.understood()
-        await asyncio.sleep(2 * baud.TRIAL)
+        await asyncio.sleep(2 * baud.TRIAL_TIME)
         assert rates[-1] == 57600
 
     run(program())

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.simulated import _SimulatedConnection, serve_simulator
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-from gateway.transport.baud import MAX_BYTES, SerialPace
+from gateway.transport.baud import MAX_WAITING_BYTES, SerialPace
 from tests.support.simulated_meade import Clock
 
 #: Seconds that a byte takes at 9600 baud.
@@ -34,9 +34,9 @@ async def test_bytes_arrive_one_after_the_other() -> None:
 async def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
     heard: list[bytes] = []
     pace = SerialPace(9600, heard.append)
-    pace.send(b"x" * (2 * MAX_BYTES))
-    await asyncio.sleep((MAX_BYTES + 1) * BYTE)
-    assert len(b"".join(heard)) == MAX_BYTES
+    pace.send(b"x" * (2 * MAX_WAITING_BYTES))
+    await asyncio.sleep((MAX_WAITING_BYTES + 1) * BYTE)
+    assert len(b"".join(heard)) == MAX_WAITING_BYTES
     pace.send(b"gone")
     pace.close()
     await asyncio.sleep(1.0)

@@ -12,8 +12,8 @@ from aiohttp import web
 
 from gateway.core.errors import UserError
 from gateway.transport.listening import split_address
-from gateway.transport.room import KEPT, Room, share
-from gateway.transport.web_server import IDLE, MAX_BYTES, MOST, WHOLE, WebServer
+from gateway.transport.room import RESERVED_PLACES, Room, share
+from gateway.transport.web_server import IDLE_TIMEOUT, MAX_CONNECTIONS, MAX_EARLY_BYTES, REQUEST_TIMEOUT, WebServer
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
@@ -99,10 +99,10 @@ async def serving() -> AsyncIterator[WebServer]:
 async def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
     async with serving() as server:
         line = Line(server, sent=sent)
-        await asyncio.sleep(WHOLE - 1.0)
+        await asyncio.sleep(REQUEST_TIMEOUT - 1.0)
         assert not line.is_closing()
         await asyncio.sleep(2.0)
-        assert line.closed_after == WHOLE and line.heard == b""
+        assert line.closed_after == REQUEST_TIMEOUT and line.heard == b""
 
 
 @each("sent", [GET, POST + b"9" * 99])
@@ -110,7 +110,7 @@ async def test_it_does_not_help_to_send_it_byte_by_byte(sent: bytes) -> None:
     async with serving() as server:
         line = Line(server)
         await line.trickles(sent)
-        assert line.closed_after == WHOLE and line.heard == b""
+        assert line.closed_after == REQUEST_TIMEOUT and line.heard == b""
 
 
 async def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
@@ -118,21 +118,21 @@ async def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
         line = Line(server)
         for number in range(1, 4):
             line.says(POST.replace(b"99", b"3"))
-            await asyncio.sleep(WHOLE - 1.0)
+            await asyncio.sleep(REQUEST_TIMEOUT - 1.0)
             line.says(b"120")
             await asyncio.sleep(125.0)
             assert line.heard.count(b"done") == number and not line.is_closing()
-            await asyncio.sleep(IDLE - 10.0)
+            await asyncio.sleep(IDLE_TIMEOUT - 10.0)
         line.close()
         half = Line(server, sent=GET)
         await asyncio.sleep(1.0)
         half.says(HALF)
-        await asyncio.sleep(WHOLE - 1.0)
+        await asyncio.sleep(REQUEST_TIMEOUT - 1.0)
         assert not half.is_closing()
         await asyncio.sleep(2.0)
         assert half.is_closing()
         idle = Line(server, sent=GET)
-        await asyncio.sleep(IDLE - 1.0)
+        await asyncio.sleep(IDLE_TIMEOUT - 1.0)
         assert b"done" in idle.heard and not idle.is_closing()
         await asyncio.sleep(2.0)
         assert idle.is_closing()
@@ -191,10 +191,12 @@ async def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(s
         await asyncio.sleep(1.0)
         lines = list[Line]()
         for _ in range(4):
-            lines += [Line(server, f"10.0.0.{number % hosts}", sent) for number in range(2 * MOST)]
+            lines += [Line(server, f"10.0.0.{number % hosts}", sent) for number in range(2 * MAX_CONNECTIONS)]
             await asyncio.sleep(0.5)
             there = [line for line in lines if not line.is_closing()]
-            assert len(there) == (share("10.0.0.1", MOST) if hosts == 1 else MOST - KEPT)
+            assert len(there) == (
+                share("10.0.0.1", MAX_CONNECTIONS) if hosts == 1 else MAX_CONNECTIONS - RESERVED_PLACES
+            )
             assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
             began = loop.time()
             assert len(await program.ask(b":GR#")) == 9
@@ -204,7 +206,7 @@ async def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(s
             assert b"done" in stop.heard
             stop.close()
             await asyncio.sleep(0.4)
-        await asyncio.sleep(IDLE if sent == GET else WHOLE)
+        await asyncio.sleep(IDLE_TIMEOUT if sent == GET else REQUEST_TIMEOUT)
         assert all(line.is_closing() for line in lines)
         assert b"done" in (await _answered(server, "10.0.0.1"))
 
@@ -240,10 +242,10 @@ async def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
     server = WebServer(None if why == "none" else Site().load)
     line = Line(server, sent=GET)
     if why == "too much":
-        line.says(bytes(MAX_BYTES))
+        line.says(bytes(MAX_EARLY_BYTES))
     elif why == "ends":
         await server.close()
-    await asyncio.sleep(1.0 if why != "too late" else WHOLE)
+    await asyncio.sleep(1.0 if why != "too late" else REQUEST_TIMEOUT)
     assert line.heard.startswith(b"HTTP/1.1 " + told) and line.is_closing()
     await server.close()
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
 
-from gateway.core.about import RELEASED
+from gateway.core.about import RELEASE_TIME
 from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import GetStatus, Park, Place
 from gateway.mount.context import Context
@@ -182,7 +182,7 @@ def _span(seconds: float) -> str:
 
 def time_unknown(best: Time) -> bool:
     """Whether the time is unknown: this computer's clock is lost, and there is no other source."""
-    return best.doubtful and best.unix < RELEASED
+    return best.doubtful and best.unix < RELEASE_TIME
 
 
 def contradiction_warning(mount: Context) -> str:

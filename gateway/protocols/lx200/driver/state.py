@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
-from gateway.core.motion_kinds import MOVING
+from gateway.core.motion_kinds import MOVERS
 from gateway.core.operations import (
     Abilities,
     Equatorial,
@@ -217,7 +217,7 @@ class Lx200Driver(Driver):
             raise Refused(PUSHED)
 
     def impossible(self, operation: Operation) -> Fault | None:
-        if self.pushed and isinstance(operation, (*MOVING, Sync)):
+        if self.pushed and isinstance(operation, (*MOVERS, Sync)):
             return Refused(PUSHED)
         if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
             return Refused(SLEWING)
@@ -338,7 +338,7 @@ class Lx200Driver(Driver):
 
     def can_do(self, equatorial: bool) -> Abilities:
         can = super().can_do(equatorial)
-        able = can.can - {kind.__name__ for kind in (*MOVING, Sync)} if self.pushed else can.can
+        able = can.can - {kind.__name__ for kind in (*MOVERS, Sync)} if self.pushed else can.can
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 
     @property

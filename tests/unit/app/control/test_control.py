@@ -97,7 +97,7 @@ def test_an_answer_may_be_long(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
 def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str) -> None:
-    monkeypatch.setattr(reach, "HEARD", 0.3)
+    monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 0.3)
     done: list[None] = []
 
     async def counted(_: requests.Request) -> Answer:
@@ -111,7 +111,7 @@ def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.
 
 def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every answer is lost the first time, and the work takes longer than the patience of who asks."""
-    monkeypatch.setattr(reach, "AGAIN", 0.05)
+    monkeypatch.setattr(reach, "RESEND_PERIOD", 0.05)
     done: list[None] = []
 
     async def slow(_: requests.Request) -> Answer:
@@ -133,8 +133,8 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
 
 
 def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reach, "AGAIN", 0.05)
-    monkeypatch.setattr(reach, "HEARD", 1.0)
+    monkeypatch.setattr(reach, "RESEND_PERIOD", 0.05)
+    monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 1.0)
 
     async def slow(_: requests.Request) -> Answer:
         await asyncio.sleep(1.3)

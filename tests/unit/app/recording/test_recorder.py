@@ -153,8 +153,8 @@ async def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, said, hangs, write = tmp_path / "night.rec", list[str](), threading.Event(), os.write
-    monkeypatch.setattr(recorder_module, "WAITING", 1000)
-    monkeypatch.setattr(recorder_module, "LOOK", 0.05)
+    monkeypatch.setattr(recorder_module, "MAX_UNWRITTEN_LINES", 1000)
+    monkeypatch.setattr(recorder_module, "DISK_CHECK_PERIOD", 0.05)
     recorder = Recorder(path, SETTINGS, warn=said.append)
     monkeypatch.setattr(os, "write", lambda file, data: hangs.wait(60.0) and write(file, data))
     try:

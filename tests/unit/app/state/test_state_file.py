@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT, SavedState, from_shared, read_state, to_shared
+from gateway.app.state.file import FORMAT_VERSION, SavedState, from_shared, read_state, to_shared
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
@@ -26,7 +26,7 @@ from tests.support.process import Running
 
 PRINTABLE = "".join(chr(code) for code in range(32, 127) if chr(code) != "#")
 FULL = SavedState(
-    FORMAT,
+    FORMAT_VERSION,
     sites={"0": NamedSite("HOM", 45.5, -122.7), "3": NamedSite("Backyard (S) 7", None, 10.0)},
     site=3,
     zone=(-8.0, 1),
@@ -54,7 +54,7 @@ FULL = SavedState(
 def test_what_is_kept_comes_back(
     sites: dict[Any, NamedSite], site: int | None, pec: bool | None, motors: dict[str, int]
 ) -> None:
-    kept = SavedState(FORMAT, sites=sites, site=site, pec=pec, motors=motors)
+    kept = SavedState(FORMAT_VERSION, sites=sites, site=site, pec=pec, motors=motors)
     assert from_shared(to_shared(kept), {}) == kept
     assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
 

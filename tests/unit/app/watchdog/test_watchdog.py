@@ -22,7 +22,7 @@ import pytest
 
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.app.watchdog.client import LASTED, PROGRAM, Watchdog, WatchedMount, available
+from gateway.app.watchdog.client import MIN_LIFETIME, PROCESS_SCRIPT, Watchdog, WatchedMount, available
 from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, waited
 from gateway.mount.shutdown import stop_commands
 from gateway.transport.wires import on_the_wire
@@ -108,7 +108,7 @@ def test_gateway_replaces_a_killed_watchdog(watch: Callable[[str, str], Watched]
     first = watched.watchdog()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(first, number)  # what ends a gateway from outside reaches the watchdog, too
-    time.sleep(LASTED + 0.1)  # one that does not live so long is not started again
+    time.sleep(MIN_LIFETIME + 0.1)  # one that does not live so long is not started again
     assert watched.watchdog() == first
     os.kill(first, signal.SIGKILL)
     assert watched.watchdog(other=first) != first
@@ -163,7 +163,7 @@ class Process:
         self.line.settimeout(PATIENCE)
         self.gateway.settimeout(PATIENCE)
         self.process = subprocess.Popen(
-            [sys.executable, "-I", "-S", str(PROGRAM), str(there.fileno()), "1"],
+            [sys.executable, "-I", "-S", str(PROCESS_SCRIPT), str(there.fileno()), "1"],
             pass_fds=[there.fileno()],
             stderr=subprocess.PIPE,
         )
@@ -419,8 +419,8 @@ def test_simulated_mount_of_the_gateway_has_no_watchdog() -> None:
 def test_watchdog_client_loads_without_unix_signals(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SIGHUP", "SIGQUIT", "SIGTSTP"):
         monkeypatch.delattr(signal, name)
-    loaded = runpy.run_path(str(PROGRAM.with_name("client.py")))
-    assert loaded["HELD_BACK"] == [signal.SIGINT, signal.SIGTERM]
+    loaded = runpy.run_path(str(PROCESS_SCRIPT.with_name("client.py")))
+    assert loaded["BLOCKED_SIGNALS"] == [signal.SIGINT, signal.SIGTERM]
 
 
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"

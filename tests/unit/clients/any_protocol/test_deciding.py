@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, protocol_that_waits, shared_prefix
+from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, may_change, protocol_that_waits, shared_prefix
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
 from gateway.protocols.wireformat.command_set import load
@@ -30,12 +30,12 @@ FIRST = [
     (b"H\x16\x1e\0\x0b\x16\x1a\0\0", "nexstar"),
     (b"W\x2d\0\0\0\x0a\0\0\0", "nexstar"),
     (b"\x14\0\0\0" + bytes(16), "stellarium"),
-    (b"GET / HTTP/1.1\r\n", HTTP),
-    (b"HEAD / HTTP/1.1\r\n", HTTP),
-    (b"POST /x HTTP/1.1\r\n", HTTP),
-    (b"PUT /api/v1/telescope/0/park HTTP/1.1\r\n", HTTP),
-    (b"OPTIONS * HTTP/1.1\r\n", HTTP),
-    (b"DELETE /x HTTP/1.1\r\n", HTTP),
+    (b"GET / HTTP/1.1\r\n", HTTP_PROTOCOL),
+    (b"HEAD / HTTP/1.1\r\n", HTTP_PROTOCOL),
+    (b"POST /x HTTP/1.1\r\n", HTTP_PROTOCOL),
+    (b"PUT /api/v1/telescope/0/park HTTP/1.1\r\n", HTTP_PROTOCOL),
+    (b"OPTIONS * HTTP/1.1\r\n", HTTP_PROTOCOL),
+    (b"DELETE /x HTTP/1.1\r\n", HTTP_PROTOCOL),
 ]
 
 

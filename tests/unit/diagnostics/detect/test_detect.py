@@ -12,7 +12,7 @@ from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
 from gateway.diagnostics.detect.report import block, command, toml
-from gateway.diagnostics.detect.scan_port import OTHERS, PortFinding, look, sentence
+from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, look, sentence
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire
@@ -271,7 +271,7 @@ def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
     finding, wire = seen(lambda: lambda data: b"\x15" if data in (b"\x06", b"#\x06") else b"")
     assert finding.state == "garbled"
     assert set(wire.sent()) == set(HARMLESS)
-    assert {baud for baud, _ in wire.log} == {9600, *OTHERS}
+    assert {baud for baud, _ in wire.log} == {9600, *OTHER_BAUD_RATES}
 
 
 def test_a_gps_receiver_is_not_spoken_to() -> None:
@@ -377,4 +377,4 @@ async def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
             super().set_baud(baud)
 
     finding = await look(SerialPortInfo("-", "-"), Poor(silent))
-    assert (finding.state, finding.rates) == ("silent", len(OTHERS) - 2)
+    assert (finding.state, finding.rates) == ("silent", len(OTHER_BAUD_RATES) - 2)

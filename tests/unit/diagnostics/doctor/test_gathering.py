@@ -53,7 +53,7 @@ def test_who_listens(proc: Path) -> None:
     assert list(processes.listeners((4031,), proc)) == []
 
 
-@pytest.mark.skipif(not gathering.PROC.joinpath("net").is_dir(), reason="only Linux tells who listens")
+@pytest.mark.skipif(not gathering.PROC_FOLDER.joinpath("net").is_dir(), reason="only Linux tells who listens")
 def test_who_listens_here() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -87,7 +87,7 @@ def test_an_almanac_has_days_until_the_first_that_it_lacks(
 
 
 def test_the_installed_astronomy_data_can_be_read() -> None:
-    assert gathering.release_date(gathering.version(gathering.DATA)) is not None
+    assert gathering.release_date(gathering.version(gathering.DATA_PACKAGE)) is not None
 
 
 def test_a_package_that_is_not_there() -> None:

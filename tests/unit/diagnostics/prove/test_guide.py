@@ -17,7 +17,7 @@ from gateway.core.errors import UserError
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, load, save
 from gateway.diagnostics.prove.guide import STAGES, GuidedCheck
-from gateway.diagnostics.prove.telescope import WHO, CheckedMount
+from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount
 from tests.support.prove_setup import Onlooker, Proven, run_calm
 from tests.support.sampling import as_a_rule
 from tests.support.true_mounts import CHECKS, SLEWS, alarms, point
@@ -387,7 +387,7 @@ def test_tracking_that_another_program_turns_on_stays_on() -> None:
     async def play() -> None:
         async with Proven() as proven:
             take = proven.gateway.request_handler.take
-            await take(requests.TrackRequest(on=False, who=WHO))
+            await take(requests.TrackRequest(on=False, who=CLIENT))
             person = Onlooker("ssyq")
             on = requests.TrackRequest(on=True, who="192.168.1.7")
             person.when["rate 9 north/south"] = lambda: proven.loop.create_task(take(on))

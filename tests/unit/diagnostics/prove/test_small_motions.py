@@ -13,7 +13,7 @@ from gateway.core import requests
 from gateway.core.operations import Direction
 from gateway.diagnostics.prove import small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Findings
-from gateway.diagnostics.prove.telescope import UNCHANGED, WHO, CheckedMount
+from gateway.diagnostics.prove.telescope import CLIENT, MAX_UNCHANGED_TIME, CheckedMount
 from tests.support.prove_setup import Onlooker, Proven, run_calm
 
 
@@ -140,12 +140,12 @@ def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
 
     async def play() -> None:
         async with Proven(mount, change=lambda proven: _moves(proven, lambda *_: 0.0)) as proven:
-            await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=WHO))
+            await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=CLIENT))
             await asyncio.sleep(5.0)
             telescope = CheckedMount(proven.gateway)
             telescope.begin()
             motion = await telescope.press(Direction.NORTH, 9, 10.0)
-            assert UNCHANGED <= motion.ended - motion.began < UNCHANGED + 1.0
+            assert MAX_UNCHANGED_TIME <= motion.ended - motion.began < MAX_UNCHANGED_TIME + 1.0
 
     run_calm(play())
 

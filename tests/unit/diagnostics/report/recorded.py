@@ -10,7 +10,7 @@ import random
 from pathlib import Path
 from typing import Any
 
-from gateway.app.recording.format import FORMAT, MARK, RECORDER, escape
+from gateway.app.recording.format import FILE_HEADER, FORMAT_VERSION, RECORDER_SIDE, escape
 from gateway.astro.ephemeris.sky import Sky
 
 #: 20 November 2026, 17:30 UTC; a site near Munich; what is looked at, and from which minute on.
@@ -27,7 +27,7 @@ def settings(**more: Any) -> dict[str, Any]:
 
 
 def head(**more: Any) -> str:
-    return f"{MARK}{FORMAT}\n# {json.dumps(settings(**more))}\n"
+    return f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps(settings(**more))}\n"
 
 
 def turn(degrees: float) -> str:
@@ -53,7 +53,7 @@ class Tape:
     def text(self, **more: Any) -> str:
         lines = sorted(self.lines, key=lambda one: one[0])
         end = lines[-1][0] if lines else 0.0
-        return "".join([head(**more), *(f"{line}\n" for _, line in lines), f"{end:.6f} {RECORDER} ! ends here\n"])
+        return "".join([head(**more), *(f"{line}\n" for _, line in lines), f"{end:.6f} {RECORDER_SIDE} ! ends here\n"])
 
 
 def night(path: Path, minutes: int = 420, every: float = 10.0) -> Path:

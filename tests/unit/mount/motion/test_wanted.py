@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.motion_kinds import ENDS, GOTOS
+from gateway.core.motion_kinds import END_ORDERS, GOTOS
 from gateway.mount.motion import changes
 from gateway.mount.motion.changes import apply, equal_pending_halt, stopped, without_superseded
 from gateway.mount.motion.wanted import ByHand, Halt, Movement, NotOrdered, Order, Slew, Wanted, WantedState
@@ -47,7 +47,7 @@ KINDS = [
 
 
 def ordered(number: int, operation: op.Operation, by: HostActivity | None = None) -> Order:
-    return (Halt if isinstance(operation, ENDS) else Order)(number, operation, by)
+    return (Halt if isinstance(operation, END_ORDERS) else Order)(number, operation, by)
 
 
 class Desk:

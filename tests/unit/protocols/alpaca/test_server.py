@@ -168,7 +168,7 @@ async def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
 
 
 async def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.transport.web_server.WHOLE", 0.2)
+    monkeypatch.setattr("gateway.transport.web_server.REQUEST_TIMEOUT", 0.2)
     async with served() as own:
 
         async def pieces() -> AsyncIterator[bytes]:
