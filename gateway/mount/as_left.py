@@ -55,7 +55,7 @@ class SameMount:
     @property
     def _keeps(self) -> bool:
         driver, synced = self._context.driver, self._context.synced.value
-        return bool(driver.emulated) or (driver.emulates_sync and (any(driver.offset) or synced != NO_SYNC))
+        return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
         """Record where the mount is, if the gateway stores something for it."""
