@@ -41,6 +41,8 @@ STOP_WAITS = 0.3
 #: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
 #: it for the end of another command, or not have listened.
 STOP_AGAIN = (0.5, 1.5, 2.5, 3.5)
+#: Seconds beyond the usual time that the reply after a stop without a reply may take: it shows that the mount hears.
+AFTER_STOP = 1.0
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_AFTER = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
@@ -163,6 +165,8 @@ class Transaction:
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._settling = self._hurried = self._cut_short = False
+        #: A stop that has no reply was written, and the mount has not replied to anything since.
+        self._stop_unheard = False
         #: Loop time from which the exchange under way is cut off for a stop that is due.
         self._gives_way = math.inf
         #: Loop time at which a stop is to be written, whatever else happens on the line.
@@ -297,6 +301,7 @@ class Transaction:
         waits = expected.gives_way if overtakes else self.times.typical_rtt + STOP_WAITS
         self._gives_way = math.inf if command.long or (overtakes and stop) else began + waits
         taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
+        self._stop_unheard = stop and expected.silent
         self.long, self.long_until = False, self._now() if command.long else self.long_until
         if taken is None:
             return GaveWay() if overtakes and self._stop_first else self._unanswered(command, expected, began)
@@ -337,10 +342,10 @@ class Transaction:
         A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
         """
         position = expected.answer_kind == "position" and not resync
-        deadline, busy_at = (
-            began + (command.patience or self.times.timeout(expected.timeout, position)),
-            began + BUSY_AFTER,
-        )
+        longest = command.patience or self.times.timeout(expected.timeout, position)
+        if self._stop_unheard and command.patience is None:
+            longest = min(longest, self.times.typical_rtt + AFTER_STOP)
+        deadline, busy_at = began + longest, began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
