@@ -86,7 +86,7 @@ TYPES: dict[str, tuple[type, ...]] = {
 }  # fmt: skip
 
 
-def test_the_members_are_those_of_the_reference() -> None:
+def test_alpaca_surface_has_exactly_the_members_of_the_reference() -> None:
     known = {key: " ".join(found.parameters) for key, found in signatures().items()}
     assert known == {
         **{("get", name): parameters for name, (parameters, _) in READ.items()},
@@ -101,7 +101,7 @@ async def answer(program: Visitor, line: str) -> Any:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-async def test_every_property_has_its_type(mount: tuple[str, str]) -> None:
+async def test_every_alpaca_property_has_the_type_of_the_reference(mount: tuple[str, str]) -> None:
     async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -141,7 +141,7 @@ ALWAYS = {
 }  # fmt: skip
 
 
-async def test_without_a_connection_nothing_moves_and_after_it_nothing_is_told() -> None:
+async def test_disconnected_alpaca_program_neither_moves_nor_reads_the_mount() -> None:
     """A program that has never written Connected may read; one that has disconnected may not."""
     async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
         client = own.client()
@@ -183,7 +183,7 @@ def _anything(parameter: str) -> str:
         ("put commandstring Command=x Raw=true", NOT_IMPLEMENTED),
     ],
 )
-async def test_refusals_that_no_judge_looks_for_have_the_number_of_the_reference(line: str, error: int) -> None:
+async def test_alpaca_refusals_carry_the_error_number_of_the_reference(line: str, error: int) -> None:
     async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
         client = own.client()
         await answer(client, "put connected Connected=true")

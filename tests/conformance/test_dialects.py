@@ -33,17 +33,17 @@ def controller(model: str, state: str = "awake") -> tuple[SimulatedController, C
 
 
 @each("state, sent, reply", rows("onstep_talk.txt"))
-def test_an_onstep_answers_as_its_sources_say(state: str, sent: str, reply: str) -> None:
+def test_simulated_onstep_answers_as_its_sources_say(state: str, sent: str, reply: str) -> None:
     assert fits(controller("onstep", state)[0].feed(raw(sent)), reply)
 
 
 @each("state, sent, reply", rows("teenastro_talk.txt"))
-def test_a_teenastro_answers_as_its_sources_and_its_emulator_say(state: str, sent: str, reply: str) -> None:
+def test_simulated_teenastro_answers_as_its_sources_and_its_emulator_say(state: str, sent: str, reply: str) -> None:
     assert fits(controller("teenastro", state)[0].feed(raw(sent)), reply)
 
 
 @each("model", ["onstep", "teenastro"])
-def test_what_is_dangerous_or_means_something_else_there_cannot_be_sent(model: str) -> None:
+def test_onstep_and_teenastro_are_never_sent_dangerous_commands(model: str) -> None:
     """Nothing of this is in its table, so that no row and no program of the gateway can send it."""
     commands = load("lx200").of(model).commands
     assert not {"AP", "AL", "AA", "hF", "hS", "U", "h?", "I", "hN", "Sw", "Rg"} & commands.keys()
@@ -52,7 +52,7 @@ def test_what_is_dangerous_or_means_something_else_there_cannot_be_sent(model: s
 
 
 @each("model", ["onstep", "teenastro"])
-def test_every_command_of_its_table_has_a_form_in_its_sources(model: str) -> None:
+def test_every_onstep_and_teenastro_command_has_a_form_in_its_sources(model: str) -> None:
     """The beginnings of the forms that were typed by hand."""
     forms = re.compile("|".join(f"(?:{row[0]})" for row in rows(f"{model}_sent.txt")).encode("latin-1"))
     arguments: dict[str, Any] = {
@@ -65,12 +65,12 @@ def test_every_command_of_its_table_has_a_form_in_its_sources(model: str) -> Non
         assert forms.fullmatch(frame), frame
 
 
-def test_a_frame_holds_what_its_makers_write() -> None:
+def test_simulated_onstep_ignores_blanks_inside_a_command() -> None:
     sim, _ = controller("onstep")
     assert sim.feed(b": G R #\r\n")[-1:] == b"#"  # blanks and line ends are dropped
 
 
-def test_an_arrow_of_an_onstep_ends_by_itself() -> None:
+def test_simulated_onstep_ends_an_arrow_by_itself() -> None:
     sim, clock = controller("onstep")
     sim.feed(b":R9#:Mn#")
     clock.now += 9.0
@@ -81,7 +81,7 @@ def test_an_arrow_of_an_onstep_ends_by_itself() -> None:
 
 
 @pytest.mark.parametrize("separate", [True, False])
-def test_a_pulse_of_an_onstep_may_have_the_rate_of_the_arrows(separate: bool) -> None:
+def test_simulated_onstep_pulse_may_have_the_rate_of_the_arrows(separate: bool) -> None:
     sim, clock = controller("onstep")
     sim.separate_pulses = separate
     sim.feed(b":MS#")

@@ -44,7 +44,7 @@ def _lx200_talks(model: str) -> list[list[tuple[str, str]]]:
     ]
 
 
-def test_every_form_on_every_model_has_an_expectation() -> None:
+def test_every_lx200_form_has_an_expectation_for_every_model() -> None:
     """What a column of the manual denies is typed as well: 145 forms times four models, and none twice."""
     denied = rows("lx200_models.txt")[-34:]
     for model in MEADE:
@@ -57,7 +57,9 @@ def test_every_form_on_every_model_has_an_expectation() -> None:
 
 
 @pytest.mark.parametrize(("model", "mount"), [(model, None) for model in MEADE] + [("lx200gps", hard) for hard in HARD])
-def test_every_meade_form(model: str, mount: tuple[str, str, str] | None) -> None:
+def test_every_meade_command_gets_its_expected_reply_from_the_gateway(
+    model: str, mount: tuple[str, str, str] | None
+) -> None:
     async def program() -> list[object]:
         name, version, mode = mount or ("6-8se", None, None)
         config = {"site": SITE, "mode": mode} if mode else None
@@ -98,7 +100,7 @@ def _demanded(request: bytes, since: str, shape: str, model: list[str]) -> str |
 
 @pytest.mark.sampled(every=3)
 @pytest.mark.parametrize("model", rows("nexstar_models.txt"), ids=lambda model: f"{model[0]}/{model[4]}")
-def test_every_celestron_command(model: list[str]) -> None:
+def test_every_celestron_command_gets_its_expected_reply_from_the_gateway(model: list[str]) -> None:
     async def program() -> list[object]:
         wrong: list[object] = []
         async with Bridge(
@@ -116,7 +118,7 @@ def test_every_celestron_command(model: list[str]) -> None:
     assert run(program()) == []
 
 
-def test_the_replies_are_those_of_all_23_opcodes_and_21_rows() -> None:
+def test_typed_replies_cover_all_23_opcodes_and_21_rows() -> None:
     names = [name for name, *_ in rows("nexstar_forms.txt") if not name.startswith("no_response")]
     assert [name for name, *_ in rows("nexstar_replies.txt")] == names
     since = {name: version for name, _, version, _ in rows("nexstar_forms.txt")}

@@ -155,7 +155,7 @@ async def _play(path: Path, pause: float, network: bool) -> list[tuple[bytes, by
 
 @each("pause", PAUSES)
 @each("path", PROGRAMS)
-def test_program_with_refusals(path: Path, pause: float) -> None:
+def test_program_with_refused_gotos_reads_every_reply_whole(path: Path, pause: float) -> None:
     name = path.stem.removeprefix("lx200-")
     over_network = run(_play(path, pause, network=True))
     assert sum(expected == REFUSAL for _, expected, _ in over_network) >= 1

@@ -48,7 +48,9 @@ MALFORMED = [
 
 @each("model", MODELS)
 @each("said, asked", MALFORMED)
-def test_what_the_manual_does_not_write_is_refused_and_changes_nothing(model: str, said: bytes, asked: bytes) -> None:
+def test_simulated_meade_refuses_forms_outside_the_manual_and_changes_nothing(
+    model: str, said: bytes, asked: bytes
+) -> None:
     sim, _ = meade(model)
     before = sim.feed(asked)
     assert sim.feed(said) == b"0"
@@ -57,13 +59,13 @@ def test_what_the_manual_does_not_write_is_refused_and_changes_nothing(model: st
 
 
 @each("said", [b":Sw1#", b":Sw10#", b":SB0#", b":SB10#", b":Sz5*00#", b":Sz180*61#", b":Sa30*00#", b":T60.1#"])
-def test_refused_without_a_way_to_ask(said: bytes) -> None:
+def test_simulated_lx200gps_answers_0_to_an_invalid_value(said: bytes) -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(said) == b"0"
 
 
 @each("said", [b":F0#", b":F7#", b":$BA5#", b":RA4.0#", b":Rg7.5#", b":BD16#"])
-def test_without_a_reply_it_is_passed_over(said: bytes) -> None:
+def test_simulated_meade_ignores_a_malformed_command_that_has_no_reply(said: bytes) -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(said) == b""
     assert not sim.parts and "custom" not in sim.stored
@@ -77,18 +79,18 @@ def test_every_example_of_the_manual_is_well_formed() -> None:
 
 
 @each("said", [b":Sg-010*45#", b":SG+8#", b":St45*00#", b":Sh5400#", b":Sr 05:00:00#"])
-def test_a_tolerant_one_takes_what_programs_send(said: bytes) -> None:
+def test_tolerant_simulated_meade_takes_what_programs_send(said: bytes) -> None:
     sim, _ = meade("lx200", tolerant=True)
     assert sim.feed(said) == b"1"
 
 
 @each("said", [b":Sg350\xdf45#", b":Sd+20\xdf00:00#", b":Sd+20:00:00#"])
-def test_a_degree_sign_has_more_than_one_byte(said: bytes) -> None:
+def test_simulated_lx200gps_accepts_a_df_byte_or_a_colon_as_degree_sign(said: bytes) -> None:
     """As old and new programs send it to real telescopes; a classic takes no byte above 0x7F."""
     sim, _ = meade("lx200gps")
     assert sim.feed(said) == b"1"
 
 
-def test_tolerant_is_for_meades(capsys: pytest.CaptureFixture[str]) -> None:
+def test_tolerant_setting_is_refused_for_a_mount_other_than_a_meade(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sim", "nexstar:cpc", "--tolerant"]) != 0
     assert "--tolerant is for lx200 mounts" in capsys.readouterr().err

@@ -17,7 +17,7 @@ def _expected(text: str) -> re.Pattern[bytes]:
 
 
 @each("packets, reply", CASES)
-def test_reply_is_exact(packets: str, reply: str) -> None:
+def test_lx200_surface_gives_the_exact_reply_to_malformed_bytes(packets: str, reply: str) -> None:
     expected = _expected("" if reply == "-" else reply)
     pieces = [raw(piece) for piece in packets.split(" , ")]
     ways = {
@@ -33,7 +33,7 @@ def test_reply_is_exact(packets: str, reply: str) -> None:
     assert expected.fullmatch(answer.removesuffix(b"24#").removesuffix(b"12#")), ("with trailing bytes", answer)
 
 
-def test_four_kilobytes_of_garbage_leave_nothing_behind() -> None:
+def test_lx200_surface_keeps_nothing_of_four_kilobytes_of_garbage() -> None:
     framer = Lx200Framer()
     assert framer.feed(bytes(range(1, 6)) * 800 + b":" + b"A" * 4096, 0.0) == []
     assert framer.feed(b":GR#", 0.0) == [b":GR#"]

@@ -44,20 +44,20 @@ def _settings(talk: Conversation) -> dict[str, Any]:
 
 @each("way", WAYS)
 @each("path", FILES)
-def test_conversation(path: Path, way: str) -> None:
+def test_lx200_conversation_gets_the_same_replies_however_bytes_are_cut(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(**_settings(conversation))
     play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.common, text))
 
 
 @each("path", FILES)
-async def test_conversation_with_clients(path: Path) -> None:
+async def test_lx200_conversation_gets_the_same_replies_beside_other_clients(path: Path) -> None:
     conversation = read(path)
     gateway = FakeGateway(**_settings(conversation))
     await receive(conversation, gateway, FakeConnection.ask, lambda text: _set_up(gateway.mount, gateway.shared, text))
 
 
-def test_there_is_a_conversation_for_every_program() -> None:
+def test_every_lx200_program_has_a_recorded_conversation() -> None:
     names = {path.stem.removeprefix("lx200-") for path in FILES}
     assert names >= {
         "indi-basic", "indi-autostar", "stellarium", "stellarium-mobile", "skysafari", "sscore", "ascom", "indigo",

@@ -18,7 +18,7 @@ LX200 = load("lx200")
 _PICTURES = {"sHH": "sHH.H", "DDD*MM'SS": "DDD*MM:SS", "DD*": "DD*"}
 
 
-def test_the_manual_has_145_request_forms_and_each_has_a_row() -> None:
+def test_all_145_request_forms_of_the_meade_manual_have_a_row() -> None:
     forms = rows("lx200_forms.txt")
     assert len(forms) == 145
     for name, example, _, _ in forms:
@@ -28,12 +28,12 @@ def test_the_manual_has_145_request_forms_and_each_has_a_row() -> None:
         assert found[0].beyond is None
 
 
-def test_every_form_is_answered() -> None:
+def test_lx200_surface_answers_every_form_of_the_manual() -> None:
     assert LX200.commands.keys() == LX200.surface.keys()
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-def test_every_reply_has_a_shape_that_programs_need(model: str) -> None:
+def test_lx200_surface_replies_in_the_shapes_that_programs_need(model: str) -> None:
     wrong = []
     for name, example, models, shapes in rows("lx200_forms.txt") + rows("lx200_beyond.txt"):
         found = LX200.find(raw(example))
@@ -46,7 +46,9 @@ def test_every_reply_has_a_shape_that_programs_need(model: str) -> None:
 
 
 @each("models, said, shapes", rows("lx200_library.txt"))
-def test_library_moon_and_help(models: str, said: str, shapes: str) -> None:
+def test_lx200_surface_answers_library_moon_and_help_commands_as_the_manual_says(
+    models: str, said: str, shapes: str
+) -> None:
     """As a rule one of the models, each in turn."""
     names = models.split(",")
     every = as_a_rule(len(names), whole=1)
@@ -55,7 +57,7 @@ def test_library_moon_and_help(models: str, said: str, shapes: str) -> None:
         assert fits(reply, shapes), (model, reply)
 
 
-def test_a_form_beyond_the_manual_is_known_or_passed_over_in_silence() -> None:
+def test_lx200_surface_knows_or_ignores_forms_beyond_the_manual() -> None:
     for name, example, _, shapes in rows("lx200_beyond.txt"):
         assert LX200.find(raw(example)) is not None or "-" in shapes.split(" ~ "), name
 
@@ -74,7 +76,7 @@ def _tolerance(picture: str) -> float:
 
 
 @each("way, picture, data, value", rows("lx200_fields.txt"))
-def test_field(way: str, picture: str, data: str, value: str) -> None:
+def test_lx200_field_is_coded_as_the_manual_writes(way: str, picture: str, data: str, value: str) -> None:
     form = codec(_PICTURES.get(picture, picture))
     if way == "bad":
         with pytest.raises(ValueError, match=r"."):

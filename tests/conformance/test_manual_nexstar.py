@@ -24,7 +24,7 @@ _NUMBERS: dict[str, Callable[[float], int]] = {
 }
 
 
-def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row() -> None:
+def test_all_23_opcodes_and_21_pass_through_rows_of_the_celestron_manual_have_a_row() -> None:
     forms = [row for row in rows("nexstar_forms.txt") if not row[0].startswith("no_response")]
     assert len(forms) == 44
     assert sum(len(name) == 1 for name, *_ in forms) == 23
@@ -39,7 +39,9 @@ def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row()
 
 
 @each("way, form, data, value, tolerance", rows("nexstar_fields.txt"))
-def test_number_on_the_wire(way: str, form: str, data: str, value: str, tolerance: str) -> None:
+def test_nexstar_number_is_coded_as_the_manual_writes(
+    way: str, form: str, data: str, value: str, tolerance: str
+) -> None:
     field, number = codec(_CODECS.get(form, form)), _NUMBERS.get(form)
     wire = raw(data)
     if way in ("both", "in"):
@@ -54,7 +56,7 @@ def test_number_on_the_wire(way: str, form: str, data: str, value: str, toleranc
 
 
 @each("command", NEXSTAR.commands.values())
-def test_one_first_byte_has_one_length(command: object) -> None:
+def test_nexstar_commands_with_the_same_first_byte_have_the_same_length(command: object) -> None:
     name = command.request.prefix[:1]  # type: ignore[attr-defined]
     lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.prefix[:1] == name}
     assert len(lengths) == 1

@@ -23,7 +23,7 @@ def fits(answer: bytes, reply: str) -> bool:
 
 
 @each("name, request_, reply", FORMS)
-def test_the_surface(name: str, request_: str, reply: str) -> None:
+def test_synscan_surface_replies_as_the_paper_writes(name: str, request_: str, reply: str) -> None:
     talk = talk_to("synscan", manual_mount(), "4.38.06")
     talk.send(CLOCK)
     assert fits(talk.send(raw(request_)), reply)
@@ -31,31 +31,31 @@ def test_the_surface(name: str, request_: str, reply: str) -> None:
 
 
 @each("name, request_, reply", FORMS)
-def test_the_simulated_hand_control(name: str, request_: str, reply: str) -> None:
+def test_simulated_synscan_replies_as_the_paper_writes(name: str, request_: str, reply: str) -> None:
     bench = Bench("synscan", "4.38.06")
     bench(CLOCK)
     assert fits(bench(raw(request_)), ANYWHERE.get(reply, reply))
     assert bench(b"Kz") == b"z#"
 
 
-def test_every_command_of_the_paper_is_in_the_model_and_no_other() -> None:
+def test_synscan_model_has_exactly_the_commands_of_the_paper() -> None:
     has = {name for name, _, _ in FORMS if not name.startswith("no ")}
     assert has == set(load("nexstar").models["synscan"]["commands"])
 
 
-def test_version_3_has_what_is_named_for_it() -> None:
+def test_synscan_version_3_has_the_commands_that_the_paper_names_for_it() -> None:
     assert Bench("synscan", "3.38")(b"V") == b"032600#"
     assert Bench("synscan", "3.38")(b"s34AB0500,12CE0500p")[:1] == b"#"
     assert Bench("synscan", "3.36")(b"s34AB0500,12CE0500pKx") == b"x#"
 
 
-def test_a_goto_turns_tracking_on() -> None:
+def test_synscan_turns_tracking_on_after_a_goto() -> None:
     bench = Bench("synscan", "4.38.06")
     assert bench(b"T\0t") == b"#\0#"
     assert bench(b"r34AB0500,12CE0500t") == b"#\2#"
 
 
-def test_an_old_one_goes_on_after_a_cancel_unless_both_axes_get_rate_0() -> None:
+def test_old_synscan_keeps_moving_after_a_cancel_unless_both_axes_get_rate_0() -> None:
     for version, stops, goes in (("3.36", b"M", True), ("3.36", b"MP\2\x10\x24\0\0\0\0", True), ("3.38", b"M", False)):
         bench = Bench("synscan", version)
         bench(b"r34AB0500,12CE0500")
@@ -67,7 +67,7 @@ def test_an_old_one_goes_on_after_a_cancel_unless_both_axes_get_rate_0() -> None
     assert bench.after(5.0)(b"L") == b"0#"
 
 
-def test_the_index_of_a_german_mount_reads_0_and_90() -> None:
+def test_synscan_german_mount_reads_0_and_90_at_its_index() -> None:
     assert Bench("synscan", "4.38.06")(b"Z") == b"0000,4000#"
     assert Bench("cge")(b"Z") == b"4000,4000#"
     mount = manual_mount()

@@ -53,7 +53,7 @@ def manual_mount() -> Mount:
 
 
 @each(("name", "request_", "since", "reply"), rows("nexstar_forms.txt"))
-def test_form(name: str, request_: str, since: str, reply: str) -> None:
+def test_nexstar_surface_answers_a_form_as_the_manual_writes(name: str, request_: str, since: str, reply: str) -> None:
     """The state's CGE has a GPS unit, which the product's has not: those rows are asked of a CPC at the same place."""
     talk = talk_to("cpc" if name.startswith("gps_") else "cge", manual_mount(), "4.21")
     talk.send(raw("H\\x0f\\x1a\\x00\\x04\\x06\\x05\\xfb\\x01"))
@@ -71,7 +71,7 @@ def test_form(name: str, request_: str, since: str, reply: str) -> None:
     [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))],
 )
 @each("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
-def test_a_command_that_is_newer_than_the_version_is_passed_over_as_a_whole(
+def test_nexstar_surface_ignores_whole_commands_newer_than_its_version(
     name: str, request_: str, since: str, reply: str, version: str
 ) -> None:
     talk = talk_to("6-8se", version=version)
@@ -119,7 +119,9 @@ SENT: dict[tuple[str, str], list[bytes]] = {
 
 
 @each("form, outcome, when, reply, reason", REFUSED)
-def test_refused_and_silent(form: str, outcome: str, when: str, reply: str, reason: str) -> None:
+def test_nexstar_surface_refuses_or_stays_silent_where_the_manual_says_so(
+    form: str, outcome: str, when: str, reply: str, reason: str
+) -> None:
     mount = Mount()
     talk = talk_to("6-8se", mount)
     if form.startswith("\\x"):
@@ -180,7 +182,7 @@ def frames_of(name: str) -> list[bytes]:
 
 
 @each("model, version", SOME)
-def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None:
+def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str) -> None:
     talk = talk_to(model, version=version)
     for name in NEXSTAR.surface:
         command = NEXSTAR.commands[name]
@@ -207,7 +209,7 @@ def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None
 
 @pytest.mark.parametrize("model", ["6-8se", "cge", "cpc"])
 @each("name", sorted(NEXSTAR.surface))
-def test_a_mount_that_says_nothing_upsets_no_row(model: str, name: str) -> None:
+def test_nexstar_surface_survives_a_silent_mount_in_every_row(model: str, name: str) -> None:
     mount = Mount()
     mount.fault = NoAnswer()
     talk = talk_to(model, mount, "5.31")
@@ -222,7 +224,7 @@ def test_a_mount_that_says_nothing_upsets_no_row(model: str, name: str) -> None:
 
 
 @each("model", MODELS)
-def test_identity_is_the_presented_models(model: str) -> None:
+def test_nexstar_surface_tells_the_model_and_version_of_the_presented_mount(model: str) -> None:
     row = NEXSTAR.models[model]
     talk = talk_to(model)
     major, minor = parse_version(row["motors"])
@@ -237,13 +239,13 @@ def test_identity_is_the_presented_models(model: str) -> None:
     assert talk.mount.asked == []
 
 
-def test_no_version_has_a_minor_number_that_reads_as_a_terminator() -> None:
+def test_no_nexstar_version_has_a_minor_number_that_reads_as_a_terminator() -> None:
     for model, version in CASES:
         assert 35 not in numbered(version).shown
         assert 35 not in parse_version(NEXSTAR.models[model]["motors"])
 
 
-def test_a_gt_counts_from_a_hundred() -> None:
+def test_nexstar_gt_versions_count_from_a_hundred() -> None:
     """By the manual one before 104.0 is to be treated as 1.2, and from then on as 4.03."""
     old, new = talk_to("gt", version="101.0"), talk_to("gt", version="104.0")
     assert old.send(b"V") == b"\x65\x00#"

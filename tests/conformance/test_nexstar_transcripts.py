@@ -50,7 +50,7 @@ def _set_up(mount: Mount, text: str) -> None:
 
 @each("way", WAYS)
 @each("path", FILES)
-def test_conversation(path: Path, way: str) -> None:
+def test_nexstar_conversation_gets_the_same_replies_however_bytes_are_cut(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(protocol="nexstar", **conversation.settings)
     play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, text))
@@ -58,13 +58,15 @@ def test_conversation(path: Path, way: str) -> None:
 
 @pytest.mark.parametrize("ask", PACES.values(), ids=PACES)
 @each("path", FILES)
-async def test_conversation_with_clients(path: Path, ask: Callable[[FakeConnection, bytes], Awaitable[bytes]]) -> None:
+async def test_nexstar_conversation_gets_the_same_replies_beside_other_clients(
+    path: Path, ask: Callable[[FakeConnection, bytes], Awaitable[bytes]]
+) -> None:
     conversation = read(path)
     gateway = FakeGateway(protocol="nexstar", **conversation.settings)
     await receive(conversation, gateway, ask, lambda text: _set_up(gateway.mount, text))
 
 
-def test_there_is_a_conversation_for_every_program() -> None:
+def test_every_nexstar_program_has_a_recorded_conversation() -> None:
     names = {path.stem.removeprefix("nexstar-") for path in FILES}
     assert names >= {
         "indi-altaz", "indi-german", "indi-guide", "indigo", "indigo-starsense", "stellarium", "stellarium-mobile",

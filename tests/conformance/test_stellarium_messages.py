@@ -15,14 +15,14 @@ GOTO = bytes.fromhex("1400 0000 40420F0000000000 00000040 00000020")
 POSITION = bytes.fromhex("1800 0000 40420F0000000000 00000080 000000C0 FFFFFFFF")
 
 
-def test_a_goto() -> None:
+def test_stellarium_goto_message_becomes_a_goto() -> None:
     found = load("stellarium").find(GOTO)
     assert found is not None and found[0].name == "goto"
     assert found[1].decode(GOTO) == {"time": 1_000_000, "ra": 90.0, "dec": 45.0}
     assert found[1].encode({"time": 1_000_000, "ra": 90.0, "dec": 45.0}) == GOTO
 
 
-def test_a_position() -> None:
+def test_stellarium_position_message_is_written_as_the_guide_says() -> None:
     picture = COMMANDS["position"].replies[0][1]
     values = {"time": 1_000_000, "ra": 180.0, "dec": -90.0, "status": -1}
     assert picture.encode(values) == POSITION
@@ -39,7 +39,7 @@ def test_a_position() -> None:
         (270.0, -45.0, "000000C0 000000E0"),
     ],
 )
-def test_places(ra: float, dec: float, written: str) -> None:
+def test_stellarium_messages_carry_places_of_the_whole_sky(ra: float, dec: float, written: str) -> None:
     picture = COMMANDS["goto"].request
     assert picture.encode({"time": 0, "ra": ra, "dec": dec})[12:] == bytes.fromhex(written)
 
@@ -53,21 +53,21 @@ def test_places(ra: float, dec: float, written: str) -> None:
         pytest.param([GOTO[:3], GOTO[3:] + GOTO], id="in two halves"),
     ],
 )
-def test_however_the_bytes_come(pieces: list[bytes]) -> None:
+def test_stellarium_messages_are_read_however_bytes_are_cut(pieces: list[bytes]) -> None:
     framer = StellariumFramer()
     frames = [frame for number, piece in enumerate(pieces) for frame in framer.feed(piece, 10.0 + number * 0.05)]
     assert frames == [GOTO] * (sum(map(len, pieces)) // len(GOTO))
     assert framer.idle and not framer.dropped
 
 
-def test_a_message_of_another_type_is_passed_over_as_a_whole() -> None:
+def test_stellarium_surface_ignores_whole_messages_of_another_type() -> None:
     other = bytes.fromhex("0600 0100 1400")
     assert StellariumFramer().feed(other + GOTO, 10.0) == [other, GOTO]
     assert load("stellarium").find(other) is None
 
 
 @each("noise", ["0000 0000", "0300 0000", "3A475223", "FFFF 0000"])
-def test_what_is_no_message_drops_what_comes_with_it_until_it_is_quiet(noise: str) -> None:
+def test_stellarium_surface_drops_malformed_bytes_until_the_line_is_quiet(noise: str) -> None:
     framer = StellariumFramer()
     assert framer.feed(bytes.fromhex(noise) + GOTO, 10.0) == []
     assert framer.feed(GOTO, 10.05) == []
@@ -75,7 +75,7 @@ def test_what_is_no_message_drops_what_comes_with_it_until_it_is_quiet(noise: st
     assert framer.feed(GOTO, 10.2) == [GOTO]
 
 
-def test_half_a_message_is_not_finished_by_what_comes_later() -> None:
+def test_half_a_stellarium_message_is_not_completed_by_later_bytes() -> None:
     framer = StellariumFramer()
     assert framer.feed(GOTO[:12], 10.0) == []
     assert framer.feed(GOTO[12:] + GOTO, 11.5) == []
@@ -83,7 +83,7 @@ def test_half_a_message_is_not_finished_by_what_comes_later() -> None:
     assert framer.feed(GOTO, 11.7) == [GOTO]
 
 
-def test_the_end_of_a_connection_drops_half_a_message() -> None:
+def test_half_a_stellarium_message_is_dropped_when_the_connection_ends() -> None:
     framer = StellariumFramer()
     framer.feed(GOTO[:12], 10.0)
     assert framer.end() == []

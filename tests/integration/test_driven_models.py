@@ -193,12 +193,12 @@ ALPACA: dict[str, Refusals] = {
 
 
 @pytest.mark.parametrize("model", ALPACA)
-def test_an_alpaca_telescope_does_it_or_says_why_not(model: str) -> None:
+def test_alpaca_telescope_does_each_operation_or_gives_a_reason(model: str) -> None:
     assert wrong(run(outcomes("alpaca", model)), ALPACA[model]) == {}
 
 
 @pytest.mark.parametrize("model", MEADE)
-def test_a_meade_does_it_or_says_why_not(model: str) -> None:
+def test_meade_does_each_operation_or_gives_a_reason(model: str) -> None:
     assert wrong(run(outcomes("lx200", model)), MEADE[model]) == {}
 
 
@@ -206,11 +206,11 @@ def test_a_meade_does_it_or_says_why_not(model: str) -> None:
     ("model", "version"),
     [(model, version) for model, rows in NEXSTAR.items() for version in rows] if sampling.WHOLE else KINDS,
 )
-def test_a_hand_control_does_it_or_says_why_not(model: str, version: str) -> None:
+def test_hand_control_does_each_operation_or_gives_a_reason(model: str, version: str) -> None:
     assert wrong(run(outcomes("nexstar", model, version)), NEXSTAR[model][version]) == {}
 
 
-def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
+def test_tables_list_every_operation_model_and_version() -> None:
     def below(kind: type[Any]) -> set[type[Any]]:
         return {kind}.union(*(below(one) for one in kind.__subclasses__()))
 

@@ -15,7 +15,7 @@ from tests.support.poor_line_replies import LINES, MOUNTS, first_answer, polled
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", ["3 % lost", "3 % of each"])
 @pytest.mark.parametrize("model", MOUNTS)
-def test_every_poll_is_answered_on_a_line_that_loses_a_little(model: str, name: str, moving: bool) -> None:
+def test_every_poll_is_answered_on_a_slightly_lossy_line(model: str, name: str, moving: bool) -> None:
     polls = run(polled(model, MOUNTS[model], LINES[name], 30.0, moving))
     assert polls.answered == polls.asked >= 40  # of a hundred
     assert polls.wrong == 0
@@ -23,14 +23,14 @@ def test_every_poll_is_answered_on_a_line_that_loses_a_little(model: str, name: 
 
 
 @pytest.mark.parametrize("model", MOUNTS)
-def test_a_round_trip_of_a_second_carries_its_polls(model: str) -> None:
+def test_line_with_a_round_trip_of_a_second_answers_all_polls(model: str) -> None:
     polls = run(polled(model, MOUNTS[model], LINES["round trip of 1 s"], 30.0, moving=False))
     assert polls.answered == polls.asked > 80
     assert polls.wrong == 0
 
 
 @pytest.mark.parametrize("model", MOUNTS)
-def test_answers_that_are_always_too_late_are_waited_for(model: str) -> None:
+def test_answers_that_are_always_late_are_waited_for(model: str) -> None:
     polls = run(polled(model, MOUNTS[model], LINES["answers 3.6 s late"], 60.0, moving=False))
     assert polls.answered >= 15
     assert polls.wrong == 0
@@ -39,11 +39,11 @@ def test_answers_that_are_always_too_late_are_waited_for(model: str) -> None:
 @pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
 @pytest.mark.parametrize("latency", [0.0, 0.15, 0.5])
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-def test_a_classic_answers_soon_after_the_start(model: str, latency: float, named: bool, seconds: float) -> None:
+def test_classic_answers_soon_after_the_start(model: str, latency: float, named: bool, seconds: float) -> None:
     assert run(first_answer(model, named, latency)) <= seconds
 
 
-async def test_an_old_position_is_marked_in_the_log_once() -> None:
+async def test_old_position_is_logged_once() -> None:
     async with Bridge("cpc", config={"sun": 0.0}) as bridge:
         wire = insert_poor_line(bridge, LineFaults())
         bridge.controller.line.transaction.connection_lost("unplugged")

@@ -24,7 +24,7 @@ OTHERWISE = {"1.2": {"arrows", "pulses", "tracking"}}
 
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
 @pytest.mark.parametrize(("model", "version", "config"), MOUNTS, ids=[f"{m} {v}" for m, v, _ in MOUNTS])
-def test_hand_control_of_every_version_does_what_an_lx200_program_orders(
+def test_hand_control_of_every_version_obeys_an_lx200_program(
     model: str, version: str, config: dict[str, Any], south: bool
 ) -> None:
     async def program() -> dict[str, str]:

@@ -16,7 +16,7 @@ OPEN = {"lowest": -90.0, "sun": 0.0}
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200gps"), ("alpaca", "german")])
 @pytest.mark.parametrize("stop", ["another program", "mount-gateway stop", "M", "an arrow"])
-async def test_who_has_ended_a_goto_is_told(driven: str, model: str, stop: str) -> None:
+async def test_log_names_who_ended_a_goto(driven: str, model: str, stop: str) -> None:
     presented, surface = ("nexstar", "cge") if stop == "M" else ("lx200", "autostar")
     async with Bridge(model, driven=driven, presented=presented, surface=surface, config=OPEN) as bridge:
         ra, dec = bridge.sim.truth()
@@ -42,7 +42,7 @@ async def test_who_has_ended_a_goto_is_told(driven: str, model: str, stop: str) 
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "onstep"), ("lx200", "teenastro"), ("nexstar", "cge")])
-async def test_a_parked_mount_is_at_home_as_far_as_that_question_goes(driven: str, model: str) -> None:
+async def test_parked_mount_answers_the_home_query_as_at_home(driven: str, model: str) -> None:
     async with Bridge(model, driven=driven, config=OPEN, speed=10.0) as bridge:
         await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 40.0))
         await asyncio.sleep(30.0)
@@ -53,7 +53,7 @@ async def test_a_parked_mount_is_at_home_as_far_as_that_question_goes(driven: st
 
 
 @pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
-async def test_a_gps_sentence_without_a_site_has_no_position(model: str, version: str) -> None:
+async def test_gps_sentence_without_a_site_has_no_position(model: str, version: str) -> None:
     bridge = Bridge(model, version, surface="lx200gps", config=OPEN)
     bridge.sim.row = {**bridge.sim.row, "has": []}
     async with bridge:
@@ -61,7 +61,7 @@ async def test_a_gps_sentence_without_a_site_has_no_position(model: str, version
         assert told.startswith(b"$GPRMC,") and b",V,,,,," in told
 
 
-async def test_a_site_keeps_its_seconds_on_a_mount_that_keeps_minutes() -> None:
+async def test_site_keeps_its_seconds_on_a_mount_that_stores_minutes() -> None:
     bridge = Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge", config=OPEN)
     async with bridge:
         client, place = bridge.client(), bytes((33, 51, 35, 1, 151, 12, 40, 0))
@@ -72,7 +72,7 @@ async def test_a_site_keeps_its_seconds_on_a_mount_that_keeps_minutes() -> None:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("alpaca", "polar")])
-async def test_speeds_that_are_not_to_be_had_fill_no_log(driven: str, model: str) -> None:
+async def test_unavailable_speeds_do_not_fill_the_log(driven: str, model: str) -> None:
     """A satellite tracker sends another rate five times a second."""
     bridge = Bridge(model, driven=driven, presented="nexstar", surface="cge", config=OPEN)
     async with bridge:
@@ -86,13 +86,13 @@ async def test_speeds_that_are_not_to_be_had_fill_no_log(driven: str, model: str
         assert len(said) == 1
 
 
-def test_explain_names_a_mount_in_words_that_fit() -> None:
+def test_explain_names_a_mount_in_fitting_words() -> None:
     assert "on an onstep mount" in explain("lx200", "lx200:onstep", ":GR#").text
     told = explain("lx200", "alpaca:german", ":MA#").text
     assert "tracking is turned off before" not in told
 
 
-async def test_refusals_that_differ_by_their_numbers_alone_are_logged_once() -> None:
+async def test_refusals_that_differ_only_in_numbers_are_logged_once() -> None:
     async with Bridge(surface="lx200gps", config=OPEN) as bridge:
         client = bridge.client()
         for rate in range(30, 60):

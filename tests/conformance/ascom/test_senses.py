@@ -44,7 +44,9 @@ async def moved(scope: Telescope, axis: int, rate: float, horizontal: bool = Fal
 
 
 @pytest.mark.parametrize("row", POLAR, ids=lambda row: f"{row[0]}{row[3]:+.0f}{row[4]:+.0f}")
-async def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool]) -> None:
+async def test_moveaxis_turns_the_tube_the_documented_way_on_the_sky(
+    row: tuple[str, str, bytes, float, float, bool, bool],
+) -> None:
     model, driven, told, latitude, hours, east, north = row
     async with RehearsalMount(
         model, start=START, driven=driven, presented="alpaca", site=(latitude, 10.0), named=True, config={"sun": 0.0}
@@ -60,7 +62,7 @@ async def test_on_the_sky(row: tuple[str, str, bytes, float, float, bool, bool])
 
 
 @pytest.mark.parametrize(("model", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-async def test_over_the_horizon(model: str, driven: str) -> None:
+async def test_moveaxis_turns_the_tube_the_documented_way_over_the_horizon(model: str, driven: str) -> None:
     async with RehearsalMount(
         model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}
     ) as own:

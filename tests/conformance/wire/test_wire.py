@@ -37,7 +37,7 @@ for pair in PAIRS:
 
 
 @pytest.mark.parametrize("name", GROUPS)
-def test_the_tables_say_what_the_wire_carries(name: str) -> None:
+def test_tables_list_exactly_the_commands_that_the_wire_carries(name: str) -> None:
     found = []
     for pair in GROUPS[name]:
         only = as_a_rule(len(SHARES[pair]), whole=0)
@@ -48,7 +48,7 @@ def test_the_tables_say_what_the_wire_carries(name: str) -> None:
     assert list(report(found)) == []
 
 
-def test_every_pair_and_every_command_has_its_share() -> None:
+def test_every_pair_of_models_and_every_command_is_tried() -> None:
     """Also a new model and a new row, without being listed."""
     assert len({(str(pair.face), str(pair.mount)) for pair in PAIRS}) == len(PAIRS)
     driven = (load(name).models.keys() for name in ("lx200", "nexstar", "alpaca"))

@@ -142,7 +142,7 @@ REFUSED = {("altaz", "pulses")}
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("presented", FACES)
-def test_nothing_is_wrong(presented: str, kind: str, south: bool) -> None:
+def test_evening_of_four_protocols_on_alpaca_telescopes_has_no_fault(presented: str, kind: str, south: bool) -> None:
     found = run(judged(presented, kind, south=south))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}
     refused = {(kind, step) for step, words in found.items() if words.startswith("refused: ")}
@@ -171,7 +171,7 @@ SERVERS: dict[str, tuple[dict[str, Any], set[str]]] = {
 @pytest.mark.sampled(1, every=4)
 @pytest.mark.parametrize("server", SERVERS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_other_servers(kind: str, server: str) -> None:
+def test_alpaca_servers_of_other_makers_have_no_fault_in_an_evening(kind: str, server: str) -> None:
     made, refused = SERVERS[server]
     found = run(judged("alpaca", kind, **made))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}

@@ -44,7 +44,7 @@ def fails(bridge: Bridge, member: str, number: int = ANYTHING, times: float = 1,
 
 @pytest.mark.parametrize("number", [ANYTHING, INVALID, UNSPECIFIED])
 @pytest.mark.parametrize("when", ["at the start", "later"])
-async def test_tracking_is_read_again(number: int, when: str) -> None:
+async def test_tracking_is_read_again_after_a_failed_answer(number: int, when: str) -> None:
     one = server(platform=6)
     if when == "at the start":
         fails(one, "tracking", number)
@@ -58,7 +58,7 @@ async def test_tracking_is_read_again(number: int, when: str) -> None:
 
 
 @pytest.mark.parametrize("when", ["at the start", "later"])
-async def test_the_list_of_the_state_is_asked_for_again(when: str) -> None:
+async def test_device_state_is_requested_again_after_a_failed_answer(when: str) -> None:
     one = server()
     if when == "at the start":
         fails(one, "devicestate")
@@ -73,7 +73,7 @@ async def test_the_list_of_the_state_is_asked_for_again(when: str) -> None:
         assert b"get rightascension\n" not in one.sent()[before:]
 
 
-async def test_a_park_by_another_program_is_noticed() -> None:
+async def test_park_by_another_program_is_noticed_after_a_failed_answer() -> None:
     async with server(platform=6) as one:
         fails(one, "atpark")
         await asyncio.sleep(20.0)
@@ -84,7 +84,7 @@ async def test_a_park_by_another_program_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("when", ["at the start", "later"])
-async def test_arrows_of_a_german_mount_keep_their_sense(when: str) -> None:
+async def test_arrows_of_a_german_mount_keep_their_direction_after_a_failed_answer(when: str) -> None:
     one = server()
     if when == "at the start":
         fails(one, "sideofpier")
@@ -105,7 +105,9 @@ async def test_arrows_of_a_german_mount_keep_their_sense(when: str) -> None:
 
 @pytest.mark.parametrize(("member", "operation"), ABILITIES)
 @pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED])
-async def test_an_ability_is_asked_for_again(member: str, operation: op.Operation[Any], number: int) -> None:
+async def test_alpaca_ability_is_requested_again_after_a_failed_answer(
+    member: str, operation: op.Operation[Any], number: int
+) -> None:
     one = server(config={"lowest": -90.0})
     fails(one, member, number)
     async with one:
@@ -114,7 +116,7 @@ async def test_an_ability_is_asked_for_again(member: str, operation: op.Operatio
 
 
 @pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED, 0x400])
-async def test_a_stop_includes_an_axis_of_which_nothing_is_known(number: int) -> None:
+async def test_stop_includes_an_axis_whose_state_is_unknown(number: int) -> None:
     """Another program, or the hand control, may move it, and no AbortSlew ends that there."""
     one = server(config={"lowest": -90.0}, lacks=frozenset({"abortslew"}))
     fails(one, "canmoveaxis", number, inf, Axis="1")
@@ -127,7 +129,7 @@ async def test_a_stop_includes_an_axis_of_which_nothing_is_known(number: int) ->
         assert not moving(one.sim)
 
 
-async def test_an_axis_that_the_mount_does_not_have_is_left_out_of_a_stop() -> None:
+async def test_stop_leaves_out_an_axis_that_the_mount_does_not_have() -> None:
     async with server(lacks=frozenset({"moveaxis"})) as one:
         await one.controller.perform(goal(one))
         await asyncio.sleep(1.0)

@@ -16,7 +16,7 @@ from tests.support.typed_programs import Refusal, face
 @pytest.mark.parametrize("lacks", [frozenset(), frozenset({"tracking_put"})], ids=["all", "without SetTracking"])
 @pytest.mark.parametrize("order", ["goto", "arrow"])
 @pytest.mark.sampled(2)
-async def test_waking_unparks_also_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
+async def test_wake_unparks_an_alpaca_mount_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
     made: dict[str, Any] = {"parked": True, "lacks": lacks}
     async with Bridge("german", driven="alpaca", surface="lx200gps", simulated=made) as bridge:
         one = face("lx200", bridge)
@@ -32,7 +32,7 @@ async def test_waking_unparks_also_after_a_refused_order(order: str, lacks: froz
         assert bridge.sim.at == "" and bridge.sim.tracking is not bool(lacks)
 
 
-async def test_a_stop_ends_a_long_pulse() -> None:
+async def test_stop_ends_a_long_guide_pulse_on_an_alpaca_mount() -> None:
     """AbortSlew ends no pulse, so a long one is sent in pieces; without a stop it is as long as it should be."""
     async with Bridge("german", driven="alpaca", surface="lx200gps", config={"lowest": -90.0}) as bridge:
         one, ends = face("lx200", bridge), []
@@ -51,7 +51,9 @@ async def test_a_stop_ends_a_long_pulse() -> None:
 
 @pytest.mark.parametrize("reversed_too", [False, True])
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
-async def test_arrows_of_a_german_mount_that_does_not_tell_its_side(reversed_too: bool, south: bool) -> None:
+async def test_arrows_go_the_right_way_on_a_german_mount_that_reports_no_pier_side(
+    reversed_too: bool, south: bool
+) -> None:
     """The side follows from the hour angle of the last goto; a reversed motor shows with the first arrow, once."""
     made: dict[str, Any] = {"lacks": frozenset({"sideofpier", "destinationsideofpier"})}
     made["senses"] = (1, -1) if reversed_too else (1, 1)
@@ -75,7 +77,7 @@ async def test_arrows_of_a_german_mount_that_does_not_tell_its_side(reversed_too
         assert turned is reversed_too
 
 
-def test_one_programs_site_and_clock_are_not_everybodys() -> None:
+def test_alpaca_server_keeps_its_site_and_clock_when_a_program_sets_others() -> None:
     """The server has its own, which other programs use too; ``site-time`` passes them on."""
 
     async def site(**more: str) -> tuple[float, float, float]:

@@ -82,7 +82,7 @@ async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> t
 @pytest.mark.parametrize("blocks", [False, True], ids=["answered-as-it-begins", "answered-at-its-end"])
 @pytest.mark.parametrize("goto", [True, False], ids=["goto", "arrow"])
 @each("stop", [0.1, 1.0, 2.5, 5.0])
-def test_a_motion_that_begins_after_its_stop_ends_at_once(goto: bool, blocks: bool, stop: float) -> None:
+def test_late_motion_of_an_alpaca_server_ends_at_once_after_a_stop(goto: bool, blocks: bool, stop: float) -> None:
     far, took = run(travelled(4.0, stop, goto, blocks=blocks))
     assert took < 0.6
     assert far < 1.5  # the stop is repeated every half second
@@ -105,6 +105,6 @@ async def moved_by_another_program(after: float) -> bool:
         return bool(moving(bridge.sim))
 
 
-def test_a_stop_is_not_repeated_for_ever_if_the_answer_to_an_order_is_lost() -> None:
+def test_stop_is_repeated_a_bounded_number_of_times_when_an_order_gets_no_answer() -> None:
     assert run(moved_by_another_program(after=16.0))
     assert not run(moved_by_another_program(after=3.0))  # it could still be our own that begins late

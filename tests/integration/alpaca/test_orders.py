@@ -47,7 +47,7 @@ HORIZON = op.GotoHorizontal(120.0, 50.0)
 
 @pytest.mark.parametrize("tracks", [True, False])
 @pytest.mark.parametrize("end", ["arrival", "refusal", "stop", "abort", "newer goto"])
-async def test_tracking_is_as_before_after_a_goto_over_the_horizon(tracks: bool, end: str) -> None:
+async def test_tracking_is_unchanged_after_a_goto_over_the_horizon(tracks: bool, end: str) -> None:
     async with server("altaz", config={"lowest": -90.0}) as one:
         ask = one.controller.perform
         await ask(op.SetTracking(tracks))
@@ -114,7 +114,7 @@ def test_a_stop_restores_tracking_that_a_server_reports_as_off_during_a_slew(sto
 
 
 @pytest.mark.parametrize("first", ["goto", "arrow"])
-def test_a_goto_waits_until_the_motion_before_it_has_ended(first: str) -> None:
+def test_goto_waits_until_the_previous_motion_has_ended(first: str) -> None:
     """The server refuses a slew while the mount slows down, which takes its time."""
 
     async def program() -> None:
@@ -145,7 +145,7 @@ def test_a_goto_waits_until_the_motion_before_it_has_ended(first: str) -> None:
     run(program())
 
 
-def test_a_stop_that_comes_while_a_goto_waits_cancels_it() -> None:
+def test_stop_cancels_a_waiting_goto() -> None:
     async def program() -> None:
         async with server(config={"lowest": -90.0}) as one:
 
@@ -181,7 +181,7 @@ def test_a_stop_that_comes_while_a_goto_waits_cancels_it() -> None:
         ("slewtocoordinatesasync", True, True, op.Goto(0.0, 60.0), "parked: unpark it first"),
     ],
 )  # fmt: skip
-async def test_a_refusal_has_a_reason_that_fits_the_order(
+async def test_alpaca_refusal_gives_a_reason_that_fits_the_order(
     member: str, parked: bool, tracks: bool, order: op.Operation[Any], words: str
 ) -> None:
     async with server("altaz", config={"lowest": -90.0}, parked=parked) as one:

@@ -52,7 +52,7 @@ def start(state: Path, *more: str) -> Running:
 
 
 @pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
-def test_at_a_port_of_its_own(tmp_path: Path, loop: str) -> None:
+def test_alpaca_is_served_at_a_port_of_its_own(tmp_path: Path, loop: str) -> None:
     own = start(
         tmp_path, "--surface", "alpaca@tcp://127.0.0.1:0", *(["--loop", "asyncio"] if loop == "asyncio" else [])
     )
@@ -64,7 +64,7 @@ def test_at_a_port_of_its_own(tmp_path: Path, loop: str) -> None:
     ("console", "surface", "page"),
     [("", "", "act"), ("", "read-only = true", "look"), ('[console]\nallow = ["127.0.0.2"]', "", "allow list")],
 )
-def test_a_browser_finds_the_console_at_its_port_by_the_rules_of_both(
+def test_browser_gets_the_console_at_an_alpaca_port_by_the_rules_of_both(
     tmp_path: Path, console: str, surface: str, page: str
 ) -> None:
     config = tmp_path / "gateway.toml"
@@ -77,7 +77,7 @@ def test_a_browser_finds_the_console_at_its_port_by_the_rules_of_both(
     assert own.end() == 0
 
 
-def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> None:
+def test_alpaca_is_served_at_the_console_port_and_at_the_any_protocol_port(tmp_path: Path) -> None:
     """Both are the same server; the recording holds its programs as it holds all others."""
     path = tmp_path / "a.rec"
     own = start(tmp_path, "--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0", "--record", str(path))
@@ -92,7 +92,7 @@ def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("console", [["--console", "tcp://127.0.0.1:0"], []])
-def test_a_computer_may_have_names_that_it_does_not_know(tmp_path: Path, console: list[str]) -> None:
+def test_alpaca_surface_answers_only_to_configured_host_names(tmp_path: Path, console: list[str]) -> None:
     """A container's published port, or a router: the program types the name or the address of that."""
     config = tmp_path / "gateway.toml"
     config.write_text(
@@ -107,7 +107,7 @@ def test_a_computer_may_have_names_that_it_does_not_know(tmp_path: Path, console
     assert own.end() == 0
 
 
-def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
+def test_web_server_is_loaded_only_at_the_first_request(tmp_path: Path) -> None:
     """Not before: no start waits for it. The process says whether it is, when it is sent SIGUSR1 and at its end."""
     said = "say = lambda *_: print('aiohttp' in sys.modules, file=sys.stderr)"
     told = "atexit.register(say); signal.signal(signal.SIGUSR1, say)"
@@ -126,7 +126,7 @@ def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("where", ["pty:/tmp/mount", "rfc2217://127.0.0.1:4030", "web"])
-def test_it_is_spoken_over_http_alone(where: str) -> None:
+def test_alpaca_surface_is_refused_at_anything_but_a_tcp_port(where: str) -> None:
     done = run_to_end("config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}")
     assert done.returncode == 2
     assert "write alpaca@tcp://127.0.0.1:11111" in done.stderr

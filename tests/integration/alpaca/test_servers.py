@@ -58,7 +58,9 @@ async def arrive(bridge: Bridge) -> None:
         ("guideratedeclination_put", op.SetGuideRate(2, 0.3), "its guide rates cannot be set"),
     ],
 )
-def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operation[Any], words: str) -> None:
+def test_operation_that_an_alpaca_mount_lacks_is_refused_in_words(
+    lacks: str, operation: op.Operation[Any], words: str
+) -> None:
     async def program() -> None:
         async with server(lacks=frozenset({lacks})) as one:
             if isinstance(operation, op.Sync):
@@ -73,7 +75,7 @@ def test_what_a_mount_lacks_is_refused_in_words(lacks: str, operation: op.Operat
     run(program())
 
 
-async def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
+async def test_refusal_quotes_the_message_of_the_alpaca_server() -> None:
     async with server(parked=True) as one:
         with pytest.raises(Parked, match=r"unpark it first.*slewtocoordinatesasync"):
             await one.controller.perform(goal(one))
@@ -90,7 +92,7 @@ async def test_a_refusal_has_its_reason_and_the_words_of_the_server() -> None:
 
 
 @pytest.mark.parametrize("model", ["german", "altaz"])
-async def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
+async def test_first_arrow_shows_which_way_moveaxis_counts(model: str) -> None:
     async def north(one: Bridge) -> float:
         before, height = one.sim.truth()[1], one.sim.horizon()[1]
         await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
@@ -123,7 +125,7 @@ async def test_the_first_arrow_shows_how_moveaxis_counts(model: str) -> None:
         ("jnow", 3, None, "an equinox that the gateway does not know: jnow"),
     ],
 )
-async def test_the_equinox_is_compared_with_what_the_server_shows(
+async def test_equinox_is_checked_against_what_the_alpaca_server_reports(
     sends: str, declares: int, key: str | None, told: str
 ) -> None:
     config = {} if key is None else {"equinox": key}
@@ -141,7 +143,7 @@ async def test_the_equinox_is_compared_with_what_the_server_shows(
         assert told in notes(one) if told else "equinox" not in notes(one)
 
 
-async def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -> None:
+async def test_stop_reaches_a_server_that_answers_a_slew_only_at_its_end() -> None:
     async with server(blocks=True) as one:
         await one.controller.perform(goal(one, 80.0, 20.0))
         assert one.sim.slewing and await one.controller.answer(op.Slewing())
@@ -150,7 +152,7 @@ async def test_a_server_that_answers_a_slew_when_it_has_ended_can_be_stopped() -
         assert not one.sim.slewing and one.sim.tracking
 
 
-async def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_it_does_not_slew() -> None:
+async def test_motion_by_hand_is_stopped_though_the_server_reports_no_slew() -> None:
     async with server(quiet_axes=True) as one:
         await one.controller.perform(goal(one))
         await arrive(one)
@@ -164,13 +166,13 @@ async def test_a_motion_by_hand_is_seen_and_stopped_though_the_server_says_that_
         assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
 
 
-async def test_a_clock_that_the_server_accepts_and_does_not_set_is_refused() -> None:
+async def test_clock_that_the_server_accepts_but_does_not_set_is_refused() -> None:
     async with server(config={"site_time": "always"}, keeps_clock=True) as one:
         with pytest.raises(Refused, match="reports another one"):
             await one.controller.perform(op.SetClock(one.clock() + 3600.0, 0.0, heard=True))
 
 
-async def test_a_mount_that_its_server_has_lost_is_a_lost_mount_and_is_connected_again() -> None:
+async def test_mount_lost_by_its_server_is_reported_lost_and_reconnected() -> None:
     async with server() as one:
         one.sim.connected_since = math.inf
         await asyncio.sleep(10.0)
@@ -189,14 +191,14 @@ async def test_a_mount_that_its_server_has_lost_is_a_lost_mount_and_is_connected
         assert not any(line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent())
 
 
-async def test_a_mount_without_motion_by_hand_says_so_to_a_program() -> None:
+async def test_program_is_told_that_the_mount_has_no_motion_by_hand() -> None:
     async with server(lacks=frozenset({"moveaxis"})) as one:
         with pytest.raises(Unsupported):
             await one.controller.perform(op.MoveAxis(1, 1, op.Rate(degrees=0.5)))
         assert "MoveAxis" not in (await one.controller.answer(op.GetAbilities())).can
 
 
-async def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
+async def test_stop_succeeds_though_one_of_its_requests_is_refused() -> None:
     async with server(lacks=frozenset({"abortslew"})) as one:
         await one.controller.perform(op.Move(op.Direction.SOUTH, op.Rate(degrees=1.0)))
         await asyncio.sleep(1.0)
@@ -208,7 +210,7 @@ async def test_a_stop_that_one_request_refuses_is_still_a_stop() -> None:
 
 
 @pytest.mark.parametrize("since", [0.3, 1.7, 4.0])
-async def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> None:
+async def test_stop_does_not_wait_for_a_hanging_server(since: float) -> None:
     async with server(config={"lowest": -90.0}) as one:
         await one.controller.perform(op.Move(op.Direction.EAST, op.Rate(degrees=2.0)))
         await asyncio.sleep(1.0)
@@ -225,7 +227,7 @@ async def test_a_stop_does_not_wait_for_a_server_that_hangs(since: float) -> Non
 
 
 @pytest.mark.parametrize("first", [True, False], ids=["reversed first", "reversed later"])
-async def test_another_server_at_the_same_address_is_looked_at_anew(first: bool) -> None:
+async def test_another_server_at_the_same_address_is_examined_anew(first: bool) -> None:
     """The sense of its arrows and its equinox are its own."""
 
     async def north(one: Bridge) -> float:

@@ -100,7 +100,7 @@ def start(running: list[Running], folder: Path, *more: str, console: bool = True
 
 
 @pytest.mark.parametrize("loop", ["fast", "asyncio"])
-def test_five_kinds_at_once(running: list[Running], tmp_path: Path, loop: str) -> None:
+def test_one_port_serves_five_kinds_of_programs_at_once(running: list[Running], tmp_path: Path, loop: str) -> None:
     where = start(running, tmp_path, "--loop", loop)
     silent, lx200, nexstar, page, slow, long = (Program(where) for _ in range(6))
     for _ in range(5):
@@ -117,7 +117,7 @@ def test_five_kinds_at_once(running: list[Running], tmp_path: Path, loop: str) -
 
 
 @pytest.mark.parametrize(("more", "words"), [((), b'content="act"'), (("--read-only",), b'content="look"')])
-def test_a_port_where_programs_may_only_look_shows_a_console_that_only_looks(
+def test_look_only_port_shows_a_look_only_console(
     running: list[Running], tmp_path: Path, more: tuple[str, ...], words: bytes
 ) -> None:
     page = Program(start(running, tmp_path, *more))
@@ -125,7 +125,7 @@ def test_a_port_where_programs_may_only_look_shows_a_console_that_only_looks(
     assert words in page.rest()
 
 
-def test_without_a_console_there_is_a_short_answer(running: list[Running], tmp_path: Path) -> None:
+def test_port_without_a_console_gives_browsers_a_short_answer(running: list[Running], tmp_path: Path) -> None:
     where = start(running, tmp_path, console=False)
     page = Program(where)
     assert page.page().startswith(b"HTTP/1.1 404 Not Found")
@@ -135,7 +135,9 @@ def test_without_a_console_there_is_a_short_answer(running: list[Running], tmp_p
     assert Program(where).ask(b":GR#", 9).endswith(b"#")
 
 
-def test_alpaca_is_spoken_without_a_console_and_from_the_first_second(running: list[Running], tmp_path: Path) -> None:
+def test_any_protocol_port_speaks_alpaca_without_a_console_from_the_first_second(
+    running: list[Running], tmp_path: Path
+) -> None:
     put = b"PUT /api/v1/telescope/0/%s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded"
     put += b"\r\nContent-Length: %d\r\nConnection: close\r\n\r\n%s"
     for read_only in (False, True):
@@ -168,7 +170,7 @@ def test_alpaca_is_spoken_without_a_console_and_from_the_first_second(running: l
             running.pop().end()
 
 
-def test_a_browser_that_comes_early_is_served_when_there_is_a_console(running: list[Running], tmp_path: Path) -> None:
+def test_early_browser_is_served_once_the_console_is_ready(running: list[Running], tmp_path: Path) -> None:
     one = Running(
         "run", "--mount", "nexstar@sim", "--surface", "any@tcp://127.0.0.1:0", "--state", str(tmp_path / "state"),
         "--console", "tcp://127.0.0.1:0",
@@ -178,14 +180,14 @@ def test_a_browser_that_comes_early_is_served_when_there_is_a_console(running: l
     assert early.page().startswith(b"HTTP/1.1 200 OK")
 
 
-def test_status_names_the_console_that_nobody_has_opened_yet(running: list[Running], tmp_path: Path) -> None:
+def test_status_names_the_console_before_anybody_opens_it(running: list[Running], tmp_path: Path) -> None:
     ports = ("--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0")
     running.append(one := Running("run", "--mount", "nexstar@sim", "--state", str(tmp_path), *ports))
     assert one.ready() and not one.ready()  # of the surface, of the console
     assert "console http://127.0.0.1:" in run_to_end("status", "--state", str(tmp_path)).stdout
 
 
-def test_a_recording_shows_all_of_them(running: list[Running], tmp_path: Path) -> None:
+def test_recording_shows_programs_of_all_protocols(running: list[Running], tmp_path: Path) -> None:
     path = tmp_path / "evening.rec"
     where = start(running, tmp_path, "--record", str(path))
     silent, lx200, nexstar, page, mobile, late = (Program(where) for _ in range(6))
@@ -219,7 +221,7 @@ def alpaca(where: str, request: str, form: str = "") -> bytes:
     return program.rest()
 
 
-def test_alpaca_too_may_only_look_where_programs_may_only_look(running: list[Running], tmp_path: Path) -> None:
+def test_look_only_port_refuses_alpaca_orders(running: list[Running], tmp_path: Path) -> None:
     where = start(running, tmp_path, "--read-only")
     assert b'"Value"' in alpaca(where, "GET /management/apiversions")
     put = "PUT /api/v1/telescope/0"

@@ -20,7 +20,7 @@ def meade(model: str, **settings: object) -> Bridge:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str) -> None:
+async def test_driver_finds_the_meade_family_and_switches_to_high_precision_once(model: str) -> None:
     async with meade(model) as bridge:
         assert bridge.driver.model == model
         assert bridge.sent()[0] == b"\x06"  # ACK before anything that begins with a colon
@@ -47,7 +47,7 @@ async def test_the_family_is_found_out_and_high_precision_made_sure_of_once(mode
         (b"M", [b":Q#"]),  # no goto is known, and no arrow: one may have been begun at its keypad
     ],
 )
-async def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:
+async def test_lx200gps_driver_sends_the_right_bytes_for_motion(said: bytes, heard: list[bytes]) -> None:
     async with meade("lx200gps") as bridge:
         before = len(bridge.sent())
         assert await bridge.client().ask(said) == b"#"
@@ -56,7 +56,7 @@ async def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:
         assert moved == heard
 
 
-async def test_the_arrow_that_was_pressed_is_let_go() -> None:
+async def test_meade_driver_releases_the_arrow_that_it_pressed() -> None:
     async with meade("autostar") as bridge:
         client = bridge.client()
         await client.ask(b"P\x02\x11\x25\x07\0\0\0")
@@ -69,7 +69,7 @@ async def test_the_arrow_that_was_pressed_is_let_go() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str) -> None:
+async def test_meade_driver_switches_tracking_only_where_it_keeps_the_alignment(model: str) -> None:
     async with meade(model) as bridge:
         client = bridge.client()
         assert await client.ask(b"T\x00") == b"#"
@@ -89,7 +89,7 @@ async def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str)
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> None:
+async def test_nexstar_program_sees_no_motion_after_a_refused_goto(model: str) -> None:
     async with meade(model, config={"lowest": -90.0}) as bridge:
         client = bridge.client()
         ra = wrap360(sidereal_time(bridge.clock(), 10.0) + 180.0)
@@ -100,7 +100,7 @@ async def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str)
         assert any("elow" in entry.note for entry in bridge.entries)
 
 
-async def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
+async def test_busy_meade_is_asked_again_and_then_given_up() -> None:
     async with meade("lx200gps") as bridge:
         await asyncio.sleep(6)
         bridge.sim.busy_until = bridge.clock() + 1.0
@@ -113,7 +113,7 @@ async def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
             await bridge.controller.answer(Position())
 
 
-async def test_a_position_costs_one_pair_however_many_ask() -> None:
+async def test_position_costs_one_pair_of_requests_however_many_programs_ask() -> None:
     async with meade("lx200gps") as bridge:
         counts = []
         for clients in (1, 20):

@@ -47,7 +47,7 @@ def padded(bridge: Bridge, around: tuple[bytes, bytes], apart: bool) -> None:
 @pytest.mark.parametrize("model", DEVICES)
 @pytest.mark.parametrize("around", AROUND)
 @pytest.mark.parametrize("apart", [False, True])
-async def test_line_ends_and_blanks_around_replies_are_no_part_of_them(
+async def test_meade_driver_ignores_line_ends_and_blanks_around_replies(
     model: str, around: tuple[bytes, bytes], apart: bool
 ) -> None:
     bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0, "lowest": -90.0}, speed=10.0)
@@ -65,7 +65,7 @@ async def test_line_ends_and_blanks_around_replies_are_no_part_of_them(
 
 
 @each("url", ["-", "lx200@/dev/ttyUSB0", "lx200:other@/dev/ttyUSB0", "lx200:autostar@/dev/ttyUSB0"])
-async def test_a_home_made_telescope_is_found(url: str) -> None:
+async def test_home_made_telescope_is_detected(url: str) -> None:
     """It knows the position alone, and ends each line."""
 
     def device(data: bytes) -> bytes:
@@ -90,7 +90,9 @@ async def test_a_home_made_telescope_is_found(url: str) -> None:
     ("MA", b"5Slewing already#", "Slewing already"),
     ("Sd", b"0Out of range#", "Out of range"),
 ])  # fmt: skip
-def test_a_digit_with_a_text_is_a_refusal_with_that_text(command: str, reply: bytes, says: str) -> None:
+def test_meade_driver_takes_a_digit_with_text_as_a_refusal_with_that_text(
+    command: str, reply: bytes, says: str
+) -> None:
     taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
     assert taken is not None and taken[1] == len(reply)
     assert isinstance(taken[0], Fault) and not isinstance(taken[0], Garbled)
@@ -104,7 +106,7 @@ def test_a_digit_with_a_text_is_a_refusal_with_that_text(command: str, reply: by
     ("GR", b"06:21:28.40#", {"ra": pytest.approx(95.36833)}),
     ("GD", b"-12*30:45.0#", {"dec": pytest.approx(-12.5125)}),
 ])  # fmt: skip
-def test_a_degree_sign_in_utf_8_and_decimals_are_another_notation(command: str, reply: bytes, value: Any) -> None:
+def test_meade_driver_reads_utf_8_degree_signs_and_decimals(command: str, reply: bytes, value: Any) -> None:
     taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
     assert taken is not None and taken[1] == len(reply)
     assert isinstance(taken[0], dict) and {**taken[0], **value} == taken[0], taken
@@ -126,12 +128,12 @@ def test_a_degree_sign_in_utf_8_and_decimals_are_another_notation(command: str, 
     ("GR", b"03:0 0:00#"),
     ("GR", b"03:00:00#\r\n+45*00:00#"),
 ])  # fmt: skip
-def test_no_other_bytes_become_a_reply(command: str, reply: bytes) -> None:
+def test_meade_driver_rejects_bytes_that_are_no_reply(command: str, reply: bytes) -> None:
     taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
     assert taken is None or isinstance(taken[0], Garbled) or taken[1] < len(reply)
 
 
-async def test_a_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
+async def test_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
     bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
     oddly(bridge, b":MS#", b"4Object above limit.#")
     async with bridge:
@@ -143,7 +145,7 @@ async def test_a_program_reads_the_text_of_a_refusal_that_no_table_has() -> None
 @pytest.mark.parametrize("answer", [b"", b"1", b"0#"])
 @pytest.mark.parametrize("model", ["lx200", "autostar"])
 @pytest.mark.parametrize("takes", [True, False])
-def test_a_sync_without_a_text_is_done_if_the_position_shows_it(answer: bytes, model: str, takes: bool) -> None:
+def test_sync_without_a_text_is_confirmed_by_the_position(answer: bytes, model: str, takes: bool) -> None:
     async def night() -> None:
         bridge = Bridge(model, driven="lx200", surface=model, config={"sun": 0.0})
         wire: Any = bridge.controller.line.wire

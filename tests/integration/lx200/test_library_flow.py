@@ -53,7 +53,7 @@ def through(program: Any, **settings: Any) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_messier_42_is_found(model: str) -> None:
+def test_goto_to_messier_42_arrives(model: str) -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         assert await client.ask(b":LM42#:MS#") == b"0"
         await arrived(client)
@@ -64,7 +64,7 @@ def test_messier_42_is_found(model: str) -> None:
     through(program, surface=model)
 
 
-def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
+def test_j2000_client_gets_catalogue_places() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky = bridge.controller.astrometry.sky
         bridge.acceptor.binding = replace(
@@ -80,7 +80,7 @@ def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
     through(program, surface="lx200")
 
 
-def test_browsing_shows_what_is_up_from_west_to_east() -> None:
+def test_browsing_lists_visible_objects_from_west_to_east() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky, site = bridge.controller.astrometry.sky, (45.0, 10.0)
         assert await client.ask(b":Sf+06.0#:So30#", until=b"11") == b"11"
@@ -111,7 +111,7 @@ def place_of(ra: bytes, dec: bytes) -> tuple[float, float]:
     return 15 * (hours + minutes / 60 + seconds / 3600), -size if dec.startswith(b"-") else size
 
 
-def test_the_field_is_identified_where_the_telescope_points() -> None:
+def test_identify_names_the_objects_where_the_telescope_points() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         await client.ask(b":LM42#:MS#")
         await arrived(client)
@@ -137,7 +137,7 @@ def test_an_object_below_the_horizon_is_refused() -> None:
 # --- the Moon and the planets -------------------------------------------------------------------------------------
 
 
-def test_a_place_on_the_moon_is_followed() -> None:
+def test_mount_follows_a_place_on_the_moon() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky = bridge.controller.astrometry.sky
         assert await client.ask(b":SE-43*18#:Se-011*13#", until=b"11") == b"11"  # Tycho
@@ -155,7 +155,7 @@ def test_a_place_on_the_moon_is_followed() -> None:
     through(program, start=FULL_MOON)
 
 
-def test_a_sync_to_a_place_on_the_moon() -> None:
+def test_sync_to_a_place_on_the_moon_is_carried_out() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         await client.ask(b":SE+00*00#:Se+000*00#:MS#", until=b"110")
         await arrived(client)
@@ -171,7 +171,7 @@ def test_a_sync_to_a_place_on_the_moon() -> None:
 
 
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-45.0, 10.0)])
-def test_while_the_moon_is_down_it_is_no_target(site: tuple[float, float]) -> None:
+def test_moon_below_the_horizon_is_refused_as_a_target(site: tuple[float, float]) -> None:
     for hour in range(0, 24, 3):
         mount = Mount()
         mount.site = op.Place(*site)
@@ -185,7 +185,7 @@ def test_while_the_moon_is_down_it_is_no_target(site: tuple[float, float]) -> No
         assert talk.send(b":MS#") == (b"0" if up else b"1The Moon is below the horizon.#")
 
 
-def test_jupiter_is_found() -> None:
+def test_goto_to_jupiter_arrives() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         assert await client.ask(b":Ls0#:LS905#:MS#", until=b"10") == b"10"
         await arrived(client)
@@ -196,7 +196,7 @@ def test_jupiter_is_found() -> None:
     through(program)
 
 
-def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
+def test_planet_without_a_known_position_is_refused_in_words() -> None:
     talk = Talk()  # its sky has not loaded astropy
     assert talk.send(b":Ls0#:LS904#:MS#") == b"11The positions of the planets are not available yet.#"
 
@@ -204,7 +204,7 @@ def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
 # --- what is missing ----------------------------------------------------------------------------------------------
 
 
-def test_without_the_library_every_command_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_object_commands_report_a_missing_library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(objects, "find_spec", lambda name: None)
     missing = b"Object library not installed.#"
     for selecting in (b":LM42#", b":LC7331#", b":Lo1#:LC1#", b":LF#", b":LN#", b":LB#"):
@@ -218,7 +218,7 @@ def test_without_the_library_every_command_says_so(monkeypatch: pytest.MonkeyPat
     assert Talk().send(b":LS32349#:MS#") == b"1" + missing
 
 
-def test_without_a_site_everything_is_up() -> None:
+def test_every_object_counts_as_up_without_a_site() -> None:
     mount = Mount()
     talk = Talk(mount, model="lx200")
     talk.send(b":Sf+03.0#:LF#")
@@ -231,7 +231,7 @@ def test_without_a_site_everything_is_up() -> None:
 # --- help ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_help_names_the_mount_and_tells_the_truth_about_its_alignment() -> None:
+def test_lx200_help_names_the_mount_and_its_real_alignment() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         lines = [await client.ask(b":??#")]
         while lines[-1] != b"#":
@@ -247,7 +247,7 @@ def test_the_help_names_the_mount_and_tells_the_truth_about_its_alignment() -> N
         through(program, surface="lx200", aligned=aligned)
 
 
-def test_two_readers_of_the_help_do_not_turn_each_others_pages() -> None:
+def test_each_program_turns_only_its_help_pages() -> None:
     mount = Mount()
     one, other = Talk(mount, model="lx200"), Talk(mount, model="lx200")
     first = one.send(b":??#")

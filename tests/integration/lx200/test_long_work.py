@@ -17,7 +17,7 @@ def meade(model: str = "lx200gps", **settings: Any) -> Bridge:
     return Bridge(model, driven="lx200", surface=settings.pop("surface", model), **settings)
 
 
-async def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() -> None:
+async def test_stop_alone_is_sent_while_the_gps_is_queried() -> None:
     async with meade() as bridge:
         asking, other = bridge.client(), bridge.client("10.0.0.2")
         await other.ask(b":GR#")
@@ -41,7 +41,7 @@ async def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() ->
         assert bridge.sim.mechanics.axes(bridge.sim.now)[1] == pytest.approx(45.0, abs=1.0)  # :Mn never came
 
 
-async def test_the_gps_is_not_asked_while_anything_moves() -> None:
+async def test_gps_is_not_queried_while_the_mount_moves() -> None:
     async with meade() as bridge:
         client = bridge.client()
         client.tell(b":RG#:Mn#")
@@ -51,14 +51,14 @@ async def test_the_gps_is_not_asked_while_anything_moves() -> None:
 
 
 @pytest.mark.parametrize(("model", "gps", "set_"), [("cge", {}, False), ("cpc", {"gps_linked": True}, True)])
-async def test_a_clock_that_no_gps_has_set_is_not_said_to_be_kept(model: str, gps: dict[str, Any], set_: bool) -> None:
+async def test_clock_not_set_by_a_gps_is_not_reported_as_gps_time(model: str, gps: dict[str, Any], set_: bool) -> None:
     async with Bridge(model, surface="lx200gps") as bridge:
         assert await bridge.client().ask(b":gT#", 5.0) == (b"1" if set_ else b"0")
         said = any("set by the GPS" in entry.note for entry in bridge.entries)
         assert said is set_
 
 
-async def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
+async def test_stop_does_not_wait_while_a_classic_calculates_its_planets() -> None:
     async with meade("lx200") as bridge:
         client = bridge.client()
         await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
@@ -73,7 +73,7 @@ async def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> 
         assert not bridge.sim.slewing
 
 
-async def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
+async def test_meade_gets_no_other_request_while_it_seeks_home() -> None:
     async with meade("lx200-16") as bridge:
         client = bridge.client()
         await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
@@ -96,7 +96,7 @@ async def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
         assert (await client.ask(b":GR#")).endswith(b"#")
 
 
-async def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
+async def test_nak_to_an_arrow_refuses_the_arrow() -> None:
     """An LX200GPS says NAK to an arrow while it is busy; the arrow is refused, neither believed nor begun later."""
     async with meade(latency=0.01) as bridge:
         bridge.sim.busy_until = bridge.clock() + 1.0
@@ -108,7 +108,7 @@ async def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
         assert bridge.sim.arrows == {2: False}
 
 
-async def test_one_sentence_of_the_gps_serves_every_question_for_five_minutes() -> None:
+async def test_one_gps_sentence_answers_every_request_for_five_minutes() -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cpc") as bridge:
         client = bridge.client()
         assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01") == b"\x01#"
@@ -125,7 +125,7 @@ async def test_one_sentence_of_the_gps_serves_every_question_for_five_minutes() 
         assert b":gT#" not in bridge.sent()
 
 
-async def test_the_fastest_rate_is_the_one_that_was_asked_for() -> None:
+async def test_meade_arrow_runs_at_the_requested_fastest_rate() -> None:
     async with meade() as bridge:
         client = bridge.client()
         await client.ask(b":Sw3#")
@@ -139,7 +139,7 @@ async def test_the_fastest_rate_is_the_one_that_was_asked_for() -> None:
         assert bridge.sim.mechanics.fastest == 8.0
 
 
-async def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_else() -> None:
+async def test_fan_and_derotator_are_switched_only_on_mounts_that_have_them() -> None:
     async with meade("lx200-16") as bridge:
         bridge.client().tell(b":f+#:r+#:B+#")
         await asyncio.sleep(1.0)
@@ -151,13 +151,13 @@ async def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhe
 
 
 @pytest.mark.parametrize(("factor", "sent"), [(1.0, b":TQ#"), (0.99996, b":TQ#"), (0.94, b":ST056.6#")])
-async def test_a_classic_tracks_at_the_rate_asked_for(factor: float, sent: bytes) -> None:
+async def test_classic_tracks_at_the_requested_rate(factor: float, sent: bytes) -> None:
     async with meade("lx200") as bridge:
         await bridge.controller.perform(op.TrackRate(factor=factor))
         assert sent in bridge.sent()
 
 
-async def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
+async def test_classic_refuses_a_tracking_rate_beyond_its_range() -> None:
     """56.4 to 60.1 hertz: half the sidereal rate is 30.1."""
     async with meade("lx200") as bridge:
         with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
@@ -165,7 +165,7 @@ async def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
         assert b":TM#" not in bridge.sent()
 
 
-async def test_a_toggle_that_is_told_the_same_twice_is_pressed_once() -> None:
+async def test_toggle_is_pressed_once_when_the_same_state_is_set_twice() -> None:
     async with meade("lx200") as bridge:
         for on in (True, True, False, False):
             await bridge.controller.perform(op.PeriodicError(1, on))
@@ -174,7 +174,7 @@ async def test_a_toggle_that_is_told_the_same_twice_is_pressed_once() -> None:
             await bridge.controller.perform(op.Park())
 
 
-async def test_a_halt_overtakes_what_its_own_client_waits_for() -> None:
+async def test_halt_overtakes_the_pending_read_of_its_client() -> None:
     """The client's position is still on its way when it lets go of the arrow; an arrow behind it is not begun."""
     async with meade("autostar", latency=0.4) as bridge:
         client = bridge.client()
@@ -192,7 +192,7 @@ async def test_a_halt_overtakes_what_its_own_client_waits_for() -> None:
 
 @pytest.mark.parametrize("driven", ["lx200", "nexstar"])
 @pytest.mark.parametrize("latitude", [45.0, -34.0])
-def test_north_is_north_and_motors_keep_their_sense_on_a_polar_fork(driven: str, latitude: float) -> None:
+def test_arrows_go_the_right_way_on_a_polar_fork(driven: str, latitude: float) -> None:
     """The same arrow on a Meade and on a Celestron fork on its wedge."""
 
     async def program() -> None:

@@ -29,7 +29,7 @@ def gps(presented: str) -> Bridge:
         ("nexstar", b"r55555500,15555500", b"#"),
     ],
 )
-async def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard: bytes) -> None:
+async def test_lx200gps_is_asked_again_after_a_nak(presented: str, said: bytes, heard: bytes) -> None:
     async with gps(presented) as bridge:
         client = bridge.client()
         bridge.sim.busy_until = bridge.clock() + 1.5
@@ -43,7 +43,7 @@ async def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, 
     ("presented", "said"),
     [("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#:GR#:GD#:GZ#"), ("nexstar", b"eztr55555500,15555500")],
 )
-async def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: bytes) -> None:
+async def test_repeated_nak_ends_the_retries_and_reaches_no_program(presented: str, said: bytes) -> None:
     async with gps(presented) as bridge:
         client = bridge.client()
         bridge.sim.busy_until = bridge.clock() + 30.0
@@ -56,7 +56,7 @@ async def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said
 
 
 @pytest.mark.parametrize("times", [1, 3, 5])
-def test_a_goto_that_is_taken_late_is_known_of(times: int) -> None:
+def test_goto_accepted_after_a_nak_is_reported_as_slewing(times: int) -> None:
     """Programs look meanwhile whether it slews, and the bars of a mount that was not told yet are empty."""
 
     async def program() -> None:

@@ -62,7 +62,7 @@ async def found(bridge: Bridge, seconds: float = 20.0) -> None:
 @pytest.mark.sampled(1, every=3)
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize(("model", "name", "question", "answer"), VARIANTS)
-async def test_a_mount_that_tells_where_it_points_is_a_mount(
+async def test_device_that_only_tells_its_position_counts_as_a_mount(
     model: str, name: str, question: bytes, answer: bytes, named: bool
 ) -> None:
     bridge = Bridge(model, driven="lx200", surface="autostar", named=named, config={"sun": 0.0}, speed=10.0)
@@ -96,7 +96,7 @@ async def test_a_mount_that_tells_where_it_points_is_a_mount(
         ("lx200", b"\x06", b"D", (op.Tracking.ALTAZ, True, False)),
     ],
 )
-async def test_it_has_the_abilities_that_its_answers_show(
+async def test_odd_meade_offers_only_the_abilities_that_its_answers_show(
     model: str, question: bytes, answer: bytes, expected: tuple[op.Tracking, bool, bool]
 ) -> None:
     bridge = Bridge(model, driven="lx200", surface="autostar")
@@ -110,7 +110,7 @@ async def test_it_has_the_abilities_that_its_answers_show(
 
 @pytest.mark.parametrize("pushed", [True, False])
 @pytest.mark.parametrize("model", ["autostar", "lx200"])
-async def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: str, pushed: bool) -> None:
+async def test_constant_distance_bars_do_not_report_endless_slewing(model: str, pushed: bool) -> None:
     """A device on a telescope that is pushed by hand answers so; its position shows that it stands."""
     bridge = Bridge(model, driven="lx200", surface="autostar", config={"sun": 0.0}, speed=1.0 if pushed else 0.2)
     oddly(bridge, b":D#", b"\x7f#")
@@ -143,7 +143,7 @@ async def test_bars_that_are_always_there_do_not_make_it_slew_for_ever(model: st
         (b"Autostar#", "autostar"),
     ],
 )
-async def test_the_model_follows_from_the_name(answer: bytes, model: str) -> None:
+async def test_meade_model_follows_from_the_reported_name(answer: bytes, model: str) -> None:
     bridge = Bridge("lx200", driven="lx200", surface="autostar")
     oddly(bridge, b":GVP#", answer)
     await found(bridge)
@@ -151,7 +151,7 @@ async def test_the_model_follows_from_the_name(answer: bytes, model: str) -> Non
     await bridge.controller.close()
 
 
-def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
+def test_server_that_reads_whole_commands_still_answers_after_ack() -> None:
     """For such a server ACK and what comes behind it, up to the ``#``, are one command that it does not know."""
 
     async def program() -> None:
@@ -177,7 +177,7 @@ def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
 
 
 @pytest.mark.parametrize("presented", ["lx200", "lx200-16", "autostar", "lx200gps"])
-def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
+def test_gateway_drives_the_lx200_surface_of_another_gateway(presented: str) -> None:
     async def program() -> None:
         inner = Bridge("6-8se", driven="nexstar", surface=presented)
         async with inner:
@@ -200,7 +200,7 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
     run(program())
 
 
-def test_a_telescope_keeps_its_name_when_its_answers_are_lost() -> None:
+def test_meade_keeps_its_model_name_after_lost_answers() -> None:
     """Two lost answers in a row do not make an Autostar, which has told its name before, an LX200 16 inch."""
 
     async def program() -> None:

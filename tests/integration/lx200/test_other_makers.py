@@ -50,7 +50,7 @@ REFUSED = {
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
 @pytest.mark.parametrize("model", [*SYNSCANS, *MODELS])
 @pytest.mark.parametrize("face", FACES)
-def test_an_evening_through_every_face(model: str, face: str, south: bool) -> None:
+def test_evening_on_onstep_and_teenastro_has_no_fault_over_any_surface(model: str, face: str, south: bool) -> None:
     found = run(evening(model, face, south))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}
     refused = {step for step, words in found.items() if words.startswith("refused: ")}
@@ -59,7 +59,7 @@ def test_an_evening_through_every_face(model: str, face: str, south: bool) -> No
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_it_is_found_without_being_named_and_asked_less_than_a_meade(model: str) -> None:
+def test_onstep_and_teenastro_are_detected_with_fewer_requests_than_a_meade(model: str) -> None:
     async def program(named: str) -> tuple[int, int]:
         async with bridge(named) as own:
             identity = await own.controller.answer(op.GetIdentity())
@@ -81,7 +81,7 @@ def test_it_is_found_without_being_named_and_asked_less_than_a_meade(model: str)
 
 
 @each("model", MODELS)
-def test_how_it_is_written(model: str) -> None:
+def test_onstep_and_teenastro_are_sent_the_documented_bytes(model: str) -> None:
     assert parse_device(f"lx200:{model}").model == model
     assert parse_device("OnStepX").model == "onstep"
     with pytest.raises(UserError, match="cannot present"):
@@ -89,7 +89,7 @@ def test_how_it_is_written(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
+async def test_meade_program_on_an_onstep_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
     async with bridge(model) as own:
         await own.controller.answer(op.GetIdentity())
         await asyncio.sleep(1.0)
@@ -102,7 +102,9 @@ async def test_a_program_for_a_meade_sees_a_meade_and_reaches_nothing_else(model
 
 
 @pytest.mark.parametrize(("model", "firmware"), [("onstep", "4.24s"), ("onstep", "3.16o"), ("teenastro", "1.6.2")])
-async def test_one_that_was_left_in_low_precision_is_read_in_high_and_not_switched(model: str, firmware: str) -> None:
+async def test_mount_left_in_low_precision_is_read_in_high_precision_without_a_switch(
+    model: str, firmware: str
+) -> None:
     """Another program of the evening has sent ``:U#``, before the gateway came and while it is there."""
     own = bridge(model)
     own.sim.row = {**own.sim.row, "firmware": firmware}
@@ -133,7 +135,7 @@ REASONS: dict[str, dict[bytes, type[Fault]]] = {
 
 
 @each("model", MODELS)
-def test_every_refusal_of_a_goto_has_words(model: str) -> None:
+def test_every_goto_refusal_of_onstep_and_teenastro_has_a_message(model: str) -> None:
     rules = Lx200ReplyRules(model)
     for said, fault in REASONS[model].items():
         outcome, length = rules.take(Send("MS"), said) or (None, 0)
@@ -142,7 +144,7 @@ def test_every_refusal_of_a_goto_has_words(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
+async def test_order_is_refused_when_the_mount_state_does_not_change(model: str) -> None:
     async with bridge(model) as own:
         await own.controller.perform(op.SetTracking(on=False, heard=True))
         answering(own, {b":Te#": b"1"})
@@ -154,7 +156,7 @@ async def test_what_its_state_does_not_show_was_not_done(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_what_a_person_did_at_the_keypad_a_moment_ago_is_seen_before_an_order(model: str) -> None:
+async def test_recent_change_at_the_keypad_is_read_before_an_order(model: str) -> None:
     """Within the time for which a reply about its state serves other questions."""
     async with bridge(model) as own:
         await own.controller.read_now(op.GetStatus())
@@ -170,7 +172,7 @@ async def test_what_a_person_did_at_the_keypad_a_moment_ago_is_seen_before_an_or
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str) -> None:
+def test_tracking_switch_that_shows_late_is_not_refused(model: str) -> None:
     async def program() -> None:
         async with bridge(model) as own:
             await own.controller.perform(op.SetTracking(on=False, heard=True))
@@ -190,7 +192,7 @@ def test_a_switch_of_tracking_that_shows_a_moment_later_is_no_refusal(model: str
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in_utc(model: str) -> None:
+async def test_refused_time_zone_is_replaced_and_utc_stays_exact(model: str) -> None:
     """A TeenAstro's own is +13.5, which it refuses."""
     async with bridge(model, site=(-36.8, 174.8)) as own:
         await own.controller.perform(op.SetClock(own.clock() + 90.0, 13.5))
@@ -199,7 +201,7 @@ async def test_a_zone_that_it_does_not_take_is_replaced_and_the_time_is_right_in
         assert not [entry.note for entry in own.entries if "not in force" in (entry.note or "")]
 
 
-async def test_a_clock_that_is_not_taken_is_told() -> None:
+async def test_clock_refused_by_the_mount_is_reported() -> None:
     async with bridge("onstep") as own:
         await own.controller.answer(op.GetClock())
         answering(own, {b":SC01/25/26#": b"1"})
@@ -210,7 +212,7 @@ async def test_a_clock_that_is_not_taken_is_told() -> None:
 
 @pytest.mark.parametrize("south", [False, True])
 @pytest.mark.parametrize("model", MODELS)
-async def test_the_side_of_the_pier_is_what_it_tells(model: str, south: bool) -> None:
+async def test_pier_side_is_the_reported_one(model: str, south: bool) -> None:
     """In German hand controls' letters: W if the second axis reads beyond the pole."""
     async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
         for east in (-40.0, 40.0):
@@ -222,7 +224,7 @@ async def test_the_side_of_the_pier_is_what_it_tells(model: str, south: bool) ->
             assert await own.controller.read_now(op.PierSide()) == ("W" if flipped else "E"), (east, beyond)
 
 
-async def test_a_pulse_is_sent_at_a_guide_rate() -> None:
+async def test_guide_pulse_is_sent_at_a_guide_rate() -> None:
     """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
     async with bridge("onstep") as own:
         own.sim.separate_pulses = False
@@ -244,7 +246,7 @@ async def test_a_pulse_is_sent_at_a_guide_rate() -> None:
 
 @pytest.mark.parametrize("keys", [6, 1, 9])
 @pytest.mark.parametrize("separate", [True, False])
-async def test_its_keypad_has_its_own_speed_again_after_the_pulses(keys: int, separate: bool) -> None:
+async def test_keypad_has_its_previous_speed_again_after_guide_pulses(keys: int, separate: bool) -> None:
     """The one that it told before the first pulse, or that somebody has chosen at the keypad meanwhile."""
     async with bridge("onstep") as own:
         own.sim.separate_pulses = separate
@@ -267,7 +269,7 @@ async def test_its_keypad_has_its_own_speed_again_after_the_pulses(keys: int, se
         assert own.sim.rate == 5
 
 
-async def test_a_stop_does_not_wait_for_the_speed_of_the_keypad() -> None:
+async def test_stop_does_not_wait_for_the_keypad_speed_to_be_restored() -> None:
     """The speed is put back when all stands still, and not during an arrow that follows the pulse."""
     async with bridge("onstep") as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -286,7 +288,7 @@ async def test_a_stop_does_not_wait_for_the_speed_of_the_keypad() -> None:
 
 
 @each("firmware", ["10.28g", "4.24s", "3.16o", "2.22b"])
-async def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
+async def test_fastest_arrow_is_as_fast_as_a_goto(firmware: str) -> None:
     """Every version tells that speed, 4 degrees a second here; the second fastest is half of it."""
     own = bridge("onstep")
     own.sim.row = {**own.sim.row, "firmware": firmware}
@@ -296,7 +298,7 @@ async def test_the_fastest_arrow_is_as_fast_as_its_gotos(firmware: str) -> None:
         assert own.driver.speed(op.Rate(key=8)) == pytest.approx(2.0, rel=0.01)
 
 
-async def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() -> None:
+async def test_onstep_waiting_for_its_clock_refuses_gotos_until_the_clock_is_set() -> None:
     async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
         with pytest.raises(Refused, match="standby: it waits for its date and time"):
@@ -305,7 +307,7 @@ async def test_one_that_waits_for_its_clock_says_so_and_goes_when_it_is_set() ->
         await own.controller.perform(op.Goto(ra, 20.0))
 
 
-async def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None:
+async def test_long_onstep_arrow_is_pressed_again_and_ends_at_its_release() -> None:
     """OnStep ends it after 10 s; the gateway looks at 9.5 and 11.5 s: the release falls before, between and after."""
     async with bridge("onstep") as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -323,7 +325,7 @@ async def test_an_arrow_that_is_pressed_again_ends_when_it_is_released() -> None
 
 @pytest.mark.parametrize("after", [3.0, 8.0, 10.0])
 @pytest.mark.parametrize("error", [b"0", b"1"])
-async def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after: float, error: bytes) -> None:
+async def test_arrow_ended_by_the_mount_or_its_keypad_is_not_pressed_again(after: float, error: bytes) -> None:
     """Its keypad, or a limit of its own, which ends a motion once and tells its number: only its clock is overruled."""
     async with bridge("onstep") as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -341,7 +343,7 @@ async def test_an_arrow_that_something_else_has_ended_is_not_pressed_again(after
 
 
 @pytest.mark.parametrize("released", [True, False])
-async def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(released: bool) -> None:
+async def test_lost_status_reply_delays_an_arrow_release_by_less_than_a_second(released: bool) -> None:
     """And if nobody has released it, it is looked at again: it goes on beyond the 10 s of OnStep's clock."""
     async with bridge("onstep") as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -364,7 +366,7 @@ async def test_a_lost_look_at_an_arrow_delays_its_release_by_less_than_a_second(
 
 
 @pytest.mark.parametrize("arrives", [True, False])
-async def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrives: bool) -> None:
+async def test_search_for_home_by_switches_ends_when_the_status_letters_say_so(arrives: bool) -> None:
     """It is a motion by hand to OnStep: no bars, no goto. An order that it ignores is not told as done."""
     async with bridge("onstep") as own:
         usual = own.sim.letters
@@ -382,7 +384,7 @@ async def test_a_search_for_home_by_switches_ends_when_its_letters_say_so(arrive
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(model: str) -> None:
+async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) -> None:
     own = bridge(model)
     own.sim.feed(b":Td#")
     usual, lost = own.sim.answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
@@ -395,7 +397,7 @@ async def test_lost_replies_about_its_state_do_not_make_another_mount_of_it(mode
         assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
 
-async def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> None:
+async def test_onstep_with_a_lost_name_is_not_told_to_set_its_home_here() -> None:
     """It answers ``:h?#`` with a bare 0 and is taken for a 16 inch, whose search for home is ``:hF#``."""
     own = bridge("onstep")
     own._hands_on = True  # :h?# is no form of an OnStep's
@@ -409,7 +411,7 @@ async def test_one_whose_name_was_lost_is_not_told_that_this_is_its_home() -> No
 
 
 @each("said", [b"0#", b"#", b"nNp#"])
-async def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
+async def test_truncated_status_reply_is_rejected(said: bytes) -> None:
     async with bridge("onstep") as own:
         answering(own, {b":GU#": said})
         with pytest.raises(Fault):
@@ -417,7 +419,7 @@ async def test_a_state_that_is_cut_short_is_none(said: bytes) -> None:
 
 
 @pytest.mark.parametrize("model", [*MODELS, "autostar"])
-async def test_the_end_of_a_goto_ends_one_that_was_begun_elsewhere_and_no_arrow(model: str) -> None:
+async def test_end_of_a_goto_ends_a_foreign_goto_but_no_arrow(model: str) -> None:
     """At its own keys or page. Of a goto that the gateway knows it is the same, as near the pole as it may be."""
     async with bridge(model) as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
@@ -434,7 +436,7 @@ async def test_the_end_of_a_goto_ends_one_that_was_begun_elsewhere_and_no_arrow(
 
 
 @each("model", MODELS)
-async def test_a_goto_beside_the_pole_is_under_way_while_an_axis_turns(model: str) -> None:
+async def test_goto_beside_the_pole_reports_slewing_while_an_axis_turns(model: str) -> None:
     async with bridge(model) as own:
         ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 89.96))
@@ -448,7 +450,7 @@ async def test_a_goto_beside_the_pole_is_under_way_while_an_axis_turns(model: st
 # --- unknown ones, and those that are pushed --------------------------------------------------------------------------
 
 
-async def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_not_tell() -> None:
+async def test_unknown_controller_is_driven_by_common_commands_and_lists_what_it_lacks() -> None:
     own = bridge("autostar")
     own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
     answering(own, {b":GW#": b""})
@@ -467,7 +469,7 @@ async def test_an_unknown_one_is_driven_by_what_all_have_and_says_what_it_did_no
         assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent())
 
 
-async def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
+async def test_refusals_of_an_unknown_controller_are_reported_as_refusals() -> None:
     """Those of a goto by their forms, that of a sync by the position: each maker has words of its own for it."""
     own = bridge("autostar")
     own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
@@ -492,7 +494,7 @@ async def test_refusals_of_an_unknown_one_are_told_as_such() -> None:
 
 
 @each("told", [b"1", b"1Updating        Planetary Data#                                #"])
-async def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
+async def test_site_and_date_reach_an_unknown_controller(told: bytes) -> None:
     """A longitude without a sign is another one to some, and many have no text after the 1 for a date."""
     own = bridge("autostar")
     own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
@@ -510,7 +512,7 @@ async def test_site_and_date_of_an_unknown_one(told: bytes) -> None:
         assert own.clock() - began < 1.0 and b":Sg-010*30#" in own.sent() and b":SC02/14/26#" in own.sent()
 
 
-async def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
+async def test_old_teenastro_is_driven_as_an_unknown_controller() -> None:
     """Before 1.5.1 it answers neither ACK nor ``:GW#``, and ``:Gm#`` with one hash."""
     own = bridge("teenastro")
     own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
@@ -526,7 +528,7 @@ async def test_an_old_teenastro_is_driven_as_an_unknown_one() -> None:
         assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent())
 
 
-async def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> None:
+async def test_old_teenastro_left_in_low_precision_is_detected() -> None:
     """It has no question that is answered in high precision at all times: as one that is not known, it is switched."""
     own = bridge("teenastro")
     own._hands_on = True  # :U# is no form of a TeenAstro's
@@ -538,7 +540,7 @@ async def test_an_old_teenastro_that_was_left_in_low_precision_is_found() -> Non
         assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
 
 
-async def test_a_meade_of_any_name_stays_a_meade() -> None:
+async def test_meade_of_any_name_is_driven_as_a_meade() -> None:
     own = bridge("autostar")
     own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
     async with own:
@@ -546,7 +548,7 @@ async def test_a_meade_of_any_name_stays_a_meade() -> None:
 
 
 @each("slews", [True, False])
-async def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_is_pushed(slews: bool) -> None:
+async def test_slewing_mount_is_not_taken_for_a_push_to_telescope_at_the_start(slews: bool) -> None:
     """In declination only; in the last seconds of a goto neither coordinate changes, and empty bars tell it later."""
     own = bridge("autostar")
     own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
@@ -569,7 +571,7 @@ async def test_one_that_slews_when_the_gateway_comes_is_not_taken_for_one_that_i
 
 
 @pytest.mark.parametrize("product", ["PiFinder", "MyPushTo"])
-async def test_one_that_is_pushed_is_told_as_one(product: str) -> None:
+async def test_push_to_telescope_is_recognised_and_never_reports_slewing(product: str) -> None:
     """Its bars are always there, and its position is that of the hand: never slewing for ever."""
     own = bridge("autostar")
     own.sim.row = {**own.sim.row, "product": product}

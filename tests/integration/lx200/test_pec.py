@@ -14,7 +14,7 @@ def _said(bridge: Bridge, *letters: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-async def test_a_classic_is_told_with_a_colon(model: str) -> None:
+async def test_classic_gets_the_pec_toggle_with_its_colon(model: str) -> None:
     async with Bridge(model, driven="lx200", surface=model) as bridge:
         bridge.client().tell(b"$Q#")
         await asyncio.sleep(1.0)
@@ -22,7 +22,7 @@ async def test_a_classic_is_told_with_a_colon(model: str) -> None:
         assert bridge.sim.parts["pec 1"] is True
 
 
-async def test_the_toggle_after_a_switch_is_the_other_way() -> None:
+async def test_second_pec_toggle_switches_the_other_way() -> None:
     """``P 2 16 13 on``, as the motors of a CGE have it."""
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
@@ -34,7 +34,7 @@ async def test_the_toggle_after_a_switch_is_the_other_way() -> None:
 
 
 @pytest.mark.parametrize("command", [b":$QA+#", b":$QA-#"])
-async def test_the_declination_motor_of_a_nexstar_has_none_and_the_log_says_so(command: bytes) -> None:
+async def test_log_says_that_a_nexstar_declination_motor_has_no_pec(command: bytes) -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
         client.tell(command)
@@ -47,14 +47,14 @@ async def test_the_declination_motor_of_a_nexstar_has_none_and_the_log_says_so(c
 
 
 @pytest.mark.parametrize("command", [b":$QA+#", b":$QA-#", b":$QZ+#", b":$QZ-#"])
-async def test_an_lx200gps_is_told_as_it_was_said(command: bytes) -> None:
+async def test_lx200gps_gets_the_pec_command_unchanged(command: bytes) -> None:
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
         bridge.client().tell(command)
         await asyncio.sleep(1.0)
         assert _said(bridge, b"$Q") == [command]
 
 
-async def test_one_axis_of_a_classic_is_not_switched_by_the_toggle_of_both() -> None:
+async def test_pec_of_one_axis_is_refused_on_a_classic_that_toggles_both() -> None:
     async with Bridge("lx200", driven="lx200", surface="lx200gps") as bridge:
         bridge.client().tell(b":$QA+#")
         await asyncio.sleep(1.0)

@@ -25,7 +25,7 @@ from tests.unit.protocols.lx200.surface.test_unterminated import BYTE, QUIET, WA
         (b":Ls0:LS903#", b"2"),
     ],
 )
-def test_a_refused_catalogue_leaves_nothing_to_go_to(refused: bytes, reply: bytes) -> None:
+def test_refused_catalogue_leaves_no_target_for_a_goto(refused: bytes, reply: bytes) -> None:
     talk = Talk(model="lx200")
     assert talk.send(b":Lo0#:Ls3#:LM42#") == b"11"
     talk.now += 1
@@ -40,7 +40,7 @@ def test_a_refused_catalogue_leaves_nothing_to_go_to(refused: bytes, reply: byte
 
 
 @pytest.mark.parametrize("lost", [b":LM31:MS#", b":LC224:MS#", b":LS32349:MS#"])
-def test_an_object_without_its_end_leaves_none(lost: bytes) -> None:
+def test_unterminated_object_command_leaves_no_target(lost: bytes) -> None:
     talk = Talk(model="lx200")
     talk.send(b":LM42#")
     talk.now += 1
@@ -53,7 +53,7 @@ def test_an_object_without_its_end_leaves_none(lost: bytes) -> None:
 # --- through a whole gateway --------------------------------------------------------------------------------------
 
 
-async def test_the_log_says_what_came_and_why_it_is_refused() -> None:
+async def test_log_shows_an_unterminated_command_and_why_it_is_refused() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         assert await client.ask(b":Sr07:00:00:MS#:Mn#") == b"0"
@@ -63,7 +63,7 @@ async def test_the_log_says_what_came_and_why_it_is_refused() -> None:
         assert any("move north" in note and "not done" in note for note in notes)
 
 
-async def test_a_stop_inside_ends_a_motion_at_once() -> None:
+async def test_stop_inside_an_unterminated_command_ends_the_motion_at_once() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         await client.ask(b":RM#:Me#")
@@ -81,7 +81,7 @@ async def test_a_stop_inside_ends_a_motion_at_once() -> None:
         assert not bridge.controller.wanted.axes
 
 
-async def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
+async def test_half_a_command_is_followed_by_no_cached_answer() -> None:
     for presented, question, half, reply in (("lx200", b":GR#", b":Sr07:0", b"0"), ("nexstar", b"e", b"K", b"e#")):
         async with Bridge(presented=presented, surface=None) as bridge:
             client = bridge.client()
@@ -91,7 +91,7 @@ async def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
             assert await client.ask(question) == reply
 
 
-async def test_answers_from_memory_keep_the_run_going() -> None:
+async def test_cached_answers_belong_to_the_run_of_an_unterminated_command() -> None:
     """A question that is answered again without being cut out belongs to the run of bytes all the same."""
     async with Bridge() as bridge:
         client = bridge.client()
@@ -111,7 +111,7 @@ async def test_answers_from_memory_keep_the_run_going() -> None:
 
 
 @pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#", b":SMfoo:Sr07:00"])
-async def test_the_next_connection_does_not_build_on_half_a_command(half: bytes) -> None:
+async def test_next_connection_does_not_complete_half_a_command(half: bytes) -> None:
     """What a connection has kept is handed on to the next one from its host: not a target of which half was lost."""
     async with Bridge() as bridge:
         for sent, reply in ((b"", b"0"), (half, b"1No target set.#")):
@@ -132,7 +132,7 @@ async def test_the_next_connection_does_not_build_on_half_a_command(half: bytes)
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("model", MODELS)
-def test_a_simulated_telescope_does_not_move_either(model: str, way: str) -> None:
+def test_simulated_meade_does_not_move_for_an_unterminated_command(model: str, way: str) -> None:
     for lost in (b":Sr07:00:00:MS#", b":SMfoo:Mn#", b":Sr07:\x0600:MS#", b":SMabcdefghijklmnopqrst:Mn#", b":LM31:MS#"):
         sim, clock = meade(model)
         sim.feed(overhead(sim))
@@ -152,7 +152,7 @@ def test_a_simulated_telescope_does_not_move_either(model: str, way: str) -> Non
         assert not sim.arrows and len(where) == 2
 
 
-def test_a_mount_of_the_same_kind_is_told_nothing() -> None:
+def test_meade_behind_a_meade_surface_is_sent_nothing_of_an_unterminated_command() -> None:
     mount = Mount()
     talk = Talk(mount)
     talk.binding.surface.verbatim = True

@@ -34,7 +34,9 @@ def motions(bridge: Bridge, since: int) -> list[bytes]:
 
 @pytest.mark.parametrize("latitude", [45.0, -34.0, 5.0])
 @pytest.mark.parametrize(("hour_angle", "dec"), [(-50.0, 20.0), (30.0, -15.0), (100.0, 60.0), (-5.0, -40.0)])
-def test_the_rates_are_the_slopes_of_the_coordinates(latitude: float, hour_angle: float, dec: float) -> None:
+def test_computed_axis_rates_match_the_slopes_of_the_coordinates(
+    latitude: float, hour_angle: float, dec: float
+) -> None:
     small = 1e-5
     az, alt = hour_angle_to_horizon(hour_angle, dec, latitude)
     for rates, step in ((hour_angle_rates, (small, 0.0)), (declination_rates, (0.0, small))):
@@ -44,7 +46,7 @@ def test_the_rates_are_the_slopes_of_the_coordinates(latitude: float, hour_angle
 
 
 @pytest.mark.parametrize("place", [(0.0, 90.0), (180.0, 90.0), (0.0, 45.0)])
-def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float]) -> None:
+def test_computed_axis_rates_are_finite_at_the_zenith_and_the_pole(place: tuple[float, float]) -> None:
     assert all(abs(rate) <= 100.0 for rates in (hour_angle_rates, declination_rates) for rate in rates(*place, 45.0))
 
 
@@ -60,7 +62,7 @@ def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float
         (b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
     ],
 )
-async def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
+async def test_slow_arrow_adds_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent())
         client.tell(b":RG#:M%s#" % arrow)
@@ -74,7 +76,7 @@ async def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, 
         assert bridge.sim.tracking
 
 
-async def test_two_slow_arrows_at_once_and_one_let_go() -> None:
+async def test_releasing_one_of_two_slow_arrows_leaves_the_other_moving() -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent())
         client.tell(b":RG#:Mw#")
@@ -92,7 +94,7 @@ async def test_two_slow_arrows_at_once_and_one_let_go() -> None:
         assert bridge.sim.tracking
 
 
-async def test_a_fast_arrow_beside_a_slow_one_leaves_it_and_its_axis_follows_again_afterwards() -> None:
+async def test_fast_arrow_leaves_a_slow_arrow_alone_and_its_axis_then_tracks_again() -> None:
     async with fork() as bridge:
         client = bridge.client()
         client.tell(b":RG#:Mn#")
@@ -109,7 +111,7 @@ async def test_a_fast_arrow_beside_a_slow_one_leaves_it_and_its_axis_follows_aga
         assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
 
-async def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
+async def test_slow_arrow_without_tracking_turns_only_its_motor() -> None:
     async with fork() as bridge:
         client = bridge.client()
         client.tell(b":AL#")
@@ -133,7 +135,7 @@ async def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
         ({"guide_directions": "sky"}, b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
     ],
 )
-async def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
+async def test_alt_az_guide_pulse_ends_in_tracking_without_a_standstill(
     config: dict[str, Any], pulse: bytes, first: bytes, second: bytes
 ) -> None:
     async with fork(**config) as bridge:
@@ -148,7 +150,7 @@ async def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
         assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
 
-async def test_two_pulses_at_once_add_up_on_both_axes() -> None:
+async def test_two_simultaneous_pulses_add_up_on_both_axes() -> None:
     """PHD2 may send both; to the south-east both of them turn both axes."""
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0, "guide_directions": "sky"}) as bridge:
         client = bridge.client()
@@ -167,9 +169,7 @@ async def test_two_pulses_at_once_add_up_on_both_axes() -> None:
 @pytest.mark.parametrize("latency", [0.02, 0.05])
 @pytest.mark.parametrize("pulse", [b"n", b"e"])
 @pytest.mark.parametrize("ms", [100, 300])
-async def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(
-    latency: float, pulse: bytes, ms: int
-) -> None:
+async def test_short_guide_pulses_last_as_long_as_requested(latency: float, pulse: bytes, ms: int) -> None:
     """To tell two motors takes longer, and tracking stands still meanwhile: both are made up for."""
     async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
         client = bridge.client()
@@ -188,7 +188,7 @@ async def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05, 0.15])
-async def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every_other(latency: float) -> None:
+async def test_first_guide_pulse_leaves_the_other_axis_tracking(latency: float) -> None:
     """How long the line takes was guessed for it: over a fast line the azimuth ran 2" ahead of the stars."""
     async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
         before = truth_of(bridge.sim)
@@ -201,7 +201,7 @@ async def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every
 
 @pytest.mark.parametrize("end", [b":Q#", b":Qw#", b":Sr05:00:00#:Sd+20*00:00#:MS#"])
 @pytest.mark.parametrize("motion", [b":RG#:Mw#", b":Mgw3000#"])
-async def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: bytes) -> None:
+async def test_stop_or_goto_ends_a_guide_pulse_and_restores_tracking(motion: bytes, end: bytes) -> None:
     async with fork() as bridge:
         client = bridge.client()
         client.tell(motion)
@@ -223,7 +223,7 @@ async def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, e
         ("nexstar-gps", "1.6", {"mode": "alt-az"}, "give it with --site"),
     ],
 )
-async def test_what_cannot_be_guided_is_refused_with_words(
+async def test_guide_pulse_that_cannot_be_done_is_refused_with_a_reason(
     mount: str, version: str, config: dict[str, Any], words: str
 ) -> None:
     """An SLT tells its site itself; a NexStar GPS its GPS unit's, while it has a fix."""
@@ -241,7 +241,7 @@ async def test_what_cannot_be_guided_is_refused_with_words(
 
 
 @pytest.mark.parametrize(("aligned", "words"), [(False, "is not aligned"), (True, "does not track")])
-async def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_one(aligned: bool, words: str) -> None:
+async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool, words: str) -> None:
     async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
         client = bridge.client()
         client.tell(b":AL#")
@@ -254,7 +254,7 @@ async def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_on
         assert words in told and "alt-az" not in told
 
 
-async def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
+async def test_arrow_above_the_tracking_limit_turns_only_its_motor() -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent())
         client.tell(b":RM#:Mw#")
@@ -270,7 +270,7 @@ async def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
     ("guide", "side", "command"),
     [("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)],
 )
-async def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, command: int) -> None:
+async def test_north_means_the_motor_or_the_sky_as_configured(guide: str, side: str, command: int) -> None:
     async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
         client = bridge.client()
         sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0
@@ -288,7 +288,7 @@ async def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, 
 
 
 @pytest.mark.parametrize(("site", "up"), [(NORTH, b":Mn#"), (SOUTH, b":Ms#")])
-async def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(
+async def test_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(
     site: tuple[float, float], up: bytes
 ) -> None:
     async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
@@ -319,5 +319,5 @@ async def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(
     else list(scenarios()),
     ids=str,
 )
-def test_motion_on_the_sky(case: Scenario) -> None:
+def test_arrow_and_guide_pulse_move_the_tube_the_right_way_on_the_sky(case: Scenario) -> None:
     assert not [row for row in play(case) if not row.right]

@@ -47,7 +47,7 @@ def turns(mount: tuple[str, str, float], commands: bytes, surface: str = "lx200g
 
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda mount: "/".join(mount[:2]))
 @pytest.mark.parametrize("fastest", [2, 3, 4, 8])
-def test_the_fastest_rate_is_the_one_that_was_set(mount: tuple[str, str, float], fastest: int) -> None:
+def test_arrow_runs_at_the_fastest_rate_that_was_set(mount: tuple[str, str, float], fastest: int) -> None:
     speed, _ = turns(mount, b":Sw%d#:Ms#" % fastest)
     assert speed == pytest.approx(min(fastest, mount[2]), rel=0.1)
 
@@ -55,7 +55,7 @@ def test_the_fastest_rate_is_the_one_that_was_set(mount: tuple[str, str, float],
 @pytest.mark.parametrize(
     ("rate", "degrees"), [(b":RC#", 8 * 15.041 / 3600.0), (b":RM#", 1.0), (b":RS#", 5.0), (b":RE02.0#", 2.0)]
 )
-def test_rate_of_an_lx200_program_is_that_of_the_key_of_a_cge(rate: bytes, degrees: float) -> None:
+def test_lx200_rates_equal_the_key_rates_of_a_cge(rate: bytes, degrees: float) -> None:
     """Keys 4, 7 and 9 of a CGE: 8 times sidereal, 1 and 5 degrees a second."""
     assert turns(MOUNTS[1], rate + b":Ms#")[0] == pytest.approx(degrees, rel=0.1)
 
@@ -72,7 +72,9 @@ def test_rate_of_an_lx200_program_is_that_of_the_key_of_a_cge(rate: bytes, degre
     ],
     ids=ascii,
 )
-async def test_a_rate_that_it_has_not_is_told_once(mount: tuple[str, str, float], commands: bytes, words: str) -> None:
+async def test_unavailable_fastest_rate_is_reported_once(
+    mount: tuple[str, str, float], commands: bytes, words: str
+) -> None:
     async with Bridge(*mount[:2], surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         for _ in range(2):
             client = bridge.client()
@@ -84,7 +86,7 @@ async def test_a_rate_that_it_has_not_is_told_once(mount: tuple[str, str, float]
         assert [text[: len(words)] for text in told] == ([words] if words else [])
 
 
-def test_it_goes_out_as_a_variable_rate_and_the_motors_most_as_their_own_key() -> None:
+def test_fastest_rate_is_sent_as_a_variable_rate_and_the_maximum_as_a_key() -> None:
     """A quarter of an arcsecond a second: 2 degrees are 28800 = 70 80 hex, behind 16 (axis 2 is 17), 6 or 7."""
     (sent, *_) = turns(MOUNTS[0], b":Sw2#:Ms#")[1]
     assert sent in (bytes((80, 3, 17, 6, 0x70, 0x80, 0, 0)), bytes((80, 3, 17, 7, 0x70, 0x80, 0, 0)))
@@ -93,10 +95,10 @@ def test_it_goes_out_as_a_variable_rate_and_the_motors_most_as_their_own_key() -
 
 
 @pytest.mark.parametrize("chosen", [b":RE04.0#:Sw2#", b":Sw2#:RE04.0#", b":Sw2#:RG#:RS#"])
-def test_it_holds_for_an_axis_own_rate_too(chosen: bytes) -> None:
+def test_fastest_rate_limits_a_separate_axis_rate_too(chosen: bytes) -> None:
     assert turns(MOUNTS[0], chosen + b":Ms#")[0] == pytest.approx(2.0, rel=0.05)
 
 
-def test_slower_rates_are_not_raised_to_it() -> None:
+def test_slower_rates_are_not_raised_to_the_fastest_rate() -> None:
     assert turns(MOUNTS[0], b":Sw4#:RE01.5#:Ms#")[0] == pytest.approx(1.5, rel=0.05)
     assert turns(MOUNTS[0], b":Sw4#:RM#:Ms#")[0] == pytest.approx(1.0, rel=0.05)

@@ -24,7 +24,7 @@ def eight_digits(degrees: float) -> bytes:
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("latency", [0.0, 0.03, 0.1])
 @pytest.mark.parametrize("moment", [0.0, 4.0, 8.0])
-async def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latency: float, moment: float) -> None:
+async def test_first_goto_waits_for_the_site_and_clock_of_the_mount(mount: str, latency: float, moment: float) -> None:
     """``moment``: round trips since the port was opened."""
     bridge: Any = Bridge(mount, presented="nexstar", surface="cge", config={"lowest": 10.0}, latency=latency)
     bridge.controller.start()

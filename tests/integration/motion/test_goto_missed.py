@@ -26,7 +26,7 @@ GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("cancelled", [True, False])
-async def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: str, cancelled: bool) -> None:
+async def test_goto_cancelled_at_the_keypad_is_reported(mount: str, driven: str, cancelled: bool) -> None:
     async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         owner, client = Owner(bridge, driven), bridge.client()
         await client.ask(b":GR#")
@@ -44,7 +44,7 @@ async def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, dr
 
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("ends", ["stop", "gateway"])
-def test_of_a_goto_that_the_gateway_has_ended_itself_nothing_is_told(mount: str, driven: str, ends: str) -> None:
+def test_goto_ended_by_the_gateway_is_not_reported_as_missed(mount: str, driven: str, ends: str) -> None:
     """Whenever the stop falls between two answers of a mount that is asked all the time."""
 
     async def program(late: float) -> None:
@@ -105,7 +105,7 @@ async def ended(bridge: Any, driven: str, how: str) -> None:
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("how", ENDS)
-async def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str) -> None:
+async def test_missed_goto_is_reported_until_the_next_order(how: str, mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         controller = bridge.controller
         telescope = inside(bridge.gateway)
@@ -124,7 +124,7 @@ async def test_it_is_told_until_the_next_order(how: str, mount: str, driven: str
 
 
 @pytest.mark.parametrize("how", ENDS)
-async def test_stellarium_reads_it_in_the_status(how: str) -> None:
+async def test_missed_goto_shows_in_the_stellarium_status(how: str) -> None:
     async with Bridge("cpc", presented="stellarium", surface=None, config={"sun": 0.0}) as bridge:
         client = bridge.client()
         await ended(bridge, "nexstar", how)
@@ -135,7 +135,7 @@ async def test_stellarium_reads_it_in_the_status(how: str) -> None:
         assert client.heard[-4:] == b"\0\0\0\0"
 
 
-def test_near_is_there() -> None:
+def test_goto_that_ends_near_its_target_counts_as_arrived() -> None:
     goal = Equatorial(10.0, 20.0)
     assert missed(goal, Equatorial(10.0, 20.4)) == ""
     assert "1.0 degrees from its goal" in missed(goal, Equatorial(10.0, 21.0))

@@ -37,9 +37,7 @@ async def rests(bridge: Any) -> bool:
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("early", [0.0, 0.3, 3.0])
-async def test_the_release_of_an_arrow_that_was_over_leaves_the_goto_alone(
-    mount: str, driven: str, early: float
-) -> None:
+async def test_release_of_an_ended_arrow_leaves_the_goto_alone(mount: str, driven: str, early: float) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#:Mn#")
@@ -53,7 +51,7 @@ async def test_the_release_of_an_arrow_that_was_over_leaves_the_goto_alone(
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("ends", [b":Qe#", b":Qn#", b":Qe#:Qw#:Qn#:Qs#"])
-async def test_a_halt_without_an_arrow_ends_the_goto_as_a_whole(mount: str, driven: str, ends: bytes) -> None:
+async def test_halt_without_an_arrow_ends_the_whole_goto(mount: str, driven: str, ends: bytes) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
@@ -67,7 +65,7 @@ async def test_a_halt_without_an_arrow_ends_the_goto_as_a_whole(mount: str, driv
         assert await client.ask(b":D#", until=b"#") == b"#"
 
 
-async def test_a_nexstar_program_that_halts_one_axis_ends_the_goto_as_a_whole() -> None:
+async def test_nexstar_halt_of_one_axis_ends_the_whole_goto() -> None:
     async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
         assert await client.ask(b"r55555555,15555555") == b"#"
@@ -80,7 +78,7 @@ async def test_a_nexstar_program_that_halts_one_axis_ends_the_goto_as_a_whole() 
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mount: str, driven: str) -> None:
+async def test_arrow_is_released_though_its_release_came_with_a_refused_goto(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mw#")
@@ -90,7 +88,7 @@ async def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_releas
         assert not bridge.controller.wanted.axes
 
 
-async def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> None:
+async def test_arrow_pressed_and_released_right_after_a_goto_ends() -> None:
     """That the goto is over may not be known yet when the arrow is pressed."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
@@ -104,9 +102,7 @@ async def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("meanwhile", [b":TL#", b":TS#", b":ST59.0#", b":TQ#", b":Mge0500#", b":Mgn1000#", b":RG#:RM#"])
-async def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
-    mount: str, driven: str, meanwhile: bytes
-) -> None:
+async def test_rate_or_pulse_during_a_goto_leaves_the_goto_whole(mount: str, driven: str, meanwhile: bytes) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
@@ -119,7 +115,7 @@ async def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
 
 
 @pytest.mark.parametrize("ended", [False, True])
-async def test_a_rate_that_came_during_a_goto_runs_when_it_is_over(ended: bool) -> None:
+async def test_rate_set_during_a_goto_runs_afterwards(ended: bool) -> None:
     """The Moon's: 14.685 arcseconds a second; also when the goto was stopped."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
@@ -149,7 +145,7 @@ async def arrives_near(bridge: Any) -> bool:
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("held", [0.0, 0.06, 0.1, 0.3, 0.45, 0.8])
 @pytest.mark.parametrize("when", ["during a goto", "just after one", "the second axis"])
-async def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_nothing_moving(
+async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_moving(
     mount: str, driven: str, held: float, when: str
 ) -> None:
     """The mount may have heard of the arrow and not yet acknowledged it, and the goto may seem to be under way."""
@@ -177,7 +173,7 @@ async def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leave
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven: str) -> None:
+async def test_arrow_ended_by_the_dead_man_swallows_no_later_halt(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
         first = bridge.client()
         first.tell(b":RM#:Me#")
@@ -194,7 +190,7 @@ async def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, d
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.3])
-async def test_a_stop_ends_the_search_for_home(delay: float) -> None:
+async def test_stop_ends_the_search_for_home(delay: float) -> None:
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
         client = bridge.client()
         client.tell(b":hS#")

@@ -37,7 +37,7 @@ async def declination_after(own: RehearsalMount, direction: int) -> float:
 @pytest.mark.parametrize("hours", [-3.0, 3.0])
 @pytest.mark.parametrize("site", [NORTH, SOUTH], ids=["north", "south"])
 @pytest.mark.parametrize("mount", ["cgem", "cge"])
-async def test_alpaca_north_raises_the_declination_on_both_sides(
+async def test_alpaca_pulse_north_raises_the_declination_on_both_pier_sides(
     mount: str, site: tuple[float, float], hours: float
 ) -> None:
     async with RehearsalMount(
@@ -66,7 +66,7 @@ async def test_alpaca_north_raises_the_declination_on_both_sides(
         ("lx200", "sky", "motor", True),
     ],
 )
-def test_the_surface_counts_then_the_mount_then_the_protocol(
+def test_guide_direction_setting_of_the_surface_beats_mount_and_protocol(
     protocol: str, surface: str | None, mount: str | None, by_sky: bool
 ) -> None:
     config = SurfaceConfig(at="-", guide_directions=surface)  # type: ignore[arg-type]

@@ -48,7 +48,9 @@ def moved(before: tuple[float, float, float], after: tuple[float, float, float])
 
 @pytest.mark.parametrize(("model", "version", "first"), MOUNTS, ids=lambda part: part if isinstance(part, str) else "")
 @pytest.mark.parametrize("rate", RATES)
-async def test_pulses_and_arrows_go_at_the_guide_rate(model: str, version: str, first: bytes, rate: float) -> None:
+async def test_guide_pulses_and_arrows_run_at_the_guide_rate(
+    model: str, version: str, first: bytes, rate: float
+) -> None:
     async with mount(model, version, first) as bridge:
         client = bridge.client()
         client.tell(b":Rg%04.1f#" % rate)
@@ -91,7 +93,7 @@ def sent_for(commands: bytes, *, model: str = "cge", version: str = "4.21", **co
     return found[0]
 
 
-def test_the_sum_of_tracking_and_guiding_goes_out_and_then_the_sidereal_rate() -> None:
+def test_guide_pulse_sends_the_sum_with_tracking_and_then_the_sidereal_rate() -> None:
     """0.25 of sidereal west: 15.04 and 3.76 are 18.80 arcseconds a second, 75 quarters; east 11.28, 45 quarters."""
     west = sent_for(b":Mgw1000#", guide_rate=0.25)
     assert west == [bytes((80, 3, 16, 6, 0, 75, 0, 0)), bytes((80, 3, 16, 6, 255, 255, 0, 0))]
@@ -99,21 +101,21 @@ def test_the_sum_of_tracking_and_guiding_goes_out_and_then_the_sidereal_rate() -
     assert east == [bytes((80, 3, 16, 6, 0, 45, 0, 0)), bytes((80, 3, 16, 6, 255, 255, 0, 0))]
 
 
-def test_a_key_that_turns_just_so_fast_is_pressed() -> None:
+def test_guide_rate_equal_to_a_key_rate_presses_that_key() -> None:
     assert sent_for(b":Mgw1000#") == [bytes((80, 2, 16, 36, 1, 0, 0, 0)), bytes((80, 2, 16, 36, 0, 0, 0, 0))]
 
 
-def test_a_drive_rate_of_ones_own_is_part_of_the_sum_and_comes_back() -> None:
+def test_guide_pulse_adds_to_a_custom_drive_rate_and_restores_it() -> None:
     """The lunar rate, 14.685, and 0.25 of sidereal, 3.76, are 18.445: 74 quarters; FF FD is the lunar rate."""
     sent = sent_for(b":TL# :Mgw1000#", guide_rate=0.25)
     assert sent[-2:] == [bytes((80, 3, 16, 6, 0, 74, 0, 0)), bytes((80, 3, 16, 6, 255, 253, 0, 0))]
 
 
-def test_a_guide_rate_of_nothing_guides_nowhere() -> None:
+def test_guide_rate_of_zero_moves_nothing() -> None:
     assert all(one[3] == 0x46 for one in sent_for(b":Rg00.0# :Mgw1000#"))
 
 
-async def test_a_stop_in_the_middle_of_a_pulse_puts_tracking_back() -> None:
+async def test_stop_during_a_guide_pulse_restores_tracking() -> None:
     async with mount("nexstar-gps", "4.21", b"T\2") as bridge:
         client = bridge.client()
         client.tell(b":Mgw9000#")
@@ -127,7 +129,7 @@ async def test_a_stop_in_the_middle_of_a_pulse_puts_tracking_back() -> None:
 
 
 @pytest.mark.parametrize("ms", [15, 25, 333])
-def test_short_pulses_of_the_motors_are_as_long_as_asked(ms: int) -> None:
+def test_short_pulses_of_the_motors_last_as_long_as_requested(ms: int) -> None:
     """They count hundredths of a second: what is rounded up there is made up for in percent."""
     (sent,) = sent_for(b":Mgn%04d#" % ms, model="avx", version="5.31")
     percent, ticks = sent[4], sent[5]
@@ -136,9 +138,7 @@ def test_short_pulses_of_the_motors_are_as_long_as_asked(ms: int) -> None:
 
 @pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
 @pytest.mark.parametrize(("rate", "degrees"), [(b":RG#", 7.52 / 3600.0), (b":RM#", 1.0), (b":RE02.0#", 2.0)])
-async def test_small_gotos_are_as_fast_as_the_rate_in_the_mean(
-    model: str, version: str, rate: bytes, degrees: float
-) -> None:
+async def test_small_gotos_average_the_requested_rate(model: str, version: str, rate: bytes, degrees: float) -> None:
     """Hand controls before 1.6 have no way to the motors, and tell and take steps of 20 arcseconds."""
     async with mount(model, version) as bridge:
         client = bridge.client()

@@ -51,7 +51,9 @@ def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> 
 @pytest.mark.parametrize("hours", [-3.0, 3.0])
 @pytest.mark.parametrize(("az", "alt"), [(150.0, 45.0), (250.0, 30.0), (20.0, 60.0)])
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-async def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: float) -> None:
+async def test_equatorial_drive_stays_off_after_a_goto_over_the_horizon(
+    mount: Any, az: float, alt: float, hours: float
+) -> None:
     async with over(mount, "alpaca") as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -73,7 +75,7 @@ async def test_tracking_stays_off(mount: Any, az: float, alt: float, hours: floa
 
 
 @pytest.mark.parametrize("mount", MOUNTS[:2], ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-async def test_an_lx200_program_too(mount: Any) -> None:
+async def test_equatorial_drive_stays_off_after_an_lx200_goto_over_the_horizon(mount: Any) -> None:
     async with over(mount, "lx200") as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -87,7 +89,7 @@ async def test_an_lx200_program_too(mount: Any) -> None:
         assert (await client.ask(b":GW#"))[1:2] == b"N"
 
 
-async def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None:
+async def test_equatorial_drive_stays_off_after_a_goto_with_an_emulated_sync() -> None:
     """The mount itself goes to where the place is without that sync, by its axes."""
     async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
         exact_sky.load(own.controller.astrometry.sky)
@@ -108,7 +110,7 @@ async def test_after_a_sync_that_the_gateway_keeps_the_drive_stays_off() -> None
         assert separation(*horizon(own.sim), *first) < 2.0 / 3600.0, "it stands"
 
 
-async def test_a_classic_which_cannot_stop_tracking_refuses() -> None:
+async def test_classic_that_cannot_stop_tracking_refuses_a_goto_over_the_horizon() -> None:
     async with over(("lx200", "lx200", NORTH, b""), "alpaca") as own:
         client = own.client()
         await ask(client, "put connect")

@@ -36,7 +36,7 @@ async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_en
 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
-async def test_a_late_end_is_told_and_taken_from_the_next_pulse(letter: str) -> None:
+async def test_late_end_of_a_guide_pulse_is_logged_and_subtracted_from_the_next(letter: str) -> None:
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
         await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
         await asyncio.sleep(60.0)
@@ -51,7 +51,7 @@ async def test_a_late_end_is_told_and_taken_from_the_next_pulse(letter: str) -> 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
 @pytest.mark.parametrize("missed", [0.1, 0.2])
-async def test_a_gateway_that_is_not_run_at_the_beginning_ends_it_in_time(letter: str, missed: float) -> None:
+async def test_guide_pulse_ends_in_time_though_the_gateway_was_delayed_at_its_start(letter: str, missed: float) -> None:
     """The acknowledgements are seen late; the motors have begun when they were told."""
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
         await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")

@@ -92,7 +92,7 @@ async def turns(bridge: Any, device: int, frame: bytes) -> float:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_each_rate_is_the_nearest_in_ratio_and_replaces_tracking(model: str) -> None:
+async def test_each_nexstar_rate_uses_the_nearest_meade_rate_and_replaces_tracking(model: str) -> None:
     column = 1 + MODELS.index(model)
     async with meade(model) as bridge:
         for row in WEST:
@@ -105,7 +105,7 @@ async def test_each_rate_is_the_nearest_in_ratio_and_replaces_tracking(model: st
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_what_was_changed_is_put_back(model: str) -> None:
+async def test_meade_settings_changed_for_a_motion_are_restored(model: str) -> None:
     async with meade(model) as bridge:
         for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
             await turns(bridge, frame[2], frame)
@@ -117,7 +117,7 @@ async def test_what_was_changed_is_put_back(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_a_stop_puts_the_drive_back(model: str) -> None:
+async def test_stop_restores_the_meade_drive_rate(model: str) -> None:
     async with meade(model) as bridge:
         client = bridge.client()
         await client.ask(variable(16, 14.5))
@@ -127,7 +127,7 @@ async def test_a_stop_puts_the_drive_back(model: str) -> None:
         assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(SIDEREAL, abs=0.001)
 
 
-async def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
+async def test_meade_drive_rate_set_by_a_program_returns_after_a_motion() -> None:
     """FF FD is the lunar rate."""
     async with meade("autostar") as bridge:
         client = bridge.client()
@@ -143,7 +143,7 @@ async def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
 @pytest.mark.parametrize(
     ("hand_control", "hertz", "arcseconds"), [(b":TL#", 57.9, 14.685), (b":TM#:ST059.4#", 59.4, 14.85)]
 )
-async def test_a_drive_rate_of_the_hand_control_comes_back(
+async def test_meade_drive_rate_set_at_the_hand_control_returns_after_a_motion(
     hand_control: bytes, hertz: float, arcseconds: float
 ) -> None:
     """It is displayed, so it can be read before a motion replaces it; also if a program has set another one before."""
@@ -165,7 +165,7 @@ async def test_a_drive_rate_of_the_hand_control_comes_back(
                 assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
 
-async def test_what_cannot_be_read_at_the_hand_control_is_said_once() -> None:
+async def test_unreadable_hand_control_rate_is_reported_once() -> None:
     async with meade("lx200gps") as bridge:
         for _ in range(2):
             await turns(bridge, 17, variable(17, 10800.0))
@@ -174,7 +174,7 @@ async def test_what_cannot_be_read_at_the_hand_control_is_said_once() -> None:
 
 
 @pytest.mark.parametrize("model", ["lx200gps", "autostar"])
-async def test_a_key_that_is_off_is_told_once(model: str) -> None:
+async def test_inexact_meade_key_rate_is_reported_once(model: str) -> None:
     """4 and 5 are one speed here."""
     async with meade(model) as bridge:
         for number in (4, 5, 4, 9, 9):
@@ -183,7 +183,7 @@ async def test_a_key_that_is_off_is_told_once(model: str) -> None:
         assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
 
 
-async def test_a_rate_that_is_off_is_in_the_log_once() -> None:
+async def test_inexact_meade_rate_is_logged_once() -> None:
     async with meade("lx200") as bridge:
         for _ in range(2):
             await turns(bridge, 17, variable(17, 3600.0))
@@ -195,7 +195,9 @@ async def test_a_rate_that_is_off_is_in_the_log_once() -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(("percent", "config", "arcseconds"), [(20, {}, 7.52), (50, {}, 18.8), (100, {}, 37.6)])
-async def test_a_pulse_has_its_own_rate(model: str, percent: int, config: dict[str, float], arcseconds: float) -> None:
+async def test_meade_guide_pulse_runs_at_the_guide_rate_for_its_time(
+    model: str, percent: int, config: dict[str, float], arcseconds: float
+) -> None:
     """2.5 s at so many percent of sidereal; where the telescope guides at its one rate alone, for as much shorter.
 
     One that the gateway has to end itself takes up to 0.05 s more until it is heard, 0.8 arcseconds.
@@ -210,7 +212,7 @@ async def test_a_pulse_has_its_own_rate(model: str, percent: int, config: dict[s
 @pytest.mark.parametrize(
     ("model", "ms", "arcseconds"), [*((model, 2000, 15.04) for model in MODELS), ("autostar", 50000, 376.0)]
 )
-async def test_guide_rate_of_the_settings_holds_over_a_meade_too(model: str, ms: int, arcseconds: float) -> None:
+async def test_configured_guide_rate_applies_to_a_meade(model: str, ms: int, arcseconds: float) -> None:
     """``:Mg`` of an LX200 program at half of sidereal, whatever the telescope guides at. A pulse of 50 s is made of
     three pieces of 9.999 s and less at the telescope's one rate.
     """
@@ -227,9 +229,7 @@ async def test_guide_rate_of_the_settings_holds_over_a_meade_too(model: str, ms:
 
 @pytest.mark.parametrize(("asked", "speed"), [(b"", 8.0), (b":Sw2#", 2.0), (b":Sw5#", 5.0)])
 @pytest.mark.parametrize("order", [b":Sr03:30:00#:Sd+20*00:00#:MS#", b":Sz120*00#:Sa+45*00#:MA#"])
-async def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
-    asked: bytes, speed: float, order: bytes
-) -> None:
+async def test_meade_goto_runs_at_the_fastest_rate_of_its_program(asked: bytes, speed: float, order: bytes) -> None:
     """Meade: ``:SwN#``, set maximum slew rate to N degrees per second. Other programs' gotos go as before."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}) as bridge:
         client = bridge.client()

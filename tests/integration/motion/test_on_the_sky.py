@@ -39,7 +39,7 @@ async def moved(bridge: Bridge, order: Any) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("site", "azimuth", "altitude"), [(NORTH, 310.0, 50.0), (NORTH, 100.0, 35.0), (SOUTH, 40.0, 50.0)]
 )
-async def test_guide_pulses_are_directions_on_the_sky(
+async def test_guide_pulses_move_the_tube_in_sky_directions(
     driven: str, model: str, site: tuple[float, float], azimuth: float, altitude: float
 ) -> None:
     async with Bridge(model, driven=driven, site=site, config=OPEN, latency=0.01, ramps=False) as bridge:
@@ -77,7 +77,7 @@ ENDS = {b":": b":Qw#:Qe#:Qn#:Qs#", b"P": b"P\x02\x10\x24\0\0\0\0"}
 @pytest.mark.parametrize("adds", [False, True], ids=["replaces", "adds"])
 @pytest.mark.parametrize("order", SLOW)
 @pytest.mark.parametrize(("model", "site"), [("german", NORTH), ("german", SOUTH), ("polar", NORTH)])
-async def test_slow_arrows_on_an_alpaca_mount_are_on_the_sky(
+async def test_slow_arrows_move_an_alpaca_mount_in_sky_directions(
     model: str, site: tuple[float, float], order: bytes, adds: bool
 ) -> None:
     """Servers disagree whether MoveAxis includes tracking. The polar one has a few fixed rates, and guide pulses."""
@@ -117,7 +117,7 @@ def moved_by(one: tuple[float, float], other: tuple[float, float]) -> float:
 @pytest.mark.parametrize(
     ("order", "az", "alt"), [(b":Mw#", 1, 0), (b":Me#", -1, 0), (b":Mn#", 0, 1), (b":Mw#:Mn#", 1, 1)]
 )
-async def test_slow_arrows_on_an_alt_az_alpaca_mount_are_added_to_tracking(
+async def test_slow_arrows_add_to_tracking_on_an_alt_az_alpaca_mount(
     order: bytes, az: int, alt: int, adds: bool
 ) -> None:
     bridge = Bridge(
@@ -142,7 +142,7 @@ async def test_slow_arrows_on_an_alt_az_alpaca_mount_are_added_to_tracking(
 
 
 @pytest.mark.parametrize("question", [b"L", b":D#"])
-async def test_what_a_hand_moves_is_no_goto(question: bytes) -> None:
+async def test_motion_by_hand_is_not_reported_as_a_goto(question: bytes) -> None:
     nexstar = question == b"L"
     bridge = Bridge(
         "german", driven="alpaca", presented="nexstar" if nexstar else "lx200",
@@ -158,7 +158,7 @@ async def test_what_a_hand_moves_is_no_goto(question: bytes) -> None:
             await asyncio.sleep(0.1)
 
 
-async def test_a_pulse_on_the_sky_is_refused_where_it_would_be_one_of_a_motor() -> None:
+async def test_sky_pulse_is_refused_where_it_would_turn_one_motor() -> None:
     bridge = Bridge("lx200", driven="lx200", config=OPEN)
     bridge.sim.feed(b":AA#")
     bridge.sim.aligned = True

@@ -61,7 +61,7 @@ async def stands(owner: Owner, seconds: float) -> bool:
 
 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("goto", "park")])
-async def test_a_goto_that_was_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: str) -> None:
+async def test_goto_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (bridge, owner, client):
         tracked = bridge.sim.tracking
         owner.keys("cancel")
@@ -73,7 +73,7 @@ async def test_a_goto_that_was_cancelled_at_the_keypad_stays_cancelled(mount: st
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
+async def test_motion_at_the_keypad_is_left_alone(mount: str) -> None:
     async with at_the_mount(mount, "tracking") as (_, owner, _):
         owner.keys("up")
         for _ in range(10):
@@ -99,7 +99,7 @@ async def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
         "lx200",
     ],
 )
-async def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: str) -> None:
+async def test_release_of_an_arrow_leaves_motion_at_the_keypad_alone(mount: str) -> None:
     async with at_the_mount(mount, "arrow") as (bridge, owner, client):
         owner.keys("up")
         await asyncio.sleep(1.0)
@@ -111,7 +111,7 @@ async def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mou
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge", "lx200gps"])
-async def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> None:
+async def test_tracking_switched_off_at_the_keypad_stays_off(mount: str) -> None:
     """Also over an arrow and a pulse of a program, which suspend tracking for as long as they last."""
     async with at_the_mount(mount, "tracking") as (bridge, owner, client):
         owner.keys("tracking off")
@@ -129,7 +129,7 @@ async def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> 
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-async def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> None:
+async def test_site_set_at_the_keypad_is_not_overwritten(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, client):
         owner.keys("site")
         await asyncio.sleep(2.0)
@@ -142,7 +142,7 @@ async def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str)
 @pytest.mark.parametrize(
     ("mount", "motion"), [case for case in CASES if case[0] != "lx200" and case[1] in ("arrow", "goto", "tracking")]
 )
-async def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion: str) -> None:
+async def test_alignment_at_the_keypad_is_not_disturbed(mount: str, motion: str) -> None:
     """Its owner ends what goes on, aligns anew and moves the mount meanwhile."""
     async with at_the_mount(mount, motion) as (_, owner, client):
         client.tell(b":Q#")
@@ -164,7 +164,7 @@ async def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, 
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-async def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: str) -> None:
+async def test_mount_does_not_move_by_itself_after_a_power_cycle(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, _):
         await owner.power_cycle(6.0)
         assert await stands(owner, 12.0)
@@ -172,7 +172,7 @@ async def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: s
 
 
 @pytest.mark.parametrize(("mount", "motion"), CASES)
-async def test_after_the_cable_was_out_nothing_is_begun_again(mount: str, motion: str) -> None:
+async def test_mount_starts_no_motion_when_the_cable_is_reconnected(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, _):
         await owner.cable_out(4.0)
         await asyncio.sleep(10.0)
@@ -180,7 +180,7 @@ async def test_after_the_cable_was_out_nothing_is_begun_again(mount: str, motion
 
 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("arrow", "goto", "park")])
-async def test_a_stop_while_the_cable_was_out_is_carried_out_and_nothing_after_it(mount: str, motion: str) -> None:
+async def test_stop_pending_during_a_cable_fault_runs_and_nothing_follows(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, client):
         asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
         await owner.cable_out(4.0)

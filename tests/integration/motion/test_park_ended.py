@@ -23,7 +23,7 @@ async def polled(bridge: Bridge, seconds: int) -> None:
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("cancelled", [True, False])
-async def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, cancelled: bool) -> None:
+async def test_park_cancelled_at_the_keypad_is_not_reported_as_parked(mount: str, cancelled: bool) -> None:
     async with Bridge(mount, config=CONFIG) as bridge:
         await bridge.controller.perform(op.Goto(120.0, 30.0))
         await polled(bridge, 80)
@@ -46,7 +46,7 @@ async def test_a_park_that_was_cancelled_at_the_keypad_is_no_park(mount: str, ca
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
 @pytest.mark.parametrize("goto", [op.GotoAxes(320.0, 20.0), op.GotoHorizontal(320.0, 20.0)])
 @pytest.mark.parametrize("cancelled", [True, False])
-async def test_a_goto_by_axes_that_was_cancelled_is_told_as_ended_short(
+async def test_axis_goto_cancelled_at_the_keypad_is_reported_as_ended_short(
     mount: str, driven: str, goto: op.Operation, cancelled: bool
 ) -> None:
     async with Bridge(mount, driven=driven, config=CONFIG) as bridge:
@@ -59,7 +59,7 @@ async def test_a_goto_by_axes_that_was_cancelled_is_told_as_ended_short(
         assert ("from its goal" in bridge.controller.wanted.value.short) is cancelled
 
 
-async def test_a_home_that_was_cancelled_is_not_found() -> None:
+async def test_home_search_cancelled_at_the_keypad_is_not_reported_as_found() -> None:
     async with Bridge("cge", config=CONFIG) as bridge:
         await bridge.controller.perform(op.SetHome())
         await bridge.controller.perform(op.Goto(120.0, 30.0))

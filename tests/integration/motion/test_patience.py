@@ -37,7 +37,7 @@ def motions(bridge: Any) -> list[bytes]:
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [2.8, 3.0, 4.0, 5.0])
-async def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
+async def test_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
     async with bridge_to(mount) as bridge:
         await calculates(bridge, gap)
         client = bridge.client()
@@ -49,7 +49,7 @@ async def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, g
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.3, 1.0, 2.0])
-async def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
+async def test_waiting_goto_is_refused_before_its_program_times_out(mount: str, gap: float) -> None:
     """Programs wait for three to five seconds; what is begun after that would be begun without their knowing."""
     async with bridge_to(mount) as bridge:
         await calculates(bridge, gap)
@@ -61,7 +61,7 @@ async def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str
         assert client.heard == told
 
 
-async def test_of_two_gotos_that_wait_the_newer_one_is_begun() -> None:
+async def test_newer_of_two_waiting_gotos_is_carried_out() -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 2.6)
         older, newer = bridge.client(), bridge.client("10.0.0.3")
@@ -74,7 +74,7 @@ async def test_of_two_gotos_that_wait_the_newer_one_is_begun() -> None:
         assert arrived(bridge)
 
 
-async def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
+async def test_goto_is_refused_when_the_telescope_stays_busy() -> None:
     async with bridge_to("lx200gps") as bridge:
         bridge.client("10.0.0.2").tell(b":gT#")
         await asyncio.sleep(2.0)
@@ -86,7 +86,7 @@ async def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
 
 
 @pytest.mark.parametrize("how", [b":Q#", b":Qe#", b"", None])
-async def test_stop_or_end_of_its_connection_ends_a_goto_that_waits(how: bytes | None) -> None:
+async def test_stop_or_disconnection_cancels_a_waiting_goto(how: bytes | None) -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 1.5)
         client = bridge.client()
@@ -105,7 +105,7 @@ async def test_stop_or_end_of_its_connection_ends_a_goto_that_waits(how: bytes |
         assert not truth_of(bridge.sim).moving
 
 
-async def test_an_arrow_is_not_begun_when_the_telescope_hears_again() -> None:
+async def test_arrow_pressed_while_the_telescope_is_busy_is_not_carried_out_later() -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 1.5)
         bridge.client().tell(b":RM#:Me#")
@@ -114,7 +114,7 @@ async def test_an_arrow_is_not_begun_when_the_telescope_hears_again() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.1, 1.5, 3.0])
-async def test_a_drive_rate_that_comes_meanwhile_is_in_force_afterwards(gap: float) -> None:
+async def test_drive_rate_set_while_the_telescope_is_busy_applies_afterwards(gap: float) -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, gap)
         client = bridge.client()

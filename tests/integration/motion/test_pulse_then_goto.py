@@ -13,7 +13,7 @@ from tests.support.in_process_gateway import Bridge
 @pytest.mark.parametrize(("driven", "model", "version"), [
     ("nexstar", "cge", "3.02"), ("nexstar", "cge", "4.21"), ("lx200", "lx200", None), ("lx200", "lx200gps", None),
 ])  # fmt: skip
-async def test_a_goto_ends_a_pulse(driven: str, model: str, version: str | None) -> None:
+async def test_goto_ends_a_running_guide_pulse(driven: str, model: str, version: str | None) -> None:
     async with Bridge(model, version, driven=driven) as bridge:
         ra, dec = bridge.sim.truth()
         pulse = asyncio.ensure_future(bridge.controller.perform(op.Pulse(op.Direction.WEST, 3000)))

@@ -19,7 +19,7 @@ PULSE_ALT, ACTIVE_ALT = b"P\x03\x11\x26\xce\x32\0\0", b"P\x01\x11\x27\0\0\0\x01"
 
 
 @pytest.mark.parametrize(("surface", "none"), [(None, b"\0\0#"), ("avx", b"\0#")])
-async def test_a_fork_in_altaz_whose_motors_know_no_pulses_says_no(surface: str | None, none: bytes) -> None:
+async def test_alt_az_fork_without_motor_pulses_refuses_guide_pulses(surface: str | None, none: bytes) -> None:
     """Where nothing is named, the motors themselves say that they do not know 0x27 either."""
     async with Bridge("cpc", "4.21", presented="nexstar", surface=surface) as bridge:
         client = bridge.client()
@@ -30,7 +30,7 @@ async def test_a_fork_in_altaz_whose_motors_know_no_pulses_says_no(surface: str 
         assert not [sent for sent in bridge.sent()[before:] if sent[:1] == b"P" and sent[3:4] in b"\x06\x07\x26"]
 
 
-async def test_on_a_wedge_it_is_done_and_says_yes() -> None:
+async def test_fork_on_a_wedge_carries_out_and_acknowledges_guide_pulses() -> None:
     async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc") as bridge:
         client = bridge.client()
         assert await client.ask(b"T\x02") == b"#"
@@ -39,7 +39,7 @@ async def test_on_a_wedge_it_is_done_and_says_yes() -> None:
         assert await client.ask(ACTIVE_AZM) == b"\x01#"
 
 
-async def test_a_mode_that_is_on_its_way_to_the_mount_counts() -> None:
+async def test_guide_pulse_is_judged_by_the_pending_tracking_mode() -> None:
     """The program has asked for tracking as on a wedge, and pulses at once: nobody is told no for what will be."""
     async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc", latency=0.3) as bridge:
         client = bridge.client()
@@ -59,7 +59,7 @@ async def _set_out(mount: str, driven: str) -> AsyncIterator[tuple[Bridge, Visit
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps"), ("lx200", "lx200")])
-async def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
+async def test_guide_pulse_is_refused_during_a_goto_and_done_after_a_stop(driven: str, mount: str) -> None:
     async with _set_out(mount, driven) as (_, client):
         assert await client.ask(b"L") == b"1#"
         assert await client.ask(PULSE_AZM) == NO
@@ -72,7 +72,7 @@ async def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: s
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps")])
-async def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
+async def test_guide_pulse_right_after_the_end_of_a_goto_is_done(driven: str, mount: str) -> None:
     async with _set_out(mount, driven) as (bridge, client):
         before = len(bridge.sent())
         assert await client.ask(b"M" + PULSE_AZM) == b"##"

@@ -51,7 +51,7 @@ async def told_until_rest(own: RehearsalMount, client: Visitor) -> None:
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("end", ["put abortslew", "put moveaxis Axis=0 Rate=0"])
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-async def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latency: float) -> None:
+async def test_slewing_is_reported_until_the_mount_rests(mount: tuple[str, str], end: str, latency: float) -> None:
     async with RehearsalMount(
         mount[0], start=START, driven=mount[1], presented="alpaca", named=True, latency=latency
     ) as own:
@@ -65,7 +65,7 @@ async def test_slewing_lasts_until_rest(mount: tuple[str, str], end: str, latenc
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-def test_an_aborted_goto_is_told_until_rest_on_every_surface(mount: tuple[str, str]) -> None:
+def test_aborted_goto_reports_slewing_until_rest_on_every_surface(mount: tuple[str, str]) -> None:
     async def program(presented: str, goto: list[bytes], stop: bytes, slews: bytes, done: bytes) -> None:
         async with RehearsalMount(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
             exact_sky.load(own.controller.astrometry.sky)
@@ -89,7 +89,7 @@ def test_an_aborted_goto_is_told_until_rest_on_every_surface(mount: tuple[str, s
     run(program("nexstar", [b"R3B79,0FA8"], b"M", b"L", b"0#"))
 
 
-async def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
+async def test_motion_by_hand_reports_no_slewing_to_lx200_and_nexstar_programs() -> None:
     """INDI would never leave *slewing*, and Hamlib drops its gotos."""
     async with RehearsalMount("cpc", start=START, presented="lx200", named=True) as own:
         client = own.client()
@@ -103,7 +103,7 @@ async def test_by_hand_lx200_and_nexstar_programs_are_told_no_slew() -> None:
 
 
 @pytest.mark.parametrize("mount", [*MOUNTS[:2], *MOUNTS[3:]], ids="-".join)
-def test_a_pulse_right_after_an_arrow_is_as_long_as_it_should_be(mount: tuple[str, str]) -> None:
+def test_guide_pulse_right_after_an_arrow_has_its_full_length(mount: tuple[str, str]) -> None:
     async def program() -> None:
         async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
             client = await connected(own)
@@ -129,7 +129,7 @@ def test_a_pulse_right_after_an_arrow_is_as_long_as_it_should_be(mount: tuple[st
     run(program())
 
 
-async def test_without_a_position_it_is_not_known_whether_it_moves() -> None:
+async def test_run_on_without_a_position_reports_no_known_motion() -> None:
     async with RehearsalMount("cpc", start=START, presented="alpaca", named=True) as own:
         client = await connected(own)
         await ask(client, "put moveaxis Axis=0 Rate=3.0")

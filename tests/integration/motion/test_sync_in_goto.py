@@ -36,7 +36,7 @@ def off(bridge: Any) -> float:
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_on_its_own_target_it_waits_for_the_end(mount: str, driven: str) -> None:
+async def test_sync_on_the_gotos_target_is_done_on_arrival(mount: str, driven: str) -> None:
     """A driver that compares positions takes the goto for over when it is two arcminutes away, and syncs."""
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
@@ -51,7 +51,9 @@ async def test_on_its_own_target_it_waits_for_the_end(mount: str, driven: str) -
 @pytest.mark.parametrize("degrees", [0.03, 0.5, 10.0])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("wanted", [BESIDE, OTHER])
-async def test_on_another_object_it_is_refused_at_once(wanted: bytes, degrees: float, mount: str, driven: str) -> None:
+async def test_sync_on_another_object_during_a_goto_is_refused_at_once(
+    wanted: bytes, degrees: float, mount: str, driven: str
+) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client, error = bridge.client(), off(bridge)
         await nearly_there(bridge, client, degrees)
@@ -63,7 +65,7 @@ async def test_on_another_object_it_is_refused_at_once(wanted: bytes, degrees: f
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_too_early_it_is_refused_after_waiting(mount: str, driven: str) -> None:
+async def test_sync_too_early_in_a_goto_is_refused_after_waiting(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client, error = bridge.client(), off(bridge)
         await nearly_there(bridge, client, 20.0)
@@ -74,7 +76,7 @@ async def test_too_early_it_is_refused_after_waiting(mount: str, driven: str) ->
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("ends", ["closed", "stopped at the keys", "stopped by another"])
-async def test_what_came_in_between_undoes_it(ends: str, mount: str, driven: str) -> None:
+async def test_pending_sync_is_dropped_after_a_stop_or_a_disconnection(ends: str, mount: str, driven: str) -> None:
     """Its client has gone, the owner has ended the goto before its goal, or a stop came."""
     async with Bridge(mount, driven=driven) as bridge:
         client, other, error = bridge.client(), bridge.client("10.0.0.9"), off(bridge)
@@ -94,7 +96,7 @@ async def test_what_came_in_between_undoes_it(ends: str, mount: str, driven: str
         assert off(bridge) == pytest.approx(error, abs=0.02)
 
 
-async def test_a_goto_in_azimuth_and_altitude_has_its_own_target_too() -> None:
+async def test_sync_during_a_goto_in_azimuth_and_altitude_is_done_on_arrival() -> None:
     async with Bridge("cpc") as bridge:
         controller = bridge.controller
         await controller.perform(op.GotoHorizontal(150.0, 40.0))

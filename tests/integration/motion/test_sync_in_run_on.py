@@ -31,7 +31,9 @@ async def at_its_goal(bridge: Bridge, driven: str) -> None:
 @pytest.mark.parametrize("delay", [0.1, 0.3])
 @pytest.mark.parametrize("stop", [b":Q#", b":Qe#"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_after_a_stop_it_is_done_when_the_mount_rests(mount: str, driven: str, stop: bytes, delay: float) -> None:
+async def test_sync_after_a_stop_is_done_when_the_mount_rests(
+    mount: str, driven: str, stop: bytes, delay: float
+) -> None:
     """What it names is then where the mount believes to be, so that it turns nothing."""
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         await at_its_goal(bridge, driven)
@@ -53,7 +55,7 @@ async def test_after_a_stop_it_is_done_when_the_mount_rests(mount: str, driven: 
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_while_a_key_is_held_it_is_refused(mount: str, driven: str) -> None:
+async def test_sync_while_a_key_is_held_is_refused(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         await at_its_goal(bridge, driven)
         owner, client = Owner(bridge, driven), bridge.client()

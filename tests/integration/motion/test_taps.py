@@ -19,7 +19,7 @@ FIRST, SECOND = "127.0.0.1", "10.0.0.9"
 
 @pytest.mark.parametrize("face", FACES)
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_a_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
+def test_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
     grid = [(latency, seconds) for latency in LATENCIES for seconds in LENGTHS]
     for latency, seconds in grid[:: as_a_rule(4, whole=1)]:
         assert not (why := run(judged(face, mount, seconds, latency))), (latency, seconds, why)
@@ -31,7 +31,7 @@ def refusals(own: RehearsalMount) -> list[str]:
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-async def test_taps_in_a_row_each_count(face: str, latency: float) -> None:
+async def test_every_tap_of_a_series_moves_the_mount(face: str, latency: float) -> None:
     """Three north, one south, and the next one begins before the one before has ended."""
     single = abs((await tap(face, "cpc", 0.12, latency)).moved)
     async with stage(face, "cpc", latency) as own:
@@ -52,7 +52,7 @@ async def test_taps_in_a_row_each_count(face: str, latency: float) -> None:
 
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.3])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-async def test_a_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
+async def test_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
     keypad = await at_keypad("cpc", 0.12, 1.0)
     async with stage(face, "cpc", latency) as own:
         one, axes, client = FACES[face], Axes(own), own.client()
@@ -74,7 +74,7 @@ async def test_a_slow_line_joins_taps_of_one_direction(face: str, latency: float
     "end", [b":Q#", b":Qe#:Qw#:Qn#:Qs#", b":Qn#:Qs#:Qe#:Qw#", ":Mn# of another", ":Qn# of another"]
 )
 @pytest.mark.parametrize("tapped", [True, False])
-async def test_a_stop_cancels_what_has_not_begun(end: bytes | str, tapped: bool) -> None:
+async def test_stop_cancels_a_pending_tap(end: bytes | str, tapped: bool) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
         client.tell(b":RM#")
@@ -95,7 +95,7 @@ async def test_a_stop_cancels_what_has_not_begun(end: bytes | str, tapped: bool)
         assert not any("Release" in text for text in refusals(own))
 
 
-async def test_the_fourth_release_ends_what_moves() -> None:
+async def test_release_of_all_four_arrows_stops_the_mount() -> None:
     """RTS2 stops by the releases of all four arrows: each acts when it is read."""
     async with stage("lx200", "cpc", 0.1) as own:
         client = own.client()
@@ -109,7 +109,7 @@ async def test_the_fourth_release_ends_what_moves() -> None:
         assert not moving(own.sim)
 
 
-async def test_a_goto_cancels_a_tap_that_has_not_begun() -> None:
+async def test_goto_cancels_a_pending_tap() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         client = own.client()
         begun: list[op.Operation] = []
@@ -127,7 +127,7 @@ async def test_a_goto_cancels_a_tap_that_has_not_begun() -> None:
 
 
 @pytest.mark.parametrize("times", [1, 3])
-async def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None:
+async def test_late_tap_is_dropped_and_reported(times: int) -> None:
     """It was held for longer than a tap may wait, and the mount has not begun to move."""
     async with stage("lx200", "cgem", 0.6) as own:
         axes, client = Axes(own), own.client()
@@ -142,7 +142,7 @@ async def test_a_tap_that_comes_too_late_is_dropped_and_told(times: int) -> None
         assert ["this tap came too late" in words for words in refusals(own)] == [True]
 
 
-async def test_a_tap_that_waits_for_an_answer_before_it_is_carried_out_in_its_turn() -> None:
+async def test_tap_behind_a_pending_read_is_carried_out_in_its_turn() -> None:
     async with stage("lx200", "cpc", 0.2) as own:
         axes, client = Axes(own), own.client()
         await asyncio.sleep(12.0)  # nothing is known of the mount any more
@@ -157,7 +157,7 @@ async def test_a_tap_that_waits_for_an_answer_before_it_is_carried_out_in_its_tu
         assert not moving(own.sim)
 
 
-def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -> None:
+def test_short_press_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -> None:
     async def program(seconds: float) -> float:
         async with stage("lx200", "cpc", 0.05) as own:
             axes, client = Axes(own), own.client()
@@ -174,7 +174,7 @@ def test_a_short_press_that_has_begun_late_keeps_its_length_and_a_long_one_ends_
     assert run(program(1.2)) <= 0.35
 
 
-async def test_an_arrow_that_is_held_waits_for_the_tap_before_it_and_is_ended_by_its_own_release() -> None:
+async def test_held_arrow_waits_for_the_previous_tap_and_ends_at_its_release() -> None:
     async with stage("lx200", "cpc", 0.24) as own:
         client = own.client()
         client.tell(b":RM#:Mw#")
@@ -190,7 +190,7 @@ async def test_an_arrow_that_is_held_waits_for_the_tap_before_it_and_is_ended_by
         assert not moving(own.sim)
 
 
-async def test_a_connection_for_every_command_taps_as_well() -> None:
+async def test_program_with_one_connection_per_command_can_tap() -> None:
     async with stage("lx200", "cpc", 0.15) as own:
         axes = Axes(own)
 
@@ -221,7 +221,7 @@ STOPS = {
 
 @pytest.mark.parametrize("how", STOPS)
 @pytest.mark.parametrize("known", [True, False])
-async def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
+async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
     before, seconds, taps = STOPS[how]
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
@@ -247,7 +247,7 @@ async def test_a_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, k
 
 
 @pytest.mark.parametrize("presses", [b":Mn#:Qn#", b":Mn#:Mn#"])
-async def test_a_full_stop_that_comes_again_goes_first(presses: bytes) -> None:
+async def test_repeated_full_stop_goes_before_everything(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
         client.guest.client.releases.by_stop = True
@@ -275,7 +275,7 @@ async def away_from_the_pole(client: Visitor) -> None:
 
 @pytest.mark.parametrize("latency", [0.05, 0.15, 0.3])
 @pytest.mark.parametrize("mount", ["cgem", "lx200gps"])
-def test_a_tap_at_guide_rate_is_a_guide_pulse_of_its_own_length(mount: str, latency: float) -> None:
+def test_tap_at_guide_rate_is_a_guide_pulse_of_the_length_of_the_tap(mount: str, latency: float) -> None:
     rates: list[float] = []
 
     async def program(seconds: float) -> float:
@@ -299,7 +299,7 @@ def test_a_tap_at_guide_rate_is_a_guide_pulse_of_its_own_length(mount: str, late
         assert moved == pytest.approx(seconds * rates[-1], rel=0.1, abs=0.1), seconds
 
 
-def test_taps_at_guide_rate_add_up_where_the_mount_has_no_pulses() -> None:
+def test_taps_at_guide_rate_add_up_on_a_mount_without_pulses() -> None:
     """Each is shorter than an exchange, and none is lengthened to more than half as much again."""
 
     async def program(times: int) -> float:

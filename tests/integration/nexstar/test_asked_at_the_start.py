@@ -19,7 +19,7 @@ MOUNTS = [(model, version) for model, row in NEXSTAR.models.items() for version 
 
 @pytest.mark.parametrize("named", [True, False])
 @pytest.mark.parametrize(("model", "version"), MOUNTS)
-async def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, version: str, named: bool) -> None:
+async def test_hand_control_is_sent_only_commands_that_its_version_knows(model: str, version: str, named: bool) -> None:
     async with Bridge(model, version, named=named) as bridge:
         client = bridge.client()
         await asyncio.sleep(1.0)
@@ -31,9 +31,7 @@ async def test_no_hand_control_is_asked_what_its_version_does_not_know(model: st
 
 
 @pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "2.2"), ("cge", "4.21"), ("avx", "5.31")])
-async def test_a_hand_control_is_identified_that_waits_long_for_a_focuser_that_is_not_there(
-    model: str, version: str
-) -> None:
+async def test_hand_control_is_identified_though_it_waits_long_for_a_missing_focuser(model: str, version: str) -> None:
     """It takes 3.5 s to say so, as the manual allows (``tests/support/lossy_line.py``), and the line takes more."""
     bridge = Bridge(model, version, latency=0.3)
     LossyLine(bridge, 0.3)

@@ -25,7 +25,7 @@ async def asleep(bridge: Bridge, client: Visitor, presented: str = "nexstar") ->
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-async def test_a_mount_that_sleeps_is_not_asked_what_it_will_not_answer(presented: str) -> None:
+async def test_sleeping_mount_is_sent_only_requests_that_it_answers(presented: str) -> None:
     async with Bridge("cpc", presented=presented, surface=None) as bridge:
         client = bridge.client()
         await asleep(bridge, client, presented)
@@ -36,7 +36,7 @@ async def test_a_mount_that_sleeps_is_not_asked_what_it_will_not_answer(presente
         assert set(asked) == {b"e"} and len(asked) <= 25  # somebody may have woken it by hand
 
 
-async def test_a_goto_is_refused_with_words_and_at_once() -> None:
+async def test_goto_to_a_sleeping_mount_is_refused_at_once_with_a_reason() -> None:
     async with Bridge("cpc") as bridge:
         client = bridge.client()
         assert await client.ask(b":Sr08:00:00#") + await client.ask(b":Sd+40*00:00#") == b"11"
@@ -48,7 +48,7 @@ async def test_a_goto_is_refused_with_words_and_at_once() -> None:
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("late", [0.0, 1.0, 2.0, 3.0, 4.0])
-async def test_who_wakes_it_may_ask_at_once(presented: str, late: float) -> None:
+async def test_program_that_wakes_the_mount_may_read_it_at_once(presented: str, late: float) -> None:
     """Even while it is being asked whether somebody has woken it."""
     async with Bridge("cpc", presented=presented, surface=None) as bridge:
         client = bridge.client()
@@ -59,7 +59,7 @@ async def test_who_wakes_it_may_ask_at_once(presented: str, late: float) -> None
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-async def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
+async def test_mount_wakes_whatever_requests_came_during_its_sleep(presented: str) -> None:
     """A stop that a sleeper does not hear is owed by nobody, and takes no later command with it."""
     async with Bridge("cpc", presented=presented, surface=None) as bridge:
         client = bridge.client()
@@ -76,7 +76,7 @@ async def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) ->
         assert bridge.sim.mode == ALTAZ and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
 
 
-async def test_an_arrow_that_waits_for_the_position_does_not_wait_for_the_waking_behind_it() -> None:
+async def test_arrow_waiting_for_the_position_does_not_wait_for_a_wake_behind_it() -> None:
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
         await asleep(bridge, client)
@@ -85,7 +85,7 @@ async def test_an_arrow_that_waits_for_the_position_does_not_wait_for_the_waking
         assert not bridge.sim.asleep
 
 
-def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
+def test_mount_woken_by_hand_is_recognised_as_awake() -> None:
     async def program() -> None:
         async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
             client = bridge.client()
@@ -99,7 +99,7 @@ def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
     run(program())
 
 
-async def test_sleep_ends_what_moves() -> None:
+async def test_sleep_ends_every_motion() -> None:
     async with Bridge("cpc", presented="lx200") as bridge:
         client = bridge.client()
         client.tell(b":RC#:Me#")
@@ -111,7 +111,7 @@ async def test_sleep_ends_what_moves() -> None:
         assert b"P\x02\x10\x24\0\0\0\0" in sent[: sent.index(b"x")]
 
 
-async def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
+async def test_gateway_started_beside_a_sleeping_mount_can_wake_it() -> None:
     bridge = Bridge("cpc", presented="lx200")
     bridge.sim.asleep = True
     bridge.controller.start()
@@ -127,7 +127,7 @@ async def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> Non
         await bridge.controller.close()
 
 
-async def test_settings_get_their_turn_however_long_reads_take() -> None:
+async def test_settings_are_sent_in_turn_however_long_reads_take() -> None:
     """Sent to sleep at its keys, where nobody tells the gateway: every question costs seconds."""
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
@@ -141,7 +141,7 @@ async def test_settings_get_their_turn_however_long_reads_take() -> None:
         assert setting.done() and setting.exception() is not None
 
 
-async def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
+async def test_sleep_leaves_nothing_moving_though_its_stop_is_lost() -> None:
     async with Bridge("cpc") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mn#")
@@ -155,7 +155,7 @@ async def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
         assert bridge.sim.mechanics.axes(bridge.clock()) == before
 
 
-async def test_what_is_moved_at_its_keys_after_it_was_woken_there_is_watched() -> None:
+async def test_motion_at_the_keys_after_a_wake_there_is_watched() -> None:
     async with Bridge("cpc", config={"lowest": 0.0}) as bridge:
         await asleep(bridge, bridge.client(), "lx200")
         bridge.sim.asleep = False
@@ -165,7 +165,7 @@ async def test_what_is_moved_at_its_keys_after_it_was_woken_there_is_watched() -
             assert bridge.sim.mechanics.axes(bridge.clock())[1] > -2.0
 
 
-async def test_a_mount_that_was_woken_at_its_keys_can_be_sent_to_sleep_again() -> None:
+async def test_mount_woken_at_its_keys_can_be_sent_to_sleep_again() -> None:
     async with Bridge("cpc") as bridge:
         client = bridge.client()
         await asleep(bridge, client, "lx200")
@@ -178,7 +178,7 @@ async def test_a_mount_that_was_woken_at_its_keys_can_be_sent_to_sleep_again() -
         assert not [entry.note for entry in bridge.entries if entry.note.startswith("Hibernate")]
 
 
-async def test_nobody_who_ends_motions_keeps_it_asleep() -> None:
+async def test_halts_and_stops_do_not_block_the_wake_of_a_sleeping_mount() -> None:
     async with Bridge("cpc") as bridge:
         client, other = bridge.client(), bridge.client("127.0.0.2")
         await asleep(bridge, client, "lx200")
@@ -191,7 +191,7 @@ async def test_nobody_who_ends_motions_keeps_it_asleep() -> None:
 
 
 @pytest.mark.parametrize("from_the_start", [True, False])
-async def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) -> None:
+async def test_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) -> None:
     """It tells ``V`` in its sleep, but not that it is one."""
     bridge = Bridge("cpc", "starsense-1.20")
     bridge.sim.asleep = from_the_start
@@ -210,7 +210,7 @@ async def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: 
         await bridge.controller.close()
 
 
-async def test_it_tracks_when_it_wakes_whatever_had_moved_it_before() -> None:
+async def test_mount_tracks_after_waking_though_an_arrow_was_unacknowledged() -> None:
     """The acknowledgement of an arrow was lost, so nobody knows that the mount moves with its tracking put off."""
     async with Bridge("cpc") as bridge:
         client = bridge.client()

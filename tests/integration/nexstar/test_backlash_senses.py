@@ -7,7 +7,7 @@ import asyncio
 from tests.support.in_process_gateway import Bridge
 
 
-async def test_one_sense_is_set_alone() -> None:
+async def test_backlash_of_one_direction_leaves_the_other_unchanged() -> None:
     """Celestron's motor commands 0x10 and 0x11, read back by 0x40 and 0x41."""
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
@@ -20,7 +20,7 @@ async def test_one_sense_is_set_alone() -> None:
         assert await client.ask(b"P\x01\x10\x41\x00\x00\x00\x01", until=b"#") == b"\x2c#"
 
 
-async def test_an_lx200_program_knows_one_for_both() -> None:
+async def test_lx200_program_sets_backlash_of_both_directions_as_one_value() -> None:
     async with Bridge("cpc", surface="lx200gps") as bridge:
         client = bridge.client()
         await client.ask(b":$BZ21#:GR#")

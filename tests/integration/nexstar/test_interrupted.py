@@ -25,7 +25,9 @@ def _bridge() -> Bridge:
 
 @pytest.mark.parametrize(("half", "end"), CUT)
 @pytest.mark.parametrize("apart", [None, 0.03])
-async def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | None) -> None:
+async def test_end_of_an_interrupted_nexstar_command_moves_nothing(
+    half: bytes, end: bytes, apart: float | None
+) -> None:
     async with _bridge() as bridge:
         client = bridge.client()
         assert await client.ask(b"Kz", until=b"#") == b"z#"
@@ -43,7 +45,7 @@ async def test_the_end_moves_nothing(half: bytes, end: bytes, apart: float | Non
 
 
 @pytest.mark.parametrize("length", range(1, 8))
-async def test_an_arrow_cut_short_is_released(length: int) -> None:
+async def test_interrupted_nexstar_arrow_is_released(length: int) -> None:
     async with _bridge() as bridge:
         client, other = bridge.client(), bridge.client()
         other.tell(b"P\x02\x10$\x07\0\0\0")
@@ -56,7 +58,7 @@ async def test_an_arrow_cut_short_is_released(length: int) -> None:
         assert not moving(bridge.sim)
 
 
-async def test_a_question_waits_a_moment_only() -> None:
+async def test_nexstar_request_after_an_interrupted_command_waits_only_briefly() -> None:
     async with _bridge() as bridge:
         client = bridge.client()
         assert await client.ask(b"e", until=b"#") != b""

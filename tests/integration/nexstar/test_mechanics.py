@@ -19,7 +19,7 @@ async def _away(bridge: Bridge) -> None:
     await asyncio.sleep(60.0)
 
 
-async def test_home_switches_are_sought_only_where_the_settings_say_so() -> None:
+async def test_home_switches_are_sought_only_if_configured() -> None:
     async with Bridge("cgx", config={"aux_home": True}) as bridge:
         await _away(bridge)
         assert bridge.sim.tracking
@@ -42,7 +42,7 @@ async def test_home_switches_are_sought_only_where_the_settings_say_so() -> None
 
 
 @pytest.mark.parametrize("ends", [b":Q#", b":MS#"])
-async def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: bytes) -> None:
+async def test_stop_or_goto_ends_the_search_for_home_switches(ends: bytes) -> None:
     async with Bridge("cgx", config={"aux_home": True}) as bridge:
         await _away(bridge)
         client = bridge.client()
@@ -61,7 +61,7 @@ async def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: byte
 
 
 @pytest.mark.parametrize(("config", "percent"), [({}, 50), ({"guide_rate": 0.8}, 80)])
-async def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict[str, float], percent: int) -> None:
+async def test_guide_pulse_runs_at_the_configured_guide_rate(config: dict[str, float], percent: int) -> None:
     """Until a program sets one."""
     async with Bridge("avx", config=config) as bridge:
         client, before = bridge.client(), len(bridge.sent())
@@ -71,7 +71,7 @@ async def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict
         assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
 
 
-async def test_a_guide_pulse_goes_by_the_guide_rate_that_was_set() -> None:
+async def test_guide_pulse_runs_at_the_guide_rate_set_by_a_program() -> None:
     async with Bridge("avx") as bridge:
         client = bridge.client()
         client.tell(b":Rg03.8#")
@@ -83,7 +83,7 @@ async def test_a_guide_pulse_goes_by_the_guide_rate_that_was_set() -> None:
         assert [request[4] for request in pulses] == [25]
 
 
-async def test_in_is_towards_the_objective() -> None:
+async def test_focuser_in_moves_towards_the_objective() -> None:
     bridge = Bridge("6-8se")
     bridge.sim.focuser = FocuserMotor()
     async with bridge:

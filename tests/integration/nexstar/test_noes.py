@@ -38,7 +38,7 @@ def over(mount: str, surface: str = "cge", **settings: object) -> Bridge:
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("setting", [GUIDE_RATE, BACKLASH, PLAYBACK])
-async def test_what_a_meade_lacks_is_refused_by_the_form_for_no(mount: str, setting: bytes) -> None:
+async def test_nexstar_command_that_a_meade_lacks_gets_the_no_response_form(mount: str, setting: bytes) -> None:
     async with over(mount) as bridge:
         client = bridge.client()
         before = len(bridge.sent())
@@ -54,7 +54,7 @@ async def test_what_a_meade_lacks_is_refused_by_the_form_for_no(mount: str, sett
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_a_receiver_is_linked_where_there_is_one(mount: str) -> None:
+async def test_gps_is_reported_linked_only_where_a_receiver_exists(mount: str) -> None:
     async with over(mount, "cpc") as bridge:
         client = bridge.client()
         linked = b"\x01#" if mount == "lx200gps" else b"\0#"
@@ -63,7 +63,7 @@ async def test_a_receiver_is_linked_where_there_is_one(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", [*MEADES, "6-8se"])
-async def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -> None:
+async def test_only_a_stop_is_acknowledged_while_the_line_is_down(mount: str) -> None:
     """What was not done is not done later either; but a site, a goto and a sync are told no by silence."""
     driven = "nexstar" if mount == "6-8se" else "lx200"
     async with Bridge(
@@ -108,7 +108,7 @@ async def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: 
 
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
-async def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
+async def test_log_says_that_a_classic_cannot_sleep(mount: str) -> None:
     async with over(mount) as bridge:
         client = bridge.client()
         assert await client.ask(b"x") == b"#"
@@ -121,7 +121,7 @@ async def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> Non
 
 
 @pytest.mark.parametrize("mount", MEADES)
-def test_the_switches_are_sought_where_a_meade_has_sensors(mount: str) -> None:
+def test_nexstar_home_search_starts_the_search_of_a_meade_with_sensors(mount: str) -> None:
     """AUX 0x0B and 0x12 of both motors are one ``:hF#``."""
 
     async def program() -> None:
@@ -150,7 +150,7 @@ def test_the_switches_are_sought_where_a_meade_has_sensors(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_the_focuser_of_a_meade_is_moved_and_stopped(mount: str) -> None:
+async def test_nexstar_focuser_commands_move_and_stop_the_focuser_of_a_meade(mount: str) -> None:
     """Its positions count outwards: 0x24 is ``:F-#``, out of the tube; 0x25 ``:F+#``."""
     async with over(mount) as bridge:
         client = bridge.client()
@@ -171,7 +171,7 @@ async def test_the_focuser_of_a_meade_is_moved_and_stopped(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_a_year_that_a_meade_would_read_as_another_century_is_not_set(mount: str) -> None:
+async def test_year_that_a_meade_would_misread_is_not_set(mount: str) -> None:
     """Two digits: 99 is 1999 to a Meade. ``H`` has no form for no, the clock of a CGE has one."""
     async with over(mount) as bridge:
         client = bridge.client()
@@ -185,7 +185,7 @@ async def test_a_year_that_a_meade_would_read_as_another_century_is_not_set(moun
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> None:
+async def test_clock_of_a_version_without_a_set_command_is_not_set(mount: str) -> None:
     """NexStar protocol, RTC Commands: Set applies to 3.01+."""
     async with over(mount, surface_version="2.3") as bridge:
         client = bridge.client()
@@ -201,7 +201,7 @@ async def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> N
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("lowest", [-90.0, 10.0])
-async def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> None:
+async def test_setting_site_or_clock_at_rest_stops_nothing(mount: str, lowest: float) -> None:
     """Half way round the world the place that it shows is below the limit: it stands there, and nobody moves it."""
     async with Bridge(
         mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
@@ -215,7 +215,7 @@ async def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> N
         assert not [one for one in bridge.sent() if one.startswith(b":Q")]
 
 
-async def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
+async def test_motion_is_accepted_again_when_the_line_is_back() -> None:
     """The form for no is of the moment."""
     async with over("lx200gps") as bridge:
         client, cable = bridge.client(), Cable(bridge)
@@ -241,7 +241,7 @@ STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
 @pytest.mark.parametrize("why", ["held", "asleep"])
-async def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
+async def test_held_or_sleeping_mount_refuses_motion_with_the_no_response_form(mount: str, why: str) -> None:
     driven = "nexstar" if mount == "cge" else "lx200"
     async with Bridge(
         mount,
@@ -269,7 +269,7 @@ async def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, wh
 
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
-async def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
+async def test_nexstar_command_is_refused_as_soon_as_the_mounts_answer_is_overdue(mount: str) -> None:
     """Not only once the line counts as down, which takes up to ten seconds."""
     driven = "nexstar" if mount == "cge" else "lx200"
     async with Bridge(
@@ -298,7 +298,7 @@ async def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: st
         b"P\x02\x10\x10\x64\0\0\0",
     ],
 )
-async def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
+async def test_nexstar_command_with_data_out_of_range_is_refused(data: bytes) -> None:
     """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
     async with over("lx200gps") as bridge:
         client, before = bridge.client(), len(bridge.sent())
@@ -310,7 +310,7 @@ async def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
 
 
 @pytest.mark.parametrize(("mount", "version", "answer"), [("cpc", "4.21", NO), ("evolution", "5.31", b"#")])
-async def test_a_pulse_that_the_motors_cannot_do_in_alt_az_is_told_no(mount: str, version: str, answer: bytes) -> None:
+async def test_alt_az_pulse_that_the_motors_cannot_do_is_refused(mount: str, version: str, answer: bytes) -> None:
     """A guider that is told yes waits for pulses that never come, and no pulse is under way then."""
     async with Bridge(mount, version, presented="nexstar", surface=None) as bridge:
         client = bridge.client()

@@ -34,7 +34,7 @@ ANY_TIME = b"H\x0f\x1a\x00\x04\x06\x1a\x00\x00"
         ("nexstar:cpc/starsense-1.18@sim", "cpc", "starsense-1.18", "nexstar:cpc/starsense-1.18@sim"),
     ],
 )
-def test_its_name(typed: str, model: str | None, version: str, shown: str) -> None:
+def test_starsense_names_itself_by_model_and_version(typed: str, model: str | None, version: str, shown: str) -> None:
     endpoint = parse_endpoint(typed)
     assert (endpoint.model, endpoint.version) == (model, version)
     assert str(endpoint) == shown
@@ -52,7 +52,7 @@ def test_its_name(typed: str, model: str | None, version: str, shown: str) -> No
         "nexstar:avx/starsense-2.0@sim",
     ],
 )
-def test_what_it_never_was(typed: str) -> None:
+def test_starsense_model_refuses_versions_that_never_existed(typed: str) -> None:
     with pytest.raises(UserError):
         parse_endpoint(typed)
 
@@ -60,13 +60,13 @@ def test_what_it_never_was(typed: str) -> None:
 # --- simulated --------------------------------------------------------------------------------------------------------
 
 
-def test_only_1_20_tells_its_version_behind_the_mode() -> None:
+def test_only_starsense_1_20_appends_its_version_to_the_tracking_mode() -> None:
     assert Bench("avx", "starsense-1.20")(b"t") == b"\x02\x01\x14#"
     assert Bench("avx", "starsense-1.19")(b"t") == b"\x02#"
     assert Bench("avx", "4.21")(b"t") == b"\x02#"
 
 
-def test_the_commands_of_its_own_numbers_it_lacks() -> None:
+def test_starsense_lacks_the_commands_of_nexstar_versions_above_its_number() -> None:
     """It has neither the quarters of an hour of 5.28 nor the undoing of syncs of 5.29, but the side of the pier."""
     bench = Bench("avx", "starsense-1.20")
     assert bench(b"i") == b"" and bench(b"u") == b""
@@ -81,7 +81,7 @@ def told(bridge: Bridge) -> list[bytes]:
     return [sent[:1] for sent in bridge.sent() if sent[:1] in (b"W", b"H", b"I", b"J")]
 
 
-async def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
+async def test_aligned_starsense_is_never_sent_site_or_time() -> None:
     async with Bridge("cpc", "starsense-1.20", config={"site_time": "always"}) as bridge:
         assert bridge.driver.starsense
         await bridge.controller.perform(SetSite(48.0, 2.0))
@@ -95,7 +95,7 @@ async def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
         assert len(said) == 3
 
 
-async def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
+async def test_starsense_alignment_is_read_before_site_or_time_is_sent() -> None:
     """Somebody may have aligned it at the keypad since anybody looked."""
     async with Bridge("cpc", "starsense-1.20", aligned=False) as bridge:
         assert not (await bridge.controller.read(GetStatus())).aligned
@@ -116,7 +116,7 @@ async def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
 
 
 @pytest.mark.parametrize("version", ["1.18", "1.19", "1.20"])
-async def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
+async def test_starsense_tracking_mode_is_read_whatever_bytes_follow_it(version: str) -> None:
     async with Bridge("avx", f"starsense-{version}", presented="nexstar", surface="avx") as bridge:
         client = bridge.client()
         for mode in (b"\x00", b"\x02"):
@@ -126,7 +126,7 @@ async def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
         assert await client.ask(b":", 0.1) == b""
 
 
-def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
+def test_configured_starsense_is_driven_as_one_before_its_first_answer() -> None:
     from gateway.protocols.base.spec import DriverSettings
     from gateway.protocols.nexstar.driver.state import NexStar
 
@@ -142,7 +142,7 @@ def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
 @pytest.mark.parametrize(
     ("version", "minor", "behind"), [("1.18", 18, b""), ("1.19", 19, b""), ("1.20", 20, b"\x01\x14")]
 )
-def test_presented(version: str, minor: int, behind: bytes) -> None:
+def test_presented_starsense_answers_as_a_real_one(version: str, minor: int, behind: bytes) -> None:
     talk = Talk(protocol="nexstar", model="avx", version=f"starsense-{version}")
     assert talk.send(b"V") == bytes((1, minor)) + b"#"
     assert talk.send(b"v") == b"\x13#"
@@ -154,13 +154,13 @@ def test_presented(version: str, minor: int, behind: bytes) -> None:
     assert talk.send(b"P\x01\x10\xfe\0\0\0\x02") == b"\x06\x10#"
 
 
-def test_a_nexstar_that_is_presented_is_none() -> None:
+def test_presented_nexstar_does_not_answer_as_a_starsense() -> None:
     talk = Talk(protocol="nexstar", model="avx", version="4.21")
     assert talk.send(b"v") == b"\x11#" and talk.send(b"t") == b"\x02#"
 
 
 @pytest.mark.parametrize(("mount", "number"), [("lx200gps", 12), ("lx200", 12)])
-async def test_without_a_model_it_is_on_what_fits_the_mount(mount: str, number: int) -> None:
+async def test_starsense_surface_without_a_model_presents_one_that_fits_the_mount(mount: str, number: int) -> None:
     settings: dict[str, Any] = {"driven": "lx200", "presented": "nexstar", "surface": None}
     async with Bridge(mount, surface_version="starsense-1.20", **settings) as bridge:
         client = bridge.client()
@@ -170,7 +170,7 @@ async def test_without_a_model_it_is_on_what_fits_the_mount(mount: str, number: 
         assert await client.ask(b"M") == b"#"
 
 
-async def test_a_site_that_is_told_to_it_costs_no_alignment() -> None:
+async def test_site_set_through_a_starsense_surface_keeps_the_alignment() -> None:
     """A mount behind the gateway that keeps its alignment keeps it."""
     async with Bridge(
         "lx200gps", driven="lx200", presented="nexstar", surface="cpc", surface_version="starsense-1.20"

@@ -17,7 +17,7 @@ FORKS = [("6-8se", "6-8se"), ("cge", "cge"), ("cpc", "6-8se"), ("nexstar-gps", "
 
 @pytest.mark.parametrize(("mount", "surface"), FORKS)
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
-def test_a_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> None:
+def test_nexstar_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> None:
     @on_a_bridge(mount=mount, surface=surface, site=site)
     async def goto(bridge: Bridge) -> None:
         client = bridge.client()
@@ -43,7 +43,7 @@ def test_a_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> 
 
 
 @on_a_bridge(latency=0.3)
-async def test_l_is_1_from_the_acknowledgement_on(bridge: Bridge) -> None:
+async def test_nexstar_l_reports_1_from_the_acknowledgement_of_the_goto_on(bridge: Bridge) -> None:
     """However late the hand control hears of the goto, and however late it begins."""
     client = bridge.client()
     await polled(client)
@@ -60,14 +60,14 @@ async def test_l_is_1_from_the_acknowledgement_on(bridge: Bridge) -> None:
 
 
 @on_a_bridge()
-async def test_a_goto_and_l_in_one_packet(bridge: Bridge) -> None:
+async def test_nexstar_l_in_the_packet_of_a_goto_reports_1(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     assert await client.ask(precise(b"r", *up(bridge)) + b"L", until=b"1#") == b"#1#"
 
 
 @on_a_bridge()
-async def test_the_very_first_l_after_a_goto(bridge: Bridge) -> None:
+async def test_first_nexstar_l_after_a_goto_reports_1(bridge: Bridge) -> None:
     """A program that has asked nothing before."""
     client = bridge.client()
     assert await client.ask(precise(b"r", *up(bridge))) == b"#"
@@ -75,7 +75,7 @@ async def test_the_very_first_l_after_a_goto(bridge: Bridge) -> None:
 
 
 @on_a_bridge(aligned=False)
-async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
+async def test_nexstar_goto_without_alignment_is_acknowledged_but_not_begun(bridge: Bridge) -> None:
     client = bridge.client()
     assert await client.ask(b"J") == b"\0#"
     assert await client.ask(precise(b"r", *up(bridge))) == b"#"
@@ -88,7 +88,7 @@ async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge:
 
 
 @on_a_bridge()
-async def test_m_leaves_motion_by_hand_alone(bridge: Bridge) -> None:
+async def test_nexstar_cancel_leaves_motion_by_hand_alone(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     await client.ask(bytes((80, 2, 16, 36, 7, 0, 0, 0)))
@@ -105,7 +105,7 @@ async def test_m_leaves_motion_by_hand_alone(bridge: Bridge) -> None:
 
 
 @on_a_bridge()
-async def test_a_halt_stops_its_own_axis_only(bridge: Bridge) -> None:
+async def test_nexstar_halt_stops_only_its_axis(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     await client.ask(NORTH[:4] + b"\x06\0\0\0")
@@ -125,7 +125,7 @@ async def test_a_halt_stops_its_own_axis_only(bridge: Bridge) -> None:
 
 
 @on_a_bridge(mount="cge", surface="cge")
-async def test_tracking_rates_go_to_the_motor_as_they_came(bridge: Bridge) -> None:
+async def test_nexstar_tracking_rates_reach_the_motor_unchanged(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     for code in (b"\xff\xfe", b"\xff\xfd"):
@@ -140,7 +140,7 @@ async def test_tracking_rates_go_to_the_motor_as_they_came(bridge: Bridge) -> No
 
 
 @on_a_bridge()
-async def test_site_and_time_of_an_aligned_mount_are_told_as_they_were_set(bridge: Bridge) -> None:
+async def test_site_and_time_on_an_aligned_mount_read_back_as_set(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     assert await client.ask(b"W\x21\x32\x29\0\x76\x14\x11\1") == b"#"
@@ -153,7 +153,7 @@ async def test_site_and_time_of_an_aligned_mount_are_told_as_they_were_set(bridg
 
 
 @on_a_bridge(aligned=False)
-async def test_and_handed_on_to_one_that_is_not(bridge: Bridge) -> None:
+async def test_site_and_time_are_sent_to_an_unaligned_mount(bridge: Bridge) -> None:
     client = bridge.client()
     assert await client.ask(b"W\x21\x32\x29\0\x76\x14\x11\1") == b"#"
     assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"

@@ -23,7 +23,7 @@ def near(told: bytes, direct: bytes, ticks: bool) -> bool:
 
 
 @on_a_bridge()
-async def test_two_programs_at_once(bridge: Bridge) -> None:
+async def test_two_nexstar_programs_each_get_their_replies_whole_and_in_order(bridge: Bridge) -> None:
     """Each gets its own replies, whole and in order, while the other cuts its commands to pieces."""
     one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
 
@@ -48,7 +48,7 @@ async def test_two_programs_at_once(bridge: Bridge) -> None:
 
 
 @on_a_bridge()
-async def test_the_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> None:
+async def test_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> None:
     one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
     await asyncio.gather(polled(one), polled(other))
     ra, dec = up(bridge, 50.0)
@@ -62,7 +62,7 @@ async def test_the_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> N
     assert off(bridge, ra, dec) < ARCSECOND
 
 
-def test_l_stays_1_when_a_goto_follows_a_goto() -> None:
+def test_nexstar_l_stays_1_when_a_goto_follows_a_goto() -> None:
     @on_a_bridge()
     async def twice(bridge: Bridge) -> None:
         client = bridge.client()
@@ -80,7 +80,7 @@ def test_l_stays_1_when_a_goto_follows_a_goto() -> None:
 
 @pytest.mark.parametrize("mount", ["6-8se", "cge", "cgem", "cpc"])
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
-def test_a_shared_port_tells_positions_bit_for_bit(mount: str, site: tuple[float, float]) -> None:
+def test_shared_nexstar_port_reports_positions_bit_for_bit(mount: str, site: tuple[float, float]) -> None:
     """While nothing moves, what the surface says is what the hand control itself would say."""
 
     @on_a_bridge(mount=mount, surface=mount, site=site)
@@ -109,7 +109,7 @@ def test_a_shared_port_tells_positions_bit_for_bit(mount: str, site: tuple[float
 
 
 @on_a_bridge()
-async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge) -> None:
+async def test_nexstar_position_is_repeated_for_ten_seconds_after_a_lost_line(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     last = await client.ask(b"e")
@@ -126,7 +126,7 @@ async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge
 # --- a Meade behind it, which is another gateway's surface -----------------------------------------------------------
 
 
-async def test_a_meade_presented_as_a_german_mount() -> None:
+async def test_meade_presented_as_a_german_mount_answers_the_pier_side() -> None:
     """Asked at every poll: a silence would cost the program seconds each time."""
     async with TwoGateways(Bridge("cge"), "lx200", "nexstar", "cge") as chain:
         client = chain.client()

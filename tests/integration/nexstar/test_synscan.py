@@ -23,7 +23,7 @@ from tests.support.manual_files import rows
 RIGEL_2000 = (78.634467, -8.201639)
 
 
-def test_how_it_is_written() -> None:
+def test_synscan_driver_sends_the_documented_bytes() -> None:
     assert str(parse_device("nexstar:synscan/4.39.05", "/dev/ttyUSB0")) == "nexstar:synscan/4.39.05@/dev/ttyUSB0"
     for name in ("synscan", "EQ6", "HEQ5 Pro", "Sky-Watcher NEQ6"):
         assert parse_device(name).model == "synscan", name
@@ -32,7 +32,7 @@ def test_how_it_is_written() -> None:
 
 
 @each("number, called, model", rows("synscan_models.txt"))
-def test_its_models(number: str, called: str, model: str) -> None:
+def test_synscan_driver_knows_its_models(number: str, called: str, model: str) -> None:
     mount = NexStar(lambda: 0.0)
     mount.dialect = "synscan"
     assert mount.numbered(int(number)) == model
@@ -42,14 +42,14 @@ def test_its_models(number: str, called: str, model: str) -> None:
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
-async def test_it_is_found_without_being_named(model: str) -> None:
+async def test_synscan_is_detected_without_being_named(model: str) -> None:
     async with Bridge(model) as bridge:
         identity = await bridge.controller.answer(op.GetIdentity())
         assert (identity.product, identity.version, identity.model) == ("Sky-Watcher SynScan", "4.39.05", model)
         assert bridge.controller.driver.german is (model == "synscan")
 
 
-async def test_an_az_eq_is_what_it_tracks_as() -> None:
+async def test_az_eq_mount_is_taken_for_the_type_in_which_it_tracks() -> None:
     async with Bridge("synscan-az") as bridge:
         bridge.sim.row = {**bridge.sim.row, "id": 5}
         await bridge.controller.read_now(op.GetIdentity())
@@ -57,7 +57,7 @@ async def test_an_az_eq_is_what_it_tracks_as() -> None:
 
 
 @pytest.mark.parametrize("mode", [None, "alt-az", "eq-north"])
-async def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_not_be(mode: str | None) -> None:
+async def test_az_eq_mount_that_has_not_tracked_yet_is_refused_type_specific_orders(mode: str | None) -> None:
     bridge = Bridge("synscan-az", config={"mode": mode})
     bridge.sim.row = {**bridge.sim.row, "id": 5}
     bridge.sim.feed(b"T\0")
@@ -80,7 +80,7 @@ async def test_an_az_eq_that_has_not_tracked_yet_is_not_driven_as_what_it_may_no
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
-async def test_its_coordinates_are_those_of_2000(model: str) -> None:
+async def test_synscan_coordinates_are_j2000(model: str) -> None:
     """By the simulator's mechanics, which know nothing of equinoxes: 22 arcminutes apart in 2026."""
     async with Bridge(model) as bridge:
         date = await bridge.controller.answer(op.ToEquinoxOfDate(*RIGEL_2000))
@@ -93,7 +93,7 @@ async def test_its_coordinates_are_those_of_2000(model: str) -> None:
         assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
 
 
-async def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
+async def test_synscan_beyond_the_pole_reports_where_the_tube_points() -> None:
     async with Bridge("synscan") as bridge:
         bridge.sim.mechanics.move(bridge.clock(), 2, 4.0)
         await asyncio.sleep(3.0)
@@ -105,9 +105,7 @@ async def test_beyond_the_pole_it_tells_the_place_where_the_tube_is() -> None:
 
 
 @pytest.mark.parametrize(("mount", "presented"), [("cge", "synscan"), ("6-8se", "synscan-az")])
-async def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_that_fits(
-    mount: str, presented: str
-) -> None:
+async def test_synscan_programs_get_j2000_coordinates_and_a_fitting_model(mount: str, presented: str) -> None:
     async with Bridge(mount, presented="nexstar", surface="synscan") as bridge:
         await bridge.gateway.present_fitting_model()
         client = bridge.client()
@@ -119,14 +117,14 @@ async def test_programs_of_a_synscan_get_the_coordinates_of_2000_and_the_model_t
         assert separation(told[0], told[1], wanted.ra, wanted.dec) * 3600.0 < 20.0
 
 
-def test_the_needs_of_a_program_do_not_touch_what_the_model_decides() -> None:
+def test_client_profile_does_not_override_the_equinox_of_the_model() -> None:
     """INDI takes every hand control of Celestron as of date, and a SynScan as of 2000."""
     assert with_needs(SurfaceConfig(at="nexstar:synscan@tcp://127.0.0.1:0", client="indi")).equinox is None
     assert with_needs(SurfaceConfig(at="nexstar:cge@tcp://127.0.0.1:0", client="indi")).equinox == "jnow"
 
 
 @pytest.mark.parametrize("order", [op.AbortSlew(), op.AbortMotion()])
-async def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
+async def test_synscan_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> None:
     async with Bridge("synscan", "3.36") as bridge:
         here = await bridge.controller.answer(op.Position())
         await bridge.controller.perform(op.Goto(here.ra, 20.0))
@@ -139,7 +137,7 @@ async def test_every_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) -> N
             assert frame in sent
 
 
-async def test_it_parks_at_the_pole_with_its_counterweight_down() -> None:
+async def test_synscan_parks_at_the_pole_with_its_counterweight_down() -> None:
     async with Bridge("synscan") as bridge:
         here = await bridge.controller.answer(op.Position())
         await bridge.controller.perform(op.Goto(here.ra, 40.0))
@@ -152,7 +150,7 @@ async def test_it_parks_at_the_pole_with_its_counterweight_down() -> None:
         assert not bridge.sim.tracking
 
 
-async def test_pec_is_tracking_for_a_program_and_on_the_mount() -> None:
+async def test_synscan_pec_mode_counts_as_tracking() -> None:
     async with Bridge("synscan") as bridge:
         bridge.sim.feed(b"T\3")
         assert (await bridge.controller.read_now(op.GetStatus())).tracking is op.Tracking.EQ_NORTH

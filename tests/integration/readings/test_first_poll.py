@@ -43,7 +43,7 @@ def longest(answers: list[tuple[float, tuple[float, float], float]]) -> float:
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_a_mount_that_another_program_moves(mount: str, presented: str, latency: float) -> None:
+async def test_first_poll_shows_motion_begun_by_another_program(mount: str, presented: str, latency: float) -> None:
     async with bridge_to(mount, presented, latency=latency) as bridge:
         await start_moving(bridge.client(), presented, True)
         await asyncio.sleep(4.3)
@@ -55,7 +55,9 @@ async def test_a_mount_that_another_program_moves(mount: str, presented: str, la
 @pytest.mark.parametrize("latency", [0.02, 0.15])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_a_mount_that_moves_at_its_own_keys(mount: str, presented: str, latency: float, waits: float) -> None:
+async def test_first_poll_shows_motion_at_the_mounts_keys(
+    mount: str, presented: str, latency: float, waits: float
+) -> None:
     async with bridge_to(mount, presented, latency=latency) as bridge:
         await asyncio.sleep(20.0)
         bridge.sim.advance_to_now()

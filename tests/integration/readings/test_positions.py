@@ -36,7 +36,7 @@ on_each = pytest.mark.parametrize("mount", MOUNTS)
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-async def test_two_reads_a_tenth_of_a_second_apart_differ_and_are_where_the_tube_is(
+async def test_reads_a_tenth_of_a_second_apart_differ_and_match_the_tube(
     mount: str, presented: str, by_hand: bool
 ) -> None:
     async with bridge_to(mount, presented, latency=0.02) as bridge:
@@ -58,7 +58,7 @@ async def test_two_reads_a_tenth_of_a_second_apart_differ_and_are_where_the_tube
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
-async def test_what_comes_in_two_halves_is_told_of_one_instant(mount: str) -> None:
+async def test_two_halves_of_a_meade_position_are_of_one_instant(mount: str) -> None:
     """A Meade answers half a position a time; on this line the halves are three degrees from each other."""
     async with bridge_to(mount, "lx200", latency=0.1) as bridge, tracked(bridge) as track:
         client = bridge.client()
@@ -75,7 +75,7 @@ async def test_what_comes_in_two_halves_is_told_of_one_instant(mount: str) -> No
 
 
 @pytest.mark.parametrize("pair", [b":GR# :GD#", b":GZ# :GA#"])
-async def test_both_halves_that_a_program_asks_for_are_of_one_instant(pair: bytes) -> None:
+async def test_both_halves_that_a_program_reads_are_of_one_instant(pair: bytes) -> None:
     async with bridge_to("cpc", "lx200", latency=0.02) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         await start_moving(client, "lx200", True)
@@ -93,7 +93,7 @@ async def test_both_halves_that_a_program_asks_for_are_of_one_instant(pair: byte
             await asyncio.sleep(0.13)
 
 
-async def test_all_that_a_nexstar_program_reads_at_a_time_is_of_one_instant() -> None:
+async def test_values_that_a_nexstar_program_reads_together_are_of_one_instant() -> None:
     async with bridge_to("cpc", "nexstar", latency=0.02) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         await start_moving(client, "nexstar", True)
@@ -116,7 +116,7 @@ async def test_all_that_a_nexstar_program_reads_at_a_time_is_of_one_instant() ->
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
 @pytest.mark.parametrize("phase", [0.0, 0.13, 0.29])
-async def test_the_first_position_after_a_stop_is_younger_than_the_stop(
+async def test_first_position_after_a_stop_is_read_after_the_stop(
     mount: str, presented: str, by_hand: bool, phase: float
 ) -> None:
     """A reading that is on the wire when the stop comes is not told after its acknowledgement."""
@@ -140,7 +140,7 @@ async def test_the_first_position_after_a_stop_is_younger_than_the_stop(
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-async def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presented: str, by_hand: bool) -> None:
+async def test_reading_older_than_an_order_is_not_reported_after_it(mount: str, presented: str, by_hand: bool) -> None:
     async with bridge_to(mount, presented, latency=0.02, ramps=False) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         before = await reported_position(other, presented)
@@ -155,7 +155,7 @@ async def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, pr
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
+async def test_reported_position_never_passes_the_target_of_a_goto(mount: str) -> None:
     async with bridge_to(mount, "lx200") as bridge:
         client, goal = bridge.client(), (120.0, 30.0)
         begin = await reported_position(client, "lx200")
@@ -169,7 +169,7 @@ async def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> 
         assert separation(*await reported_position(client, "lx200"), *goal) < 0.02
 
 
-async def test_rules_go_by_what_the_mount_has_said() -> None:
+async def test_safety_rules_use_readings_and_not_extrapolated_positions() -> None:
     async with bridge_to("cge", "nexstar") as bridge:
         controller, looks = bridge.controller, []
         controller.reader.position.connect(looks.append)
@@ -202,7 +202,7 @@ def said_by(bridge: Bridge) -> list[tuple[float, float]]:
 
 @every
 @pytest.mark.parametrize("phase", [0.05 * n for n in range(12)])
-async def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, phase: float) -> None:
+async def test_slewing_read_before_a_stop_is_not_reported_after_it(mount: str, presented: str, phase: float) -> None:
     """Whether it slews is on the wire when the stop comes: that answer is older than the stop. It is told
     until the mount rests, and not again.
     """
@@ -226,7 +226,7 @@ async def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: 
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_slewing_is_told_from_the_order_until_the_mount_has_arrived(mount: str) -> None:
+async def test_slewing_is_reported_from_the_order_until_arrival(mount: str) -> None:
     async with bridge_to(mount, "lx200", latency=0.1) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         assert not (await other.ask(b":D#", until=b"#")).strip(b" #")
@@ -265,7 +265,7 @@ async def polled(client: Visitor, question: bytes, seconds: float) -> None:
     ("presented", "question"),
     [*(("lx200", question) for question in (b":GR#", b":GD#", b":GZ#", b":D#")), ("nexstar", b"e"), ("nexstar", b"z")],
 )
-async def test_at_rest_a_poll_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
+async def test_poll_at_rest_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
     """A hundred polls a second, and only those have to be worked out that come after a new reading."""
     async with bridge_to(mount, presented) as bridge:
         client = bridge.client()
@@ -278,7 +278,7 @@ async def test_at_rest_a_poll_costs_the_surface_no_work(mount: str, presented: s
 
 
 @every
-async def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str, presented: str) -> None:
+async def test_reply_in_motion_is_reused_for_fifty_milliseconds(mount: str, presented: str) -> None:
     async with bridge_to(mount, presented, latency=0.02) as bridge:
         client, question = bridge.client(), b":GR#" if presented == "lx200" else b"e"
         await start_moving(client, presented, True)
@@ -297,7 +297,7 @@ async def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-def test_in_motion_polls_cost_the_line_no_more_than_two_exchanges_a_second(
+def test_polls_in_motion_cost_the_line_at_most_two_exchanges_a_second(
     mount: str, presented: str, by_hand: bool
 ) -> None:
     """Against a gateway that nobody asks for positions while it moves the mount."""
@@ -317,7 +317,7 @@ def test_in_motion_polls_cost_the_line_no_more_than_two_exchanges_a_second(
     assert run(program(True)) <= run(program(False)) + 2.0
 
 
-async def test_a_mount_at_rest_is_asked_as_often_as_its_positions_grow_old() -> None:
+async def test_mount_at_rest_is_read_as_often_as_its_positions_expire() -> None:
     async with bridge_to("6-8se", "lx200") as bridge:
         client = bridge.client()
         await polled(client, b":GR#", 2.0)
@@ -327,7 +327,7 @@ async def test_a_mount_at_rest_is_asked_as_often_as_its_positions_grow_old() -> 
         assert len(asked) - asked.count(b"w") <= 14 and asked.count(b"w") <= 2
 
 
-async def test_the_instruments_of_these_tests() -> None:
+async def test_position_check_finds_no_error_on_a_tracking_mount() -> None:
     async with bridge_to("cge", "lx200", config=FREE) as bridge, tracked(bridge) as track:
         await asyncio.sleep(0.1)
         assert track.off(bridge.sim.truth()) < 1e-4

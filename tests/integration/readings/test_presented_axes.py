@@ -30,7 +30,9 @@ async def arrived(bridge: Bridge, client: Visitor, hour_angle: float, dec: float
 @pytest.mark.parametrize("site", [NORTH, SOUTH], ids=["north", "south"])
 @pytest.mark.parametrize(("driven", "mount"), MOUNTS, ids=[mount for _, mount in MOUNTS])
 @pytest.mark.parametrize("model", ["cpc", "cge"])
-async def test_on_an_equatorial_fork(model: str, driven: str, mount: str, site: tuple[float, float]) -> None:
+async def test_axis_readings_of_an_equatorial_fork_are_hour_angle_and_declination(
+    model: str, driven: str, mount: str, site: tuple[float, float]
+) -> None:
     north = 1.0 if site is NORTH else -1.0
     zero = 180.0 if site is NORTH and model == "cpc" else 0.0
     async with Bridge(

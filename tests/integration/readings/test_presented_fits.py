@@ -31,7 +31,7 @@ def german(site: tuple[float, float]) -> Bridge:
     [(False, False, "6-8se", 12), (True, None, "cpc", 9), (True, False, "cpc", 9), (True, True, "cge", 5)],
 )
 @pytest.mark.parametrize("gps", [False, True])
-def test_the_model_is_as_the_mount_is_built(
+def test_presented_model_fits_how_the_mount_is_built(
     equatorial: bool, is_german: bool | None, name: str, number: int, gps: bool
 ) -> None:
     model = fitting(equatorial, is_german, gps, None)
@@ -40,7 +40,7 @@ def test_the_model_is_as_the_mount_is_built(
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-async def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site: tuple[float, float]) -> None:
+async def test_classic_on_its_wedge_tracks_equatorially_and_reports_no_pier_side(site: tuple[float, float]) -> None:
     async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
         client = bridge.client()
         assert await client.ask(b"m") == b"\x09#"
@@ -51,7 +51,7 @@ async def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site:
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize("hours", [-0.1, 0.1])
-async def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float], hours: float) -> None:
+async def test_german_meade_reports_the_pier_side_of_its_last_goto(site: tuple[float, float], hours: float) -> None:
     """And stays there past the meridian; its second motor turns the tube as that side has it."""
     async with german(site) as bridge:
         client = bridge.client()
@@ -74,7 +74,7 @@ async def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float,
         assert await client.ask(b"p", 20.0) == (b"W#" if flipped else b"E#")
 
 
-async def test_before_its_first_goto_a_german_meade_is_where_it_points() -> None:
+async def test_german_meade_before_its_first_goto_reports_the_side_where_it_points() -> None:
     async with german(NORTH) as bridge:
         ra = (await bridge.controller.answer(op.Position())).ra
         hour_angle = ((await bridge.controller.answer(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0

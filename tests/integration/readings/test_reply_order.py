@@ -188,7 +188,7 @@ EACH = settings(max_examples=as_a_rule(13, whole=20), deadline=None)
 @given(WAYS_IN_TURN, packets_of(NEXSTAR))
 @example([("gone", 4.0), (0.02, 1.0)], [(0.0, [b"e"]), (0.5, [b"h"]), (3.0, [b"w", b"M"])])
 @example([("mute", 6.0), (0.02, 1.0)], [(0.0, [b"e", b"z", b"M"]), (1.0, [b"t"]), (4.0, [b"e", b"r40000000,10000000"])])
-def test_a_nexstar_program_hears_every_answer_in_its_place(driven: str, ways: Any, packets: Any) -> None:
+def test_nexstar_program_gets_every_reply_in_the_place_of_its_command(driven: str, ways: Any, packets: Any) -> None:
     run(play(driven, "nexstar", ways, packets))
 
 
@@ -197,7 +197,7 @@ def test_a_nexstar_program_hears_every_answer_in_its_place(driven: str, ways: An
 @given(WAYS_IN_TURN, packets_of(LX200))
 @example([("gone", 4.0), (0.02, 1.0)], [(0.0, [b":GVP#"]), (1.0, [b":St+45*00#"]), (3.0, [b":SL21:00:00#", b":GR#"])])
 @example([("mute", 6.0), (0.02, 1.0)], [(0.0, [b":GR#", b":MS#", b":CM#"]), (1.0, [b":GD#"]), (4.0, [b":GZ#"])])
-def test_an_lx200_program_hears_every_answer_in_its_place(driven: str, ways: Any, packets: Any) -> None:
+def test_lx200_program_gets_every_reply_in_the_place_of_its_command(driven: str, ways: Any, packets: Any) -> None:
     run(play(driven, "lx200", ways, packets))
 
 
@@ -237,7 +237,7 @@ async def at_a_mount_that_comes_late(driven: str, commands: bytes, later: bytes 
         b":hP#",
     ],
 )
-async def test_nothing_moves_of_which_nobody_was_told_that_it_does(driven: str, commands: bytes) -> None:
+async def test_motion_is_not_begun_when_its_reply_would_come_too_late(driven: str, commands: bytes) -> None:
     bridge, client = await at_a_mount_that_comes_late(driven, commands)
     begun = (b":MS", b":CM", b":Me", b":hP", b"r", b"s", b"b", b"P\x02\x10\x24\x07", b"P\x03")
     assert not [one for one in bridge.sent() if one.startswith(begun)]
@@ -245,13 +245,13 @@ async def test_nothing_moves_of_which_nobody_was_told_that_it_does(driven: str, 
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
-async def test_what_is_set_is_set_though_its_reply_came_too_late(driven: str) -> None:
+async def test_setting_is_made_though_its_reply_came_too_late(driven: str) -> None:
     _, client = await at_a_mount_that_comes_late(driven, b":GR#:Sr08:00:00#:St+41*30#:Sg010*00#", b":Gr#:Gt#")
     heard = [reply.data for reply in client.replies if reply.data != b"1"]
     assert heard[0] == b"08:00:00#" and heard[1].startswith(b"+41")
 
 
-async def test_a_command_that_takes_minutes_by_its_manual_is_answered_until_the_next_one_comes() -> None:
+async def test_minutes_long_gps_command_is_answered_until_the_next_command() -> None:
     """``:gT#``: "The process can take several minutes to complete." (LX200 protocol, GPS)"""
     for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
         async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:

@@ -160,7 +160,9 @@ MOUNTS = [("cge", "nexstar"), ("6-8se", "nexstar"), ("autostar", "lx200"), ("lx2
 )
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_what_moves(mount: str, driven: str, presented: str, scenario: Scenario) -> None:
+async def test_polling_program_reads_the_same_motion_as_a_first_time_reader(
+    mount: str, driven: str, presented: str, scenario: Scenario
+) -> None:
     async with Bridge(
         mount, driven=driven, presented=presented, surface=None, config={"lowest": -90.0, "sun": 0.0}
     ) as bridge:
@@ -176,7 +178,9 @@ HAS_GPS: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.6"}
 @pytest.mark.parametrize("scenario", [is_told_another_site, is_told_another_time, is_set_at_its_keys])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("settings", "start"), [(TAKES, EVENING), (TELLS_NOTHING, LONG_AGO)])
-async def test_where_and_when(settings: dict[str, Any], start: float, presented: str, scenario: Scenario) -> None:
+async def test_polling_program_reads_the_same_place_and_time_as_a_first_time_reader(
+    settings: dict[str, Any], start: float, presented: str, scenario: Scenario
+) -> None:
     """By this computer's clock it is 1998 in the second case, so that a program's is believed."""
     async with Bridge(
         **settings, presented=presented, surface=None, start=start, config={"lowest": -90.0, "sun": 0.0}
@@ -188,7 +192,7 @@ async def test_where_and_when(settings: dict[str, Any], start: float, presented:
         await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
 
 
-async def test_a_place_from_the_satellites_is_told_at_once() -> None:
+async def test_gps_position_found_late_is_reported_at_once() -> None:
     """It found none when the gateway asked it first."""
     async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         seen = await bridge.controller.read(op.Position())
@@ -199,7 +203,7 @@ async def test_a_place_from_the_satellites_is_told_at_once() -> None:
 
 
 @pytest.mark.parametrize("forget", ["forget", "outdate"])
-async def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
+async def test_forgotten_value_is_reported_to_no_program(forget: str) -> None:
     async with Bridge("cge", surface=None) as bridge:
         client = bridge.client()
         for _ in range(3):
@@ -216,7 +220,7 @@ async def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
         assert client.heard == b"", "the mount is asked"
 
 
-def test_half_a_place_of_another_moment_is_not_told_again() -> None:
+def test_half_a_position_is_not_reused_for_another_instant() -> None:
     """Between the halves that one program asks for another one is told a later moment: each gets both of its own."""
 
     async def program() -> None:

@@ -62,7 +62,7 @@ def arrow_down(stands: Any, latitude: float) -> bytes:
 @pytest.mark.parametrize("degrees", [3.0, 6.0, 10.0])
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize("stands", MOUNTS, ids=NAMES)
-async def test_an_arrow_ends_before_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
+async def test_arrow_ends_before_the_limit_after_a_wrong_sync(stands: Any, latitude: float, degrees: float) -> None:
     async with standing(*stands, latitude) as bridge:
         down = arrow_down(stands, latitude)
         south = 180.0 if latitude > 0.0 else 0.0  # towards the equator: there declination leads down
@@ -82,7 +82,7 @@ async def test_an_arrow_ends_before_the_limit_after_a_sync(stands: Any, latitude
 @pytest.mark.parametrize("degrees", [3.0, 10.0])
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize("stands", MOUNTS, ids=NAMES)
-async def test_tracking_ends_at_the_limit_after_a_sync(stands: Any, latitude: float, degrees: float) -> None:
+async def test_tracking_ends_at_the_limit_after_a_wrong_sync(stands: Any, latitude: float, degrees: float) -> None:
     async with standing(*stands, latitude) as bridge:
         assert (await to(bridge, 270.0, LOWEST + 0.3))[0] is None
         await sync(bridge, 270.0, LOWEST + 0.3 + degrees)
@@ -97,7 +97,7 @@ async def test_tracking_ends_at_the_limit_after_a_sync(stands: Any, latitude: fl
 
 
 @pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
-async def test_below_the_limit_since_a_sync_what_leads_up_is_done_and_what_leads_down_is_refused(stands: Any) -> None:
+async def test_mount_below_the_limit_after_a_sync_moves_only_upwards(stands: Any) -> None:
     async with standing(*stands, 45.0, lowest=0.0) as bridge:
         assert (await to(bridge, 200.0, 12.0))[0] is None
         await sync(bridge, 200.0, 22.0)
@@ -115,7 +115,7 @@ async def test_below_the_limit_since_a_sync_what_leads_up_is_done_and_what_leads
 
 @pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
 @pytest.mark.safety_line(8)
-async def test_a_goal_that_is_too_low_if_a_sync_was_wrong_is_refused_in_words(stands: Any) -> None:
+async def test_goal_that_may_be_too_low_after_a_sync_is_refused_in_words(stands: Any) -> None:
     async with standing(*stands, 45.0) as bridge:
         assert (await to(bridge, 200.0, 35.0))[0] is None
         await sync(bridge, 200.0, 45.0)
@@ -124,14 +124,14 @@ async def test_a_goal_that_is_too_low_if_a_sync_was_wrong_is_refused_in_words(st
             await bridge.controller.perform(op.Goto(low.ra, low.dec))
 
 
-def test_a_goto_that_a_sync_may_lead_down_at_once_is_not_begun() -> None:
+def test_goto_that_may_lead_below_the_limit_after_a_sync_is_not_begun() -> None:
     """From just above the limit, after a wrong sync at the pole: a stop would come too late."""
     attack = next(one for one in attacks() if one.name == "a sync of +14°, arrows down")
     result = run(assault(attack, "cgem", 5))
     assert not result.through, result
 
 
-def test_the_keypad_ends_there_only_if_the_limit_was_written_down() -> None:
+def test_keypad_motion_ends_at_the_limit_after_a_sync_only_if_it_is_configured() -> None:
     for lowest, ends in ((LOWEST, True), (None, False)):
 
         async def program(lowest: float | None = lowest, ends: bool = ends) -> None:

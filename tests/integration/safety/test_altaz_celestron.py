@@ -33,7 +33,7 @@ async def lowest_of(bridge: Any, seconds: float) -> float:
 
 
 @pytest.mark.parametrize(("model", "version"), [("cpc", "4.21"), ("6-8se", None), ("cpc", "4.03")])
-async def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, version: str | None) -> None:
+async def test_arrow_stops_at_the_limit_after_any_syncs(model: str, version: str | None) -> None:
     """Four syncs of 14 degrees lift the sky by 56: what is reckoned would let the tube sink far below the ground."""
     async with Bridge(model, version, config={"lowest": 20.0, "sync_limit": 180.0}, latency=0.05) as bridge:
         await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
@@ -45,7 +45,7 @@ async def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, v
         assert not bridge.controller.moving
 
 
-async def test_a_goto_ends_at_the_limit_by_where_the_axis_stands() -> None:
+async def test_goto_ends_at_the_limit_by_the_axis_reading() -> None:
     """The sky is believed 28 degrees higher than it is: what is reckoned at 30 is a tube at 2."""
     async with Bridge("cpc", config={"lowest": 10.0, "sync_limit": 180.0}) as bridge:
         await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
@@ -61,7 +61,7 @@ async def test_a_goto_ends_at_the_limit_by_where_the_axis_stands() -> None:
         assert truth_of(bridge.sim).altitude == pytest.approx(17.0, abs=0.5)
 
 
-async def test_a_wrong_clock_in_the_hand_control_itself_neither_stops_it_nor_lets_it_sink() -> None:
+async def test_wrong_clock_in_the_hand_control_neither_stops_the_mount_nor_lets_it_sink() -> None:
     """Three hours slow, set at its keys: the sky it tells jumps by 45 degrees, and the tube stands where it stood."""
     async with Bridge("cpc", config={"lowest": 20.0}) as bridge:
         client = bridge.client()
@@ -78,7 +78,7 @@ async def test_a_wrong_clock_in_the_hand_control_itself_neither_stops_it_nor_let
 
 
 @pytest.mark.parametrize("written", [True, False])
-def test_a_clock_that_contradicts_this_computers_matters_where_a_limit_is_written(written: bool) -> None:
+def test_contradicting_clock_matters_only_with_a_configured_limit(written: bool) -> None:
     """An hour fast: 14 degrees by the mount, less by this computer's clock. Which of them is right nobody knows."""
 
     async def program() -> None:

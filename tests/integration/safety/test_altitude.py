@@ -21,7 +21,7 @@ LIMITS = {"lowest": 20.0, "highest": 80.0}
 @pytest.mark.parametrize("latency", [0.02, 0.2])
 @pytest.mark.parametrize(("arrow", "rate"), [(b":Ms#", b":RS#"), (b":Mn#", b":RS#"), (b":Ms#", b":RM#")])
 @pytest.mark.safety_line(3)
-async def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
+async def test_lx200_motion_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
     async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
         client = bridge.client()
         client.tell(rate + arrow)
@@ -35,14 +35,14 @@ async def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, ar
 
 
 @pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
-async def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float, latency: float) -> None:
+async def test_limit_reached_before_the_rate_is_measured_is_kept(lowest: float, latency: float) -> None:
     async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
         bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
         low, _ = await extremes(bridge, 8)
         assert lowest <= low
 
 
-async def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
+async def test_coasting_of_a_mount_triggers_no_stop() -> None:
     async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
         guard = bridge.controller.watch
         here = await bridge.controller.answer(op.Position())
@@ -60,7 +60,7 @@ async def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> Non
 
 
 @pytest.mark.parametrize(("latency", "opcode"), [(0.02, 37), (0.2, 37), (0.2, 36)])
-async def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
+async def test_nexstar_motion_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
     async with Bridge(
         "autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS, latency=latency
     ) as bridge:
@@ -71,7 +71,7 @@ async def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, o
         assert not bridge.controller.moving
 
 
-def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() -> None:
+def test_moving_mount_is_read_twice_a_second_on_a_slow_busy_line() -> None:
     async def program(mount: str, driven: str) -> None:
         async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
             client = bridge.client()
@@ -90,7 +90,7 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
     run(program("autostar", "lx200"))
 
 
-async def test_a_limit_that_a_client_narrowed_holds_for_its_own_motion_alone() -> None:
+async def test_limit_narrowed_by_a_client_holds_for_its_motion_alone() -> None:
     async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
         careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await careful.ask(b":So30#") == b"1"
@@ -102,7 +102,7 @@ async def test_a_limit_that_a_client_narrowed_holds_for_its_own_motion_alone() -
         assert 10.0 <= low < 13.0
 
 
-async def test_a_motion_out_of_a_forbidden_place_goes_on() -> None:
+async def test_motion_out_of_a_forbidden_place_goes_on() -> None:
     async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
         client = bridge.client()
         assert await client.ask(b":GA#")
@@ -137,7 +137,7 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
     assert not meade.sim.tracking
 
 
-async def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None:
+async def test_mount_whose_tracking_cannot_be_switched_off_is_reported_once() -> None:
     async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
         client = bridge.client()
         await bridge.controller.perform(op.GotoHorizontal(270.0, 40.3))
@@ -152,7 +152,7 @@ async def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -
 
 
 @pytest.mark.safety_line(3)
-def test_park_home_and_axis_gotos_are_checked() -> None:
+def test_park_home_and_axis_gotos_are_checked_against_the_limits() -> None:
     async def program(config: dict[str, Any]) -> tuple[list[str], list[bytes]]:
         async with Bridge("6-8se", config={"lowest": 10.0, **config}) as bridge:
             client = bridge.client()
@@ -189,7 +189,7 @@ async def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() ->
         assert "Goto: Object Below Horizon." in notes(bridge)
 
 
-async def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
+async def test_goto_whose_path_leads_below_the_horizon_is_stopped() -> None:
     async with Bridge("6-8se") as bridge:
         client = bridge.client()
         assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", until=b"110") == b"110"
@@ -202,7 +202,7 @@ async def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
-async def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
+async def test_motion_ended_above_the_limit_by_its_user_triggers_nothing(driven: str, mount: str) -> None:
     async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
         client = bridge.client()
         for _ in range(6):

@@ -83,7 +83,7 @@ async def goes(bridge: Any, owner: Owner, az: float, alt: float) -> float:
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-async def test_a_flip_of_the_owner_s_is_left_alone_and_the_limit_counts_again_after_it(
+async def test_owners_meridian_flip_is_left_alone_and_the_limit_applies_afterwards(
     mount: str, version: str | None, site: tuple[float, float], polls: bytes
 ) -> None:
     config = {"hour_angle_limit": 0.5}
@@ -98,7 +98,7 @@ async def test_a_flip_of_the_owner_s_is_left_alone_and_the_limit_counts_again_af
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-async def test_an_arrow_of_the_owner_s_ends_at_the_hour_angle_limit(
+async def test_owners_arrow_ends_at_the_hour_angle_limit(
     mount: str, version: str | None, site: tuple[float, float]
 ) -> None:
     async with owned(mount, version, site=site, config={"hour_angle_limit": 0.5}) as (bridge, owner, seen):
@@ -114,7 +114,7 @@ async def test_an_arrow_of_the_owner_s_ends_at_the_hour_angle_limit(
 
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-async def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyond_the_limit_ends(
+async def test_owners_goto_on_a_wedge_is_left_alone_and_tracking_beyond_the_limit_ends(
     site: tuple[float, float], polls: bytes
 ) -> None:
     async with owned("6-8se", site=site, config={"hour_angle_limit": 3.0}, polls=polls) as (bridge, owner, _):
@@ -135,7 +135,7 @@ async def test_a_goto_of_the_owner_s_on_a_wedge_is_left_alone_and_tracking_beyon
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-async def test_limits_that_nobody_wrote_down_do_not_end_an_arrow_of_the_owner_s(
+async def test_default_limits_do_not_end_the_owners_arrow(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
     async with owned(mount, driven=driven, site=site, polls=polls) as (bridge, owner, _):
@@ -168,7 +168,7 @@ def sinking_key(bridge: Any, driven: str) -> str:
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-async def test_limits_that_are_written_down_end_arrows_and_gotos_of_the_owner_s(
+async def test_configured_limits_end_the_owners_arrows_and_gotos(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
     config = {"lowest": 20.0}

@@ -41,7 +41,7 @@ async def standing(mount: str, first: float, second: float, version: str | None 
 
 
 @pytest.mark.parametrize(("azimuth", "tracks"), [(SINKING, False), (RISING, True)])
-async def test_tracking_below_the_limit_goes_on_again_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
+async def test_tracking_below_the_limit_is_allowed_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
     async with standing("cpc", azimuth, 30.0, config={"lowest": 35.0}) as bridge:
         bridge.client().tell(b":AA#")
         await asyncio.sleep(5.0)
@@ -49,7 +49,7 @@ async def test_tracking_below_the_limit_goes_on_again_only_where_it_leads_out(az
         assert any("Tracking stays off" in note for note in notes(bridge)) is not tracks
 
 
-async def test_a_nexstar_program_is_told_by_its_next_question() -> None:
+async def test_nexstar_program_reads_refused_tracking_as_off() -> None:
     """``T`` has no way to say no; ``t`` tells."""
     async with standing("cpc", SINKING, 30.0, config={"lowest": 35.0}, presented="nexstar", surface="cpc") as bridge:
         client = bridge.client()
@@ -59,7 +59,7 @@ async def test_a_nexstar_program_is_told_by_its_next_question() -> None:
         assert not truth_of(bridge.sim).tracking
 
 
-async def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
+async def test_mount_unparked_below_the_limit_does_not_sink_further() -> None:
     """Unparking puts tracking on; there it is switched off again."""
     async with Bridge("cpc", config={"lowest": 35.0, "park": (SINKING, 30.0)}) as bridge:
         await bridge.controller.perform(op.Park())
@@ -73,7 +73,7 @@ async def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
         assert any("off at the altitude limit" in note for note in notes(bridge))
 
 
-async def test_woken_below_the_limit_it_does_not_sink_on() -> None:
+async def test_mount_woken_below_the_limit_does_not_sink_further() -> None:
     """A hand control that wakes tracks."""
     async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
         await bridge.controller.perform(op.Hibernate())
@@ -86,7 +86,7 @@ async def test_woken_below_the_limit_it_does_not_sink_on() -> None:
 
 
 @pytest.mark.parametrize("pulse", [op.Pulse(op.Direction.SOUTH, 2500), op.PulseAxis(2, -1, 2500, 0.5)])
-async def test_a_guide_pulse_below_the_limit_leads_up_or_nowhere(pulse: op.Pulse | op.PulseAxis) -> None:
+async def test_guide_pulse_below_the_limit_leads_up_or_is_refused(pulse: op.Pulse | op.PulseAxis) -> None:
     """Tracking had been switched off at the limit, and pulses led on past it, a quarter of a degree a minute."""
     async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
         before = truth_of(bridge.sim).altitude
@@ -100,7 +100,7 @@ async def test_a_guide_pulse_below_the_limit_leads_up_or_nowhere(pulse: op.Pulse
         assert truth_of(bridge.sim).altitude > before + 0.001
 
 
-async def test_an_lx200_guide_pulse_that_is_refused_is_in_the_log() -> None:
+async def test_refused_lx200_guide_pulse_is_logged() -> None:
     async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
         before = truth_of(bridge.sim).altitude
         bridge.client().tell(b":Mgs2500#")
@@ -110,7 +110,7 @@ async def test_an_lx200_guide_pulse_that_is_refused_is_in_the_log() -> None:
 
 
 @pytest.mark.parametrize("mount", ["cge", "cgx"])
-async def test_an_arrow_past_the_hour_angle_limit_leads_back_or_nowhere(mount: str) -> None:
+async def test_arrow_past_the_hour_angle_limit_leads_back_or_is_refused(mount: str) -> None:
     """10 degrees past the meridian with a limit of 7.5; pressed again and again an arrow led on, step by step."""
     async with standing(mount, 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
         client = bridge.client()

@@ -37,7 +37,9 @@ async def ready(bridge: Any, client: Any, goto: bytes) -> None:
 
 
 @pytest.mark.parametrize(("driven", "model", "lowest"), [("nexstar", "cge", 40.4), ("lx200", "lx200", 32.4)])
-async def test_two_axes_together_lead_farther_than_each_of_them(driven: str, model: str, lowest: float) -> None:
+async def test_second_arrow_is_refused_where_both_axes_together_would_cross_the_limit(
+    driven: str, model: str, lowest: float
+) -> None:
     """45 degrees high, two axes at full speed: the second one is refused where the first alone is still clear."""
     async with Bridge(model, driven=driven, config={"lowest": lowest}, latency=0.2) as bridge:
         client = bridge.client()
@@ -53,7 +55,7 @@ async def test_two_axes_together_lead_farther_than_each_of_them(driven: str, mod
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "evolution"), ("lx200", "autostar")])
-async def test_beyond_the_zenith_up_is_down(driven: str, model: str) -> None:
+async def test_arrow_up_beyond_the_zenith_is_judged_as_down(driven: str, model: str) -> None:
     """A fork's motor that lifts the tube lowers it there: one hand control tells its axes, a Meade shows it."""
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", config={"lowest": 60.0}) as bridge:
         client = bridge.client()
@@ -78,7 +80,9 @@ async def test_beyond_the_zenith_up_is_down(driven: str, model: str) -> None:
 
 
 @pytest.mark.parametrize(("arrow", "dec", "lowest"), [(UP, 34.5, 20.0), (DOWN, -84.5, 40.0)])
-async def test_the_declination_motor_of_a_meade_in_the_south(arrow: bytes, dec: float, lowest: float) -> None:
+async def test_declination_motor_of_a_meade_in_the_south_counts_north_as_positive(
+    arrow: bytes, dec: float, lowest: float
+) -> None:
     """Positive is north in both hemispheres, though the axis reading grows towards the pole."""
     south = (-35.0, 150.0)
     async with Bridge(
@@ -99,7 +103,7 @@ async def test_the_declination_motor_of_a_meade_in_the_south(arrow: bytes, dec: 
         assert low >= lowest, low
 
 
-async def test_north_is_north_beyond_the_pole() -> None:
+async def test_arrow_north_beyond_the_pole_is_judged_by_its_real_direction() -> None:
     """A hand control tells a declination beyond 90 degrees there."""
     async with Bridge("cge", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
@@ -121,7 +125,7 @@ async def test_north_is_north_beyond_the_pole() -> None:
 
 
 @pytest.mark.parametrize("moves", [b":RS#:Mn#", b":MS#"])
-async def test_no_sync_while_the_mount_moves(moves: bytes) -> None:
+async def test_sync_is_refused_while_the_mount_moves(moves: bytes) -> None:
     """Nothing is centred then; a bare # is what programs read as failure."""
     async with Bridge() as bridge:
         client = bridge.client()
@@ -140,7 +144,7 @@ async def test_no_sync_while_the_mount_moves(moves: bytes) -> None:
 
 
 @pytest.mark.parametrize(("arrow", "way"), [(b":Mn#", 1), (b":Ms#", -1)])
-async def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_pier(arrow: bytes, way: int) -> None:
+async def test_arrow_north_that_ends_a_flipping_goto_goes_north(arrow: bytes, way: int) -> None:
     """Under way the hand control tells the side of the goal; the motors go by the side where the tube is."""
     async with Bridge("cgx", "5.31", config={"lowest": -30.0}) as bridge:
         client = bridge.client()
@@ -159,7 +163,7 @@ async def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_
 @pytest.mark.parametrize("latitude", [45.0, -35.0])
 @pytest.mark.parametrize("side", [-40.0, 40.0])
 @pytest.mark.parametrize("version", ["3.01", "4.10", "4.15", "5.24", "5.31"])
-async def test_north_is_north_on_both_sides_of_the_pier_whatever_the_version_tells_of_it(
+async def test_arrow_north_goes_north_on_both_pier_sides_in_every_version(
     version: str, side: float, latitude: float
 ) -> None:
     """``p`` came with 4.15, its southern letters with 5.25; before it the declination axis tells."""
@@ -176,7 +180,7 @@ async def test_north_is_north_on_both_sides_of_the_pier_whatever_the_version_tel
 
 
 @pytest.mark.parametrize(("arrow", "refused"), [(b":Ms#", True), (b":Mn#", False)])
-async def test_a_fork_that_is_moved_by_small_gotos_moves_in_declination(arrow: bytes, refused: bool) -> None:
+async def test_fork_moved_by_small_gotos_moves_in_declination(arrow: bytes, refused: bool) -> None:
     """Hand controls before 1.6: between the pole and the zenith south is up, whatever the mount."""
     async with Bridge("nexstar-gps", "1.2", config={"highest": 75.0, "site": (45.0, 10.0)}) as bridge:
         client = bridge.client()

@@ -25,7 +25,7 @@ async def moves_for(bridge: Any, seconds: float) -> float:
 
 @pytest.mark.parametrize(("config", "after"), [({}, 30.0), ({"dead_man": 12.0}, 12.0)])
 @pytest.mark.safety_line(6)
-async def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> None:
+async def test_silence_on_an_open_connection_ends_the_arrow(config: dict[str, Any], after: float) -> None:
     async with Bridge("6-8se", config=config) as bridge:
         bridge.client(HOST).tell(b":RC#:Mw#")
         assert after - 1 <= await moves_for(bridge, 60) <= after + 2
@@ -36,7 +36,7 @@ async def test_silence_on_an_open_connection(config: dict[str, Any], after: floa
         assert bridge.sim.tracking
 
 
-async def test_a_nexstar_program_on_a_meade() -> None:
+async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
         assert 29 <= await moves_for(bridge, 60) <= 32
@@ -44,7 +44,7 @@ async def test_a_nexstar_program_on_a_meade() -> None:
 
 
 @pytest.mark.parametrize(("config", "after"), [({}, 5.0), ({"dead_man_closed": 2.0}, 2.0)])
-async def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], after: float) -> None:
+async def test_closed_connection_ends_the_arrow_unless_it_comes_back(config: dict[str, Any], after: float) -> None:
     async with Bridge("6-8se", config=config) as bridge:
         client = bridge.client(HOST)
         client.tell(b":RC#:Mw#")
@@ -53,7 +53,7 @@ async def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any
         assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
 
 
-async def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> None:
+async def test_program_with_one_connection_per_command_keeps_its_motion() -> None:
     async with Bridge("6-8se") as bridge:
         for turn in range(20):
             client = bridge.client(HOST)
@@ -66,7 +66,7 @@ async def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() 
 
 
 @pytest.mark.parametrize("who", ["the same connection", "another of its host", "another host"])
-async def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str) -> None:
+async def test_arrow_is_held_only_by_the_connection_that_began_it(who: str) -> None:
     """A joystick and a planetarium that polls run on one laptop: one of them does not hold the other's arrow."""
     async with Bridge("6-8se") as bridge:
         first = bridge.client(HOST)
@@ -78,7 +78,7 @@ async def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str
         assert bool(bridge.controller.wanted.axes) is (who == "the same connection")
 
 
-async def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> None:
+async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -> None:
     """The program that moves the mount crashes; another one on the same computer goes on polling."""
     async with Bridge("6-8se") as bridge:
         other, mover = bridge.client(HOST), bridge.client(HOST)
@@ -92,7 +92,7 @@ async def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone(
         assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
 
 
-def test_slow_rates_are_somebodys_tracking() -> None:
+def test_slow_rates_continue_when_their_program_falls_silent() -> None:
     async def program(asked: bytes) -> set[int]:
         async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
             bridge.client(HOST).tell(asked)
@@ -104,7 +104,7 @@ def test_slow_rates_are_somebodys_tracking() -> None:
 
 
 @pytest.mark.safety_line(6)
-async def test_gotos_and_guide_pulses_end_by_themselves() -> None:
+async def test_gotos_and_guide_pulses_continue_when_their_program_falls_silent() -> None:
     async with Bridge("6-8se", speed=0.1) as bridge:
         client = bridge.client(HOST)
         assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
@@ -113,7 +113,7 @@ async def test_gotos_and_guide_pulses_end_by_themselves() -> None:
         assert bridge.sim.slewing
 
 
-async def test_a_focuser_stops_too() -> None:
+async def test_focuser_stops_when_its_program_falls_silent() -> None:
     async with Bridge("autostar", driven="lx200") as bridge:
         client: Visitor = bridge.client(HOST)
         client.tell(b":F+#")
@@ -124,7 +124,7 @@ async def test_a_focuser_stops_too() -> None:
         assert bridge.sent().count(b":FQ#") == 2  # it acknowledges nothing
 
 
-async def test_who_stopped_it_himself_is_not_stopped_again() -> None:
+async def test_arrow_stopped_by_its_program_is_not_stopped_again() -> None:
     async with Bridge("6-8se") as bridge:
         client = bridge.client(HOST)
         client.tell(b":RC#:Mw#:Mn#")

@@ -18,7 +18,7 @@ NOON = EVENING - 38400.0
 @pytest.mark.parametrize("sun", [0.0, 20.0])
 @pytest.mark.parametrize(("seek", "command"), [(op.Home(), b":hF#"), (op.SetHome(), b":hS#")])
 @pytest.mark.safety_line(4)
-async def test_a_meade_seeks_its_home_only_while_the_sun_is_down(
+async def test_meade_seeks_home_only_while_the_sun_is_down(
     start: float, sun: float, seek: op.Operation, command: bytes
 ) -> None:
     """Also where it only stores what it finds: the paper says of :hS#, too, that it seeks."""

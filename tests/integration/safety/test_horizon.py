@@ -27,7 +27,7 @@ DAY = 1782028800.0
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("driven", "mount"), [*GERMANS, ("nexstar", "cpc"), ("lx200", "lx200gps")])
-async def test_hamlib_parks_from_anywhere(driven: str, mount: str, site: tuple[float, float]) -> None:
+async def test_hamlib_parks_from_any_position(driven: str, mount: str, site: tuple[float, float]) -> None:
     """``:MA#`` to azimuth 0, altitude 0: the way of a German mount may pass below the horizon."""
     async with Bridge(mount, driven=driven, site=site, surface="lx200gps", config={"sun": 0.0}) as bridge:
         client = bridge.client()
@@ -42,7 +42,7 @@ async def test_hamlib_parks_from_anywhere(driven: str, mount: str, site: tuple[f
 
 
 @pytest.mark.parametrize("written", [False, True])
-def test_a_way_below_the_horizon_costs_nothing_where_nobody_wrote_a_limit(written: bool) -> None:
+def test_path_below_the_horizon_is_allowed_without_a_configured_limit(written: bool) -> None:
     """From beneath the pole a German mount turns over the northern horizon, down to -14 degrees."""
 
     async def program() -> None:
@@ -62,7 +62,7 @@ def test_a_way_below_the_horizon_costs_nothing_where_nobody_wrote_a_limit(writte
     run(program())
 
 
-async def test_a_goto_that_sinks_far_below_its_way_is_ended() -> None:
+async def test_goto_that_sinks_far_below_its_path_is_ended() -> None:
     """The target was garbled on its way, or the hand control flips the wrong way."""
     async with Bridge("cge", config={"sun": 0.0}) as bridge:
         goal = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, 8.0))
@@ -76,7 +76,7 @@ async def test_a_goto_that_sinks_far_below_its_way_is_ended() -> None:
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "autostar")])
-async def test_a_goto_off_its_way_ends_before_a_written_limit(driven: str, mount: str) -> None:
+async def test_goto_off_its_path_ends_before_a_configured_limit(driven: str, mount: str) -> None:
     """It was sent elsewhere by the mount itself: it is watched like an arrow, with the margin of its speed."""
     async with Bridge(mount, driven=driven, config={"lowest": 20.0, "sun": 0.0}) as bridge:
         sky = bridge.controller.astrometry
@@ -92,7 +92,7 @@ async def test_a_goto_off_its_way_ends_before_a_written_limit(driven: str, mount
 
 
 @pytest.mark.parametrize("written", [False, True])
-async def test_another_clock_votes_on_altitudes_only_where_one_is_written(written: bool) -> None:
+async def test_contradicting_clock_judges_altitudes_only_with_a_configured_limit(written: bool) -> None:
     """This computer is five hours slow: by night, nothing comes of it without a limit. T4 on an alt-az NexStar."""
     config = {"lowest": 15.0} if written else {}
     async with Bridge("cpc", config=config, host_ahead=-5 * 3600.0, start=DAY + 12 * 3600.0) as bridge:
@@ -112,7 +112,7 @@ async def to_the_sun(bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize("confirmed", ["", "the page", "the keys", "later"])
-def test_the_site_before_counts_for_the_sun_when_a_program_changes_it_far(confirmed: str) -> None:
+def test_previous_site_counts_for_the_sun_after_a_program_changes_it_far(confirmed: str) -> None:
     """The sign of the longitude: 60 W for 60 E. Nobody but the mount knew the site."""
 
     async def program() -> None:
@@ -140,7 +140,7 @@ def test_the_site_before_counts_for_the_sun_when_a_program_changes_it_far(confir
     run(program())
 
 
-def test_the_site_before_counts_however_small_the_steps_were_that_led_away() -> None:
+def test_previous_site_counts_for_the_sun_after_many_small_changes() -> None:
     clock = [1000.0]
     known = SiteClock(lambda: clock[0], lambda: 1.8e9, None)
     known.take_mount_site(op.Place(45.0, 60.0))
@@ -157,7 +157,7 @@ def test_the_site_before_counts_however_small_the_steps_were_that_led_away() -> 
     assert known.former_site() == op.Place(45.0, -22.5), "the first one is too old"
 
 
-async def test_a_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
+async def test_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
     async with Bridge("cpc") as bridge:
         for height, refused in ((-0.05, False), (-0.2, True)):
             goal = bridge.controller.astrometry.equatorial(op.Horizontal(120.0, height))

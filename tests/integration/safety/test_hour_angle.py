@@ -30,7 +30,7 @@ def notes(bridge: Any) -> list[str]:
 
 @pytest.mark.parametrize(("version", "owner"), [(None, 0.2), (None, None), ("3.01", 0.2), ("4.10", 0.2)])
 @pytest.mark.safety_line(5)
-async def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(
+async def test_german_mount_tracks_as_far_past_the_meridian_as_allowed(
     version: str | None, owner: float | None
 ) -> None:
     """Before 4.15 it tells by its declination axis on which side of the pier its tube is. Without a limit of the
@@ -55,7 +55,7 @@ async def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed(
 
 
 @pytest.mark.safety_line(5)
-async def test_without_the_setting_there_is_no_limit() -> None:
+async def test_hour_angle_is_unlimited_without_the_setting() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         assert await client.ask(EAST, until=b"110") == b"110"
@@ -64,7 +64,7 @@ async def test_without_the_setting_there_is_no_limit() -> None:
         assert bridge.sim.tracking
 
 
-async def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
+async def test_fork_on_a_wedge_keeps_the_hour_angle_limit_on_both_sides() -> None:
     async with Bridge("6-8se", config={"hour_angle_limit": 4.5}) as bridge:
         client = bridge.client()
         bridge.sim.feed(b"T\x02")  # on a wedge, says its hand control
@@ -80,7 +80,7 @@ async def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
 
 @pytest.mark.parametrize("latitude", [45.0, -35.0])
 @pytest.mark.parametrize("version", ["4.10", "5.24", "5.31"])
-async def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None:
+async def test_empty_pier_side_reply_means_neither_side(version: str, latitude: float) -> None:
     """In the south some versions swap the letters: no letter is neither."""
     async with Bridge("cge" if version == "4.10" else "cgem", version, site=(latitude, 10.0)) as bridge:
         assert bridge.driver.tube_side("") is None
@@ -91,9 +91,7 @@ async def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -
 @pytest.mark.parametrize(
     "asked", [b"b%08X,%08X" % (340 * 2**32 // 360, 40 * 2**32 // 360), b"BEAAB,238E", b"P\x04\x10\x02\xea\xaa\xab\x00"]
 )
-async def test_axis_gotos_come_no_farther_past_the_meridian_than_allowed(
-    mount: str, site: tuple[float, float], asked: bytes
-) -> None:
+async def test_axis_gotos_keep_the_hour_angle_limit(mount: str, site: tuple[float, float], asked: bytes) -> None:
     """340 and 330 degrees of the first axis: the counterweight shaft 20 and 30 degrees above level. AUX 0x02, too."""
     config = {"hour_angle_limit": 0.5, "lowest": -90.0, "sun": 0.0}
     async with Bridge(mount, site=site, presented="nexstar", surface=mount, config=config) as bridge:

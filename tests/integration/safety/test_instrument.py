@@ -21,7 +21,7 @@ EVENINGS = {
 
 
 @pytest.mark.parametrize("played", EVENINGS)
-def test_gateway_refuses_no_more_harmless_gotos_than_these(played: tuple[str, bool, float | None, bool]) -> None:
+def test_gateway_refuses_no_more_harmless_gotos_than_listed(played: tuple[str, bool, float | None, bool]) -> None:
     slip, day, lowest, park = played
     every = as_a_rule(2, whole=1)  # the other kinds of mount are in the next row
     kinds = list(KINDS)[list(EVENINGS).index(played) % every :: every]
@@ -30,7 +30,7 @@ def test_gateway_refuses_no_more_harmless_gotos_than_these(played: tuple[str, bo
     assert sum(one.lost and one.harmless and one.up for one in told) <= EVENINGS[played]
 
 
-def test_no_attack_gets_through() -> None:
+def test_no_attack_moves_the_tube_past_a_limit() -> None:
     for number, attack in enumerate(attacks()):
         found = run(assault(attack, attack.kinds[(number * 5) % len(attack.kinds)], number))
         assert not found.through, str(found)

@@ -49,7 +49,7 @@ MOUNTS = [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("ahead", [-20.5 * DAY, -7 * 3600.0, -2000 * DAY, 12 * 3600.0])
-def test_a_computer_without_a_clock_battery(mount: str, driven: str, ahead: float) -> None:
+def test_computer_without_a_clock_battery_refuses_no_harmless_goto(mount: str, driven: str, ahead: float) -> None:
     doubtful = {"config": {"computer_clock": "doubtful"}, "host_ahead": ahead}
     assert night(mount, driven, **doubtful).keys() == night(mount, driven).keys()
 
@@ -58,11 +58,11 @@ def test_a_computer_without_a_clock_battery(mount: str, driven: str, ahead: floa
 @pytest.mark.parametrize(
     "setting", [op.SetSite(*FAR), op.SetClock(1768514400.0 + 40 * DAY, 0.0), op.SetSite(45.0, -10.0)]
 )
-def test_a_program_that_is_wrong_or_plans_a_night_elsewhere(mount: str, setting: op.Operation) -> None:
+def test_program_with_a_wrong_site_or_clock_causes_no_refused_goto(mount: str, setting: op.Operation) -> None:
     assert night(mount, "nexstar", setting).keys() == night(mount, "nexstar").keys()
 
 
-def test_a_planned_site_in_the_configuration_of_a_mount_that_tells_its_altitude() -> None:
+def test_planned_site_in_the_configuration_causes_refusals_that_say_how_to_fix_it() -> None:
     """By it the Sun is up: its circle is closed, and every refusal says how to open it."""
     found, usual = night("cpc", "nexstar", config={"site": FAR}), night("cpc", "nexstar")
     lost = {place: fault for place, fault in found.items() if place not in usual}

@@ -16,7 +16,7 @@ SLIPS = {"mount": Slip(told=-HOUR), "computer": Slip(computer=HOUR)}
 @pytest.mark.parametrize("wrong", SLIPS)
 @pytest.mark.parametrize("kind", ["cge", "onstep", "autostar", "alpaca polar"])
 @pytest.mark.safety_line(3)
-async def test_an_arrow_keeps_a_written_limit_by_every_clock(kind: str, wrong: str) -> None:
+async def test_arrow_keeps_a_configured_limit_by_every_clock(kind: str, wrong: str) -> None:
     async with World(kind, (45.0, 10.0), EVENING, SLIPS[wrong], {"lowest": 20.0}) as world:
         assert await goes(world, 255.0, 45.0)
         for letter in "wsss":
@@ -29,7 +29,7 @@ async def test_an_arrow_keeps_a_written_limit_by_every_clock(kind: str, wrong: s
 
 @pytest.mark.parametrize("kind", ["cge", "teenastro", "lx200gps polar"])
 @pytest.mark.safety_line(3)
-def test_no_goto_passes_below_a_written_limit_by_another_clock_on_its_way(kind: str) -> None:
+def test_goto_path_keeps_a_configured_limit_by_every_clock(kind: str) -> None:
     """The mount's clock is an hour fast, so its way is not as high as it seems."""
     slip = Slip(told=HOUR)
     for seed in range(3):

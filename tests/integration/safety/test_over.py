@@ -22,7 +22,7 @@ BESIDE_THE_POLE = -90.0, 80.0
 
 @pytest.mark.parametrize(("hour_angle", "declination"), [(100.0, 45.0), (120.0, 52.0), (140.0, 52.0)])
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200"), ("nexstar", "cpc")])
-async def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit(
+async def test_goto_from_beyond_the_pole_ends_before_its_path_leads_below_the_limit(
     driven: str, model: str, hour_angle: float, declination: float
 ) -> None:
     """The short way there is clear, the one that the mount takes passes beneath the pole."""
@@ -46,7 +46,7 @@ async def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the
 
 
 @pytest.mark.parametrize("kind", ["teenastro", "onstep"])
-async def test_a_german_mount_without_axes_that_was_driven_over_the_pole_may_point_either_way(kind: str) -> None:
+async def test_german_mount_driven_over_the_pole_is_judged_both_ways_round(kind: str) -> None:
     """One way to the goal leads down at once from where it stands, just above the limit beyond the pole."""
     async with World(kind, (45.0, 10.0), EVENING, Slip(), {"lowest": 20.0}) as world:
         await goes(world, 0.0, 55.0)
@@ -58,7 +58,7 @@ async def test_a_german_mount_without_axes_that_was_driven_over_the_pole_may_poi
         assert min(look.altitude for look in world.looks[begin:]) > 20.0 - LOW
 
 
-async def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -> None:
+async def test_goto_from_beyond_the_zenith_does_not_cross_a_limit() -> None:
     """Somebody at the keypad brought it there."""
     async with Bridge("6-8se", presented="nexstar", surface="cpc") as bridge:
         await bridge.controller.perform(op.GotoHorizontal(180.0, 60.0))
@@ -77,7 +77,7 @@ async def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_bel
     ("azimuth", "turns"),
     [(20.0, [20.0]), (170.0, [170.0]), (178.0, [178.0, -182.0]), (182.0, [-178.0, 182.0]), (190.0, [-170.0])],
 )
-async def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float]) -> None:
+async def test_goto_of_a_fork_with_displaced_axes_is_judged_both_ways_round(azimuth: float, turns: list[float]) -> None:
     """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
     async with Bridge("6-8se") as bridge:
         here = await bridge.controller.read(op.Position())

@@ -40,7 +40,7 @@ def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") 
 
 
 @pytest.mark.parametrize(("lowest", "altitude"), [(0.0, 0.5), (10.0, 10.5), (-0.2, 0.3), (-90.0, 0.0)])
-def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -> None:
+def test_fork_parks_at_the_lowest_allowed_altitude(lowest: float, altitude: float) -> None:
     """The sample configuration has lowest = 10: it parked nowhere, and no program was told."""
     where, tracks, said = parked({"lowest": lowest})
     assert where == pytest.approx(altitude, abs=0.01)
@@ -49,7 +49,7 @@ def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -
 
 
 @pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
-async def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
+async def test_unparked_fork_tracks(mount: str, version: str) -> None:
     """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
     async with Bridge(mount, version) as bridge:
         client = bridge.client()
@@ -63,7 +63,7 @@ async def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
         assert truth_of(bridge.sim).tracking, notes(bridge)
 
 
-def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:
+def test_owners_park_position_may_lie_beyond_the_limits() -> None:
     where, tracks, _ = parked({"lowest": 10.0, "highest": 80.0, "park": (90.0, 4.0)})
     assert where == pytest.approx(4.0, abs=0.01)
     assert not tracks
@@ -71,13 +71,13 @@ def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:
     assert where == pytest.approx(85.0, abs=0.01)
 
 
-def test_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
+def test_park_at_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
     where, _, said = parked({"lowest": 50.0}, "cge")
     assert where == pytest.approx(45.0, abs=0.1)
     assert any("Write park = [AZ, ALT]" in line for line in said)
 
 
-async def test_a_park_that_is_refused_can_be_read_back() -> None:
+async def test_refused_park_can_be_read_back() -> None:
     """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
     async with Bridge("cge", config={"lowest": 50.0}) as bridge:
         client = bridge.client()
@@ -90,7 +90,7 @@ async def test_a_park_that_is_refused_can_be_read_back() -> None:
 
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
-def test_a_meade_parks_at_its_own_place_only_where_that_can_break_no_limit(mount: str) -> None:
+def test_meade_parks_at_its_built_in_place_only_where_no_limit_is_crossed(mount: str) -> None:
     """It parks at the horizon: with lowest = 10 the tube came to 0.00."""
     where, _, said = parked({"lowest": 10.0}, mount, "lx200")
     assert where > 10.0
@@ -99,7 +99,7 @@ def test_a_meade_parks_at_its_own_place_only_where_that_can_break_no_limit(mount
     assert parked({}, mount, "lx200")[0] == pytest.approx(0.0, abs=0.05)
 
 
-def test_what_the_key_may_say_depends_on_the_mount() -> None:
+def test_park_setting_is_refused_where_the_mount_does_not_support_it() -> None:
     assert flags("--mount", "lx200@sim", "--park", "mount").mount[0].park == "mount"
     assert flags("--park", "3,4").mount[0].park == (3.0, 4.0)
     with pytest.raises(UserError, match="no park position"):

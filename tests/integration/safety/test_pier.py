@@ -75,7 +75,7 @@ GOALS = [(-45.0, 30.0), (15.0, 50.0), (75.0, 40.0), (-3.0, 20.0), (170.0, 75.0),
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(5)
 @pytest.mark.sampled(2)
-async def test_arrows_come_no_farther_past_the_meridian_than_allowed(name: str, latitude: float, way: str) -> None:
+async def test_arrows_keep_the_hour_angle_limit(name: str, latitude: float, way: str) -> None:
     async with bridge_to(name, latitude) as bridge:
         up = 1.0 if latitude > 0 else -1.0
         begin = {"west": -30.0, "east": 30.0, "under the pole": 150.0}.get(way, 40.0)
@@ -94,7 +94,7 @@ async def test_arrows_come_no_farther_past_the_meridian_than_allowed(name: str, 
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(5)
 @pytest.mark.sampled(2)
-async def test_gotos_go_anywhere_because_the_mount_changes_sides(name: str, latitude: float) -> None:
+async def test_gotos_are_allowed_everywhere_because_the_mount_flips(name: str, latitude: float) -> None:
     async with bridge_to(name, latitude) as bridge:
         up = 1.0 if latitude > 0 else -1.0
         for hour_angle, dec in GOALS:
@@ -104,7 +104,7 @@ async def test_gotos_go_anywhere_because_the_mount_changes_sides(name: str, lati
 
 
 @pytest.mark.parametrize(("name", "latitude"), [("onstep", 45.0), ("teenastro", -33.0), ("alpaca", 45.0)])
-async def test_tracking_ends_at_the_limit(name: str, latitude: float) -> None:
+async def test_tracking_ends_at_the_hour_angle_limit(name: str, latitude: float) -> None:
     async with bridge_to(name, latitude) as bridge:
         await goto(bridge, -1.0, 20.0)
         await asyncio.sleep(3600.0)
@@ -113,7 +113,7 @@ async def test_tracking_ends_at_the_limit(name: str, latitude: float) -> None:
         assert not bridge.sim.tracking
 
 
-async def test_a_side_that_is_no_longer_told_is_the_last_one() -> None:
+async def test_last_known_pier_side_is_used_when_the_mount_stops_reporting_it() -> None:
     async with bridge_to("alpaca", 45.0) as bridge:
         await goto(bridge, -1.0, 20.0)
         await asyncio.sleep(20.0)
@@ -131,7 +131,9 @@ async def test_a_side_that_is_no_longer_told_is_the_last_one() -> None:
         ("alpaca", "polar", True), ("lx200", "autostar", False), ("alpaca", "german", False),
     ],
 )  # fmt: skip
-async def test_a_mount_on_which_the_limit_is_not_kept_is_named(driven: str, model: str, kept: bool) -> None:
+async def test_start_names_a_mount_on_which_the_hour_angle_limit_cannot_be_kept(
+    driven: str, model: str, kept: bool
+) -> None:
     """An Autostar on a wedge may be a German mount, and this server tells no side of the pier."""
     lacks = {"lacks": frozenset({"sideofpier"})} if model == "german" else {}
     config = {"hour_angle_limit": HOURS, "sun": 0.0}

@@ -35,7 +35,7 @@ def faults(kind: type[Fault] = Fault) -> list[type[Fault]]:
 
 
 @each("kind", faults())
-def test_only_what_is_low_is_called_low(kind: type[Fault]) -> None:
+def test_lx200_goto_refusal_says_low_only_for_low_targets(kind: type[Fault]) -> None:
     """By the class of the refusal alone, as the tables of :MS# have it."""
     replies = {reply.fault: reply.wire for reply, _ in load("lx200").commands["MS"].replies if reply.fault is not None}
     named = next((one.__name__ for one in kind.__mro__ if one.__name__ in replies), "BelowHorizon")
@@ -49,7 +49,7 @@ def test_only_what_is_low_is_called_low(kind: type[Fault]) -> None:
 
 
 @each("kind", faults())
-def test_every_text_is_sentences(kind: type[Fault]) -> None:
+def test_every_refusal_text_consists_of_sentences(kind: type[Fault]) -> None:
     fault = kind()
     for text in (str(fault), fault.brief or str(fault), explain(fault, Limits())):
         assert text[0].isupper() and text.endswith("."), text
@@ -74,7 +74,7 @@ REFUSING: dict[str, tuple[str, dict[str, Any], float, float]] = {
 
 
 @pytest.mark.parametrize("why", REFUSING)
-def test_no_goal_that_is_up_is_said_to_be_low(why: str) -> None:
+def test_target_above_the_horizon_is_not_refused_as_low(why: str) -> None:
     mount, config, ahead, start = REFUSING[why]
     refused: list[bytes] = []
 
@@ -105,7 +105,7 @@ def test_no_goal_that_is_up_is_said_to_be_low(why: str) -> None:
 
 
 @pytest.mark.parametrize("why", ["another site", "another clock", "the Sun of another clock", "the pier", "the way"])
-async def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> None:
+async def test_terminal_refusal_gives_a_remedy_and_does_not_mention_lowest(why: str) -> None:
     mount, config, ahead, start = REFUSING[why]
     async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
         sky, said = bridge.sim.mechanics.sky, set()
@@ -126,7 +126,7 @@ async def test_a_terminal_gets_the_way_out_and_no_word_of_lowest(why: str) -> No
         assert said
 
 
-async def test_the_warning_at_the_start_names_both_values_and_how_to_set_each() -> None:
+async def test_start_warning_names_both_values_and_how_to_set_each() -> None:
     async with Bridge("cge", config={"site": (10.0, 80.0)}) as bridge:
         await asyncio.sleep(2.0)
         [warning] = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount stands")]
@@ -135,7 +135,7 @@ async def test_the_warning_at_the_start_names_both_values_and_how_to_set_each() 
 
 
 @pytest.mark.parametrize("lowest", [None, 15.0])
-async def test_a_goal_that_is_low_is_told_with_its_altitude_and_when_it_rises(lowest: float | None) -> None:
+async def test_refusal_of_a_low_target_gives_its_altitude_and_rising_time(lowest: float | None) -> None:
     """To programs in the form of a Meade, to people with values."""
     config = {} if lowest is None else {"lowest": lowest}
     async with Bridge("cge", config=config) as bridge:
@@ -152,7 +152,7 @@ async def test_a_goal_that_is_low_is_told_with_its_altitude_and_when_it_rises(lo
         assert rises == pytest.approx(height, abs=0.3)
 
 
-def test_the_terminal_of_run_shows_a_refusal_in_one_line_without_a_log() -> None:
+def test_terminal_of_run_shows_a_refusal_once_in_one_line() -> None:
     """It does not repeat it for a program that tries again."""
     settings = ("--no-discovery", "--no-status", "--sun", "0", "--no-watchdog")
     gateway = Running("run", "--mount", "nexstar:cge@sim", "--surface", "lx200@tcp://127.0.0.1:0", *settings)

@@ -43,11 +43,11 @@ def lowest_reached(model: str, driven: str, lowest: float, latency: float, words
         ("cge", "nexstar", 41.8, 0.02),
     ],
 )
-def test_an_arrow_at_full_speed_ends_before_the_limit(model: str, driven: str, lowest: float, latency: float) -> None:
+def test_arrow_at_full_speed_ends_before_the_limit(model: str, driven: str, lowest: float, latency: float) -> None:
     assert lowest_reached(model, driven, lowest, latency, b":RS#:Ms#") >= lowest - JITTER
 
 
-def test_it_is_not_stopped_sooner_than_that_takes() -> None:
+def test_arrow_at_full_speed_is_stopped_no_earlier_than_needed() -> None:
     """Four degrees and a half a second from 45: a look in half a second, and a way of half a second to rest."""
     assert lowest_reached("6-8se", "nexstar", 30.0, 0.02, b":RS#:Ms#") < 30.0 + 4.6 * 1.5
 
@@ -61,7 +61,7 @@ def test_it_is_not_stopped_sooner_than_that_takes() -> None:
         (0.5, 12.0, 0.5, 1.0),
     ],
 )
-def test_what_a_change_means_while_motors_gather_speed(
+def test_safety_reckons_with_the_ordered_rate_while_motors_gather_speed(
     change: float, now: float, elapsed: float, reckoned: float
 ) -> None:
     assert ahead(change / elapsed, None, 4.0, now - elapsed - 10.0, now - 10.0) == pytest.approx(reckoned)
@@ -70,5 +70,5 @@ def test_what_a_change_means_while_motors_gather_speed(
 @pytest.mark.parametrize(
     ("rate", "earlier", "reckoned"), [(0.5, None, 0.5), (1.5, 0.5, 2.5), (1.0, 1.5, 1.0), (3.0, None, 3.0)]
 )
-def test_what_has_grown_may_grow_as_much_again(rate: float, earlier: float | None, reckoned: float) -> None:
+def test_safety_expects_a_growing_rate_to_keep_growing(rate: float, earlier: float | None, reckoned: float) -> None:
     assert ahead(rate, earlier, 0.0, 5.0, 6.0) == pytest.approx(reckoned)

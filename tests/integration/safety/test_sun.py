@@ -72,7 +72,7 @@ async def nearest(bridge: Any, seconds: float, done: Callable[[], bool] = lambda
     ],
 )
 @pytest.mark.safety_line(4)
-async def test_gotos_of_an_lx200_program_on_a_fork(
+async def test_lx200_goto_near_the_sun_is_refused_on_a_fork(
     start: float, config: dict[str, Any], asked: bytes, reply: bytes
 ) -> None:
     async with Bridge("6-8se", start=start, config=config) as bridge:
@@ -81,7 +81,7 @@ async def test_gotos_of_an_lx200_program_on_a_fork(
         assert bool(went) == (reply == b"110")
 
 
-async def test_a_nexstar_program_sees_no_motion_and_the_log_says_why() -> None:
+async def test_nexstar_goto_near_the_sun_reports_no_motion_and_logs_the_reason() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
         client = bridge.client()
         assert await client.ask(b"r40000000,10AA0000") == b"#"  # 6h, +23.4
@@ -98,7 +98,7 @@ async def test_a_nexstar_program_sees_no_motion_and_the_log_says_why() -> None:
         assert await client.ask(b"L") == b"1#"
 
 
-async def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
+async def test_german_mount_is_judged_on_its_path_through_the_pole() -> None:
     async with Bridge("cge", start=JUNE) as bridge:
         client = bridge.client()
         east = b":Sr09:38:00#:Sd+23*00:00#:MS#"  # five hours before the meridian
@@ -112,7 +112,7 @@ async def test_a_german_mount_goes_through_the_pole_and_not_straight() -> None:
         assert await nearest(bridge, 120) >= 20.0
 
 
-async def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_and_can_be_taken_back() -> None:
+async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_be_undone() -> None:
     async with Bridge("6-8se", start=JUNE, latency=0.05, config={"sun": 0.0}) as bridge:
         client, controller = bridge.client(), bridge.controller
         client.tell(b":RS#:Me#")
@@ -135,7 +135,7 @@ async def test_a_distance_that_a_page_asks_for_holds_for_the_motion_under_way_an
 
 @pytest.mark.parametrize(("latency", "rate"), [(0.05, b":RS#"), (0.2, b":RS#"), (0.2, b":RM#")])
 @pytest.mark.safety_line(4)
-async def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, rate: bytes) -> None:
+async def test_motion_by_hand_stops_before_the_suns_circle_and_may_go_back(latency: float, rate: bytes) -> None:
     async with Bridge("6-8se", start=JUNE, latency=latency) as bridge:
         client = bridge.client()
         client.tell(rate + b":Me#")  # azimuth falls, towards the Sun
@@ -148,7 +148,7 @@ async def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: flo
         client.tell(b":Q#")
 
 
-async def test_a_nexstar_program_by_hand_on_a_meade() -> None:
+async def test_nexstar_motion_by_hand_on_a_meade_stops_before_the_suns_circle() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=JUNE) as bridge:
         client = bridge.client()
         assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"
@@ -158,7 +158,7 @@ async def test_a_nexstar_program_by_hand_on_a_meade() -> None:
         assert not bridge.controller.moving
 
 
-async def test_a_hand_control_without_pass_through_takes_no_further_step() -> None:
+async def test_hand_control_without_pass_through_stops_stepping_at_the_suns_circle() -> None:
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", start=JUNE, config=config) as bridge:
         client = bridge.client()
@@ -171,7 +171,7 @@ async def test_a_hand_control_without_pass_through_takes_no_further_step() -> No
 
 
 @pytest.mark.safety_line(4)
-async def test_motion_at_the_keypad_is_stopped_while_somebody_polls() -> None:
+async def test_motion_at_the_keypad_is_stopped_before_the_sun_while_a_program_polls() -> None:
     async with Bridge("6-8se", start=JUNE, latency=0.1) as bridge:
         client = bridge.client()
         for turn in range(60):
@@ -183,7 +183,7 @@ async def test_motion_at_the_keypad_is_stopped_while_somebody_polls() -> None:
         assert "stopped at the Sun" in notes(bridge)
 
 
-async def test_who_is_inside_the_circle_can_get_out_and_not_nearer() -> None:
+async def test_mount_inside_the_suns_circle_may_leave_but_not_approach() -> None:
     async with Bridge("6-8se", start=MARCH) as bridge:
         client = bridge.client()
         await client.ask(b":GR#")
@@ -205,7 +205,7 @@ async def test_who_is_inside_the_circle_can_get_out_and_not_nearer() -> None:
         assert distance(bridge) > 30.0
 
 
-async def test_a_goto_that_takes_another_way_is_stopped_too() -> None:
+async def test_goto_that_deviates_towards_the_sun_is_stopped() -> None:
     async with Bridge("6-8se", start=JUNE) as bridge:
         client = bridge.client()
         assert await client.ask(FAR_ENOUGH, until=b"110") == b"110"
@@ -217,7 +217,7 @@ async def test_a_goto_that_takes_another_way_is_stopped_too() -> None:
         assert "stopped at the Sun" in notes(bridge)
 
 
-def test_both_suns_count_when_the_dates_differ() -> None:
+def test_both_sun_positions_count_when_dates_differ() -> None:
     async def program(days: float) -> bytes:
         async with Bridge("6-8se", start=JUNE, host_ahead=days * 86400.0) as bridge:
             client = bridge.client()
@@ -234,7 +234,7 @@ def test_both_suns_count_when_the_dates_differ() -> None:
     assert EVENING < MARCH < JUNE
 
 
-async def test_without_a_date_the_log_warns_once() -> None:
+async def test_missing_date_is_logged_once() -> None:
     async with Bridge("gt", "104.0", start=JUNE, config={"site": (45.0, 10.0), "mode": "alt-az"}) as bridge:
         bridge.site_clock.mount_clock = None
         client = bridge.client()
@@ -244,7 +244,7 @@ async def test_without_a_date_the_log_warns_once() -> None:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "evolution"), ("lx200", "lx200gps")])
-async def test_the_way_to_the_zenith_is_the_way_of_the_axes(driven: str, model: str) -> None:
+async def test_goto_to_the_zenith_is_judged_by_the_path_of_its_axes(driven: str, model: str) -> None:
     """The azimuth that was asked for counts, though every azimuth is the same place there."""
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", start=JUNE) as bridge:
         await bridge.client().ask(b"b6D82D800,40000000")  # azimuth 154, the zenith
@@ -253,7 +253,7 @@ async def test_the_way_to_the_zenith_is_the_way_of_the_axes(driven: str, model: 
         assert await nearest(bridge, 12.0) > 25.0
 
 
-async def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_there() -> None:
+async def test_flipping_german_mount_is_judged_by_where_its_tube_is() -> None:
     """Its hand control tells the side by the goal; a newer goto begins where the tube is."""
     config = {"mode": "eq-north"}
     async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:
@@ -268,7 +268,7 @@ async def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_bei
 
 
 @pytest.mark.parametrize("latency", [0.05, 0.2])
-async def test_a_goto_whose_first_axis_was_ended_goes_no_nearer_to_the_sun(latency: float) -> None:
+async def test_goto_with_one_axis_ended_does_not_approach_the_sun(latency: float) -> None:
     """The second axis alone would take another way than the one that was checked: it is ended as well."""
     async with Bridge("evolution", start=JUNE, latency=latency) as bridge:
         controller, client = bridge.controller, bridge.client()

@@ -39,7 +39,9 @@ def warnings(bridge: Any) -> list[str]:
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_a_resting_tube_is_told_a_quarter_of_an_hour_before_and_not_moved(mount: str, driven: str) -> None:
+async def test_resting_tube_in_the_suns_path_is_reported_15_minutes_ahead_and_not_moved(
+    mount: str, driven: str
+) -> None:
     async with Bridge(mount, driven=driven, start=DAY - 5 * 3600.0) as bridge:
         assert (await to(bridge, 275.0, 15.0))[0] is None
         await bridge.controller.perform(op.SetTracking(on=False))
@@ -68,7 +70,7 @@ async def test_a_resting_tube_is_told_a_quarter_of_an_hour_before_and_not_moved(
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_a_sun_that_rises_beside_a_tracking_tube_is_told_and_brought_no_nearer(mount: str, driven: str) -> None:
+async def test_sun_rising_beside_a_tracking_tube_is_reported_and_tracking_continues(mount: str, driven: str) -> None:
     """Turning its tracking off would let the Sun walk over it."""
     async with Bridge(mount, driven=driven, start=DAWN) as bridge:
         sun = op.Equatorial(*bridge.controller.astrometry.sky.sun(bridge.clock()))
@@ -85,7 +87,7 @@ async def test_a_sun_that_rises_beside_a_tracking_tube_is_told_and_brought_no_ne
         assert bridge.sim.tracking
 
 
-async def test_tracking_that_comes_nearer_to_the_risen_sun_ends_at_the_limit() -> None:
+async def test_tracking_that_approaches_the_sun_ends_at_the_limit() -> None:
     """At a rate of its own, such as that of a comet: two degrees an hour."""
     async with Bridge("lx200gps", driven="lx200", start=DAWN) as bridge:
         sun = op.Equatorial(*bridge.controller.astrometry.sky.sun(bridge.clock()))

@@ -29,7 +29,7 @@ MEADES = [("lx200gps", None, "lx200"), ("autostar", None, "lx200")]
 
 
 @pytest.mark.parametrize(("mount", "version", "driven"), NEXSTARS + MEADES)
-async def test_a_sync_near_the_zenith_does_not_bring_the_tube_to_the_sun(
+async def test_sync_near_the_zenith_does_not_bring_the_tube_to_the_sun(
     mount: str, version: str | None, driven: str
 ) -> None:
     """3.6 degrees on the sky turn the azimuth by 180: what is opposite to the Sun then is the Sun."""
@@ -45,9 +45,7 @@ async def test_a_sync_near_the_zenith_does_not_bring_the_tube_to_the_sun(
 
 
 @pytest.mark.parametrize(("mount", "version", "driven"), [("cge", "4.21", "nexstar"), *MEADES])
-async def test_a_goto_after_a_wrong_sync_keeps_within_the_altitude_limits(
-    mount: str, version: str | None, driven: str
-) -> None:
+async def test_goto_after_a_wrong_sync_keeps_the_altitude_limits(mount: str, version: str | None, driven: str) -> None:
     """The sync lifts what the mount believes by 13 degrees, so the tube would go 13 degrees lower."""
     async with Bridge(mount, version, driven=driven, start=NIGHT, config={"lowest": 10.0}) as bridge:
         assert (await to(bridge, 180.0, 40.0))[0] is None
@@ -63,7 +61,7 @@ async def test_a_goto_after_a_wrong_sync_keeps_within_the_altitude_limits(
 # --- a clock --------------------------------------------------------------------------------------------------------
 
 
-async def test_a_mount_aligned_on_stars_with_a_wrong_clock_keeps_away_from_the_sun_on_its_own_sky() -> None:
+async def test_mount_aligned_with_a_wrong_clock_avoids_the_sun_of_its_coordinates() -> None:
     """Its right ascension is right, so the Sun is where its coordinates say, whatever any clock says."""
     async with Bridge("cge", start=DAY, host_ahead=0.0) as bridge:
         sun = bridge.controller.suns.to_avoid()[0]
@@ -83,7 +81,9 @@ async def away(bridge: Any, degrees: float, hours: float) -> op.Equatorial:
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
-async def test_another_clocks_sun_ends_an_arrow_and_neither_tracking_nor_the_keypad(mount: str, driven: str) -> None:
+async def test_sun_of_a_contradicting_clock_ends_an_arrow_but_not_tracking_or_the_keypad(
+    mount: str, driven: str
+) -> None:
     """This computer's clock is two and a half hours behind the true time, which the mount has."""
     async with Bridge(mount, driven=driven, start=DAY, host_ahead=-2.5 * 3600.0) as bridge:
         place, client = await away(bridge, 30.0, -2.5), bridge.client()
@@ -100,7 +100,7 @@ async def test_another_clocks_sun_ends_an_arrow_and_neither_tracking_nor_the_key
 
 
 @pytest.mark.parametrize("ahead", [-2.5, -2.0])
-async def test_tracking_guiding_and_the_keypad_go_on_where_another_clock_sees_the_sun(ahead: float) -> None:
+async def test_tracking_guiding_and_keypad_continue_near_the_sun_of_another_clock(ahead: float) -> None:
     async with Bridge("cpc", start=DAY) as bridge:
         place, mechanics = await away(bridge, 10.0, ahead), bridge.sim.mechanics
         assert (await goes(bridge, op.Goto(place.ra, place.dec)))[0] is None
@@ -121,7 +121,7 @@ async def test_tracking_guiding_and_the_keypad_go_on_where_another_clock_sees_th
         assert isinstance((await goes(bridge, op.Goto(place.ra, place.dec)))[0], NearSun)
 
 
-async def test_what_is_under_way_goes_on_when_a_clock_jumps() -> None:
+async def test_running_motion_continues_when_a_clock_jumps() -> None:
     async with Bridge("cpc", start=DAY) as bridge:
         place = await away(bridge, 4.0, -2.5)
         await bridge.controller.perform(op.Goto(place.ra, place.dec))

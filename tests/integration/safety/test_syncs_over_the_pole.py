@@ -70,7 +70,7 @@ def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) ->
 
 @pytest.mark.parametrize("seed", [11, 12])
 @pytest.mark.safety_line(4)
-def test_after_a_wrong_sync_at_the_pole_no_goto_leads_to_the_sun(seed: int) -> None:
+def test_goto_after_a_wrong_sync_at_the_pole_avoids_the_sun(seed: int) -> None:
     """A mount that was switched on looks at the pole: nobody knows on which side of the pier it solves for a sync."""
     attack = next(one for one in attacks() if one.name == "a sync of +14°, to the Sun")
     result = run(assault(attack, "synscan", seed))
@@ -96,7 +96,9 @@ async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float
 
 @pytest.mark.parametrize(("mount", "driven", "build"), FORKS)
 @pytest.mark.safety_line(8)
-async def test_of_a_fork_both_ways_count(mount: str, driven: str, build: Build) -> None:
+async def test_goto_of_a_fork_synced_beyond_the_pole_is_judged_both_ways_round(
+    mount: str, driven: str, build: Build
+) -> None:
     async with standing(mount, driven=driven, start=DAY) as bridge:
         await near_the_pole(bridge, driven, build, 80.0)
         await over(bridge, 5.0)
@@ -110,7 +112,7 @@ async def test_of_a_fork_both_ways_count(mount: str, driven: str, build: Build) 
 @pytest.mark.parametrize(("mount", "build"), [
     ("lx200gps", Build.WEDGE), ("lx200", Build.WEDGE), ("autostar", Build.GERMAN),
 ])  # fmt: skip
-async def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, build: Build, by: bytes) -> None:
+async def test_meade_is_recognised_beyond_the_pole_by_its_right_ascension(mount: str, build: Build, by: bytes) -> None:
     """It does not tell its axes; its right ascension is another by half a circle then, and back when it is back."""
     async with standing(mount, driven="lx200", start=DAY) as bridge:
         client, mechanics = bridge.client(), bridge.sim.mechanics
@@ -135,7 +137,9 @@ async def test_a_meade_is_seen_to_pass_the_pole_however_it_does(mount: str, buil
 @pytest.mark.parametrize("tracks", [True, False])
 @pytest.mark.parametrize("rate", [b":RS#", b":RM#"])
 @pytest.mark.parametrize(("mount", "driven"), [("lx200gps", "lx200"), ("autostar", "lx200"), ("cpc", "nexstar")])
-async def test_over_the_zenith_both_ways_count(mount: str, driven: str, rate: bytes, tracks: bool) -> None:
+async def test_goto_of_a_fork_synced_beyond_the_zenith_is_judged_both_ways_round(
+    mount: str, driven: str, rate: bytes, tracks: bool
+) -> None:
     """Lower at its azimuth: a mount that tracks keeps the way in which it points, one that does not turns around."""
     async with standing(mount, driven=driven, start=EVENING) as bridge:
         controller, mechanics = bridge.controller, bridge.sim.mechanics
@@ -156,7 +160,9 @@ async def test_over_the_zenith_both_ways_count(mount: str, driven: str, rate: by
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize(("mount", "version"), GERMANS)
 @pytest.mark.safety_line(8)
-async def test_it_is_taken_and_both_ways_count(mount: str, version: str | None, latitude: float, start: float) -> None:
+async def test_sync_at_the_pole_is_accepted_and_gotos_are_judged_both_ways_round(
+    mount: str, version: str | None, latitude: float, start: float
+) -> None:
     """For plate solvers at the pole. After it the limits hold whichever way the mount has turned."""
     async with standing(mount, version, latitude, start=start) as bridge:
         await asyncio.sleep(1.0)
@@ -173,7 +179,7 @@ async def test_it_is_taken_and_both_ways_count(mount: str, version: str | None, 
 
 @pytest.mark.parametrize("arrows", [b":Mw#:Ms#", b":Me#:Mn#", b":Ms#", b":Mn#"])
 @pytest.mark.parametrize(("mount", "version"), GERMANS[:4])
-async def test_after_that_no_arrow_leads_below_the_limit(mount: str, version: str | None, arrows: bytes) -> None:
+async def test_arrow_after_a_sync_at_the_pole_keeps_the_limit(mount: str, version: str | None, arrows: bytes) -> None:
     config = {"lowest": 15.0, "sun": 0.0}
     async with Bridge(mount, version, config=config, start=EVENING) as bridge:
         await asyncio.sleep(1.0)

@@ -22,7 +22,7 @@ from tests.support.looks import altitude, extremes, notes
 from tests.support.sampling import as_a_rule
 
 
-async def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:
+async def test_repeated_arrow_command_keeps_the_positions_measured_before() -> None:
     """What was seen before it still counts, and from when it was seen."""
     async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
         client = bridge.client()
@@ -42,9 +42,7 @@ async def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_o
     (0.02, b":Ms#", 3.9), (0.02, b":Ms#", 4.1), (0.02, b":Mw#:Ms#", 2.6), (0.05, b":Ms#", 4.8), (0.2, b":Ms#", 6.0),
 ])  # fmt: skip
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
-def test_the_first_look_comes_in_time_wherever_a_motion_begins(
-    latency: float, arrows: bytes, height: float, model: str
-) -> None:
+def test_first_position_of_a_motion_is_read_in_time(latency: float, arrows: bytes, height: float, model: str) -> None:
     """The first position after the beginning is too early to tell a rate."""
 
     async def program(lowest: float) -> None:
@@ -63,7 +61,7 @@ def test_the_first_look_comes_in_time_wherever_a_motion_begins(
 
 
 @pytest.mark.parametrize("early", [0.2, 0.8, 1.5])
-async def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
+async def test_clock_is_not_read_while_the_mount_moves(early: float) -> None:
     """Three questions more on a slow line would be most of a second without a position."""
     async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
         client = bridge.client()
@@ -92,7 +90,7 @@ async def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None
         assert bridge.controller.now() - bridge.site_clock.mount_clock[1] < 10.0  # but it is read when it rests
 
 
-async def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the_pole() -> None:
+async def test_goto_stopped_on_its_way_keeps_the_tube_beyond_the_pole() -> None:
     """A Meade does not tell on which side its tube is: it stays where it was last seen to be."""
     async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
@@ -120,7 +118,7 @@ async def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_ov
         assert bridge.controller.watch.observed.upright
 
 
-async def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None:
+async def test_commands_without_an_answer_do_not_shorten_the_measured_reply_time() -> None:
     """How long a stop takes to come is reckoned from how long answers take."""
     async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
         for _ in range(20):
@@ -131,7 +129,7 @@ async def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("nexstar", "cpc")])
-async def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -> None:
+async def test_motion_over_the_zenith_is_judged_along_its_whole_path(driven: str, model: str) -> None:
     """Where it would end, on the other side, it is low enough again."""
     async with Bridge(
         model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0}, latency=0.2
@@ -147,9 +145,7 @@ async def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: 
 
 
 @pytest.mark.parametrize("arrow", [b":Me#", b":Mw#"])
-async def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_the_second_comes(
-    arrow: bytes,
-) -> None:
+async def test_position_read_in_two_halves_is_judged_at_the_second_instant(arrow: bytes) -> None:
     """Round the horizon at full speed, slowly sinking: right ascension is old when declination is told."""
     async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
         client = bridge.client()
@@ -167,9 +163,7 @@ async def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_w
 
 
 @pytest.mark.parametrize(("height", "stopped"), [(21.5, True), (26.0, False)])
-async def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(
-    height: float, stopped: bool
-) -> None:
+async def test_axis_that_a_stop_ends_last_does_not_cross_a_limit_alone(height: float, stopped: bool) -> None:
     """Together they keep the altitude nearly; a stop ends them one after the other."""
     async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
         await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
@@ -184,7 +178,7 @@ async def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_al
         assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
 
 
-async def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() -> None:
+async def test_motion_refused_at_its_second_begin_is_stopped() -> None:
     """The halt of the other axis came between: the mount had been told to move already."""
     south = (-35.0, 150.0)
     async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
@@ -210,7 +204,7 @@ async def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stop
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
-async def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driven: str, model: str) -> None:
+async def test_remaining_axis_does_not_cross_a_limit_after_the_other_ends(driven: str, model: str) -> None:
     """North lifts the tube there as fast as west lowers it."""
     async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
         client = bridge.client()
@@ -228,7 +222,7 @@ async def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alon
         assert not bridge.controller.moving
 
 
-def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position() -> None:
+def test_motion_right_after_a_stop_is_watched_from_its_first_position() -> None:
     """The mount was seen to coast after the stop, as if somebody else moved it."""
 
     async def program(height: float) -> None:
@@ -251,7 +245,7 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
 
 
 @pytest.mark.parametrize("late", [0.0, 0.2])
-def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: float) -> None:
+def test_arrow_right_after_a_stop_is_judged_from_where_the_mount_rests(late: float) -> None:
     """Not where it was seen last, on its way; it runs on to 25.9 degrees, and no limit may lie above that."""
 
     async def program(lowest: float) -> None:
@@ -272,7 +266,7 @@ def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: f
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200gps")])
-def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven: str, model: str) -> None:
+def test_mount_resting_after_a_stop_is_not_taken_for_moved_by_hand(driven: str, model: str) -> None:
     """While it ran on, it was seen to move without an order; that is over once it was seen at rest."""
 
     async def program(wait: float) -> None:
@@ -291,7 +285,7 @@ def test_a_mount_that_has_come_to_rest_after_a_stop_is_not_moved_by_hand(driven:
         run(program(3.0 + 0.13 * step))
 
 
-async def test_an_hour_angle_that_a_page_narrows_holds_for_the_motion_under_way() -> None:
+async def test_hour_angle_narrowed_by_a_page_applies_to_the_running_motion() -> None:
     async with Bridge("cge", config={"hour_angle_limit": 4.0}, latency=0.02) as bridge:
         client = bridge.client()
         await ready(bridge, client, b":GR#")
@@ -302,7 +296,7 @@ async def test_an_hour_angle_that_a_page_narrows_holds_for_the_motion_under_way(
         assert any("stopped at the hour angle limit" in note for note in notes(bridge))
 
 
-async def test_limits_that_a_page_narrows_hold_for_the_motion_under_way() -> None:
+async def test_limits_narrowed_by_a_page_apply_to_the_running_motion() -> None:
     async with Bridge("cge", config={"lowest": 10.0}, latency=0.02) as bridge:
         client = bridge.client()
         await ready(bridge, client, b":GR#")

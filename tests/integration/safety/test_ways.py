@@ -64,7 +64,7 @@ async def followed(bridge: Bridge, goal: op.Equatorial, most: int = 4) -> tuple[
 
 
 @pytest.mark.parametrize(("mount", "driven", "latitude", "lowest", "highest", "here", "there"), JOURNEYS)
-async def test_who_follows_the_refusal_arrives(
+async def test_place_named_in_a_refused_goto_leads_to_the_target(
     mount: str,
     driven: str,
     latitude: float,
@@ -86,7 +86,7 @@ async def test_who_follows_the_refusal_arrives(
         assert not any("stopped at" in note for note in notes(bridge)[before:])
 
 
-async def test_programs_read_it_as_the_answer_for_what_is_up() -> None:
+async def test_programs_read_a_refused_path_as_a_refusal_of_a_high_object() -> None:
     """Never "1": the object stands high. Not longer than a hand control's lines."""
     site = (20.0, 10.0)
     config = {"lowest": 15.0, "site": site, "sun": 0.0}
@@ -99,7 +99,7 @@ async def test_programs_read_it_as_the_answer_for_what_is_up() -> None:
         assert len(said) <= 2 + 1 + 60 + 1
 
 
-async def test_where_no_place_helps_the_arrows_do() -> None:
+async def test_refusal_names_the_arrows_where_no_place_leads_to_the_target() -> None:
     """It stands below the limit, and every way leads deeper at first."""
     async with Bridge("cge", config={"lowest": 0.0, "sun": 0.0}) as bridge:
         mechanics = bridge.sim.mechanics
@@ -113,7 +113,7 @@ async def test_where_no_place_helps_the_arrows_do() -> None:
 
 
 @pytest.mark.parametrize("hour_angle", [-1.5, -0.5, 0.5, 1.5])
-def test_near_the_meridian_both_sides_of_the_pier_count(hour_angle: float) -> None:
+def test_goto_near_the_meridian_is_judged_on_both_pier_sides(hour_angle: float) -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
             astrometry = bridge.controller.astrometry
@@ -132,7 +132,7 @@ def test_near_the_meridian_both_sides_of_the_pier_count(hour_angle: float) -> No
     run(program())
 
 
-async def test_a_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> None:
+async def test_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> None:
     """Driven by arrows under the pole, a hand control may still tell the side of its last goto."""
     async with Bridge("cge-pro", "4.21", config={"lowest": 10.0, "sun": 0.0}) as bridge:
         mechanics = bridge.sim.mechanics
@@ -147,7 +147,7 @@ async def test_a_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> N
 
 @pytest.mark.parametrize("latitude", [45.0, -33.0, 20.0])
 @pytest.mark.parametrize("mount", ["cge", "cgem"])
-async def test_from_anywhere_to_anywhere(mount: str, latitude: float) -> None:
+async def test_goto_from_anywhere_to_anywhere_arrives_within_the_limits(mount: str, latitude: float) -> None:
     """No goto passes a limit; each arrives, in a few steps, and one that is refused names the next."""
     site, lowest = (latitude, 10.0), 15.0
     config = {"lowest": lowest, "site": site, "sun": 0.0}

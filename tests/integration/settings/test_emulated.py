@@ -119,7 +119,7 @@ async def happens(bridge: Bridge, event: str, state: Path) -> Bridge:
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("name", VALUES)
-async def test_a_value_and_what_is_told_of_it_live_and_die_together(name: str, event: str, tmp_path: Path) -> None:
+async def test_emulated_value_and_its_record_survive_or_vanish_together(name: str, event: str, tmp_path: Path) -> None:
     value = VALUES[name]
     if name == "corrections" and event in ("a night", "moved"):
         pytest.skip("nothing tells whether a toggle was reset")
@@ -152,7 +152,7 @@ async def test_a_value_and_what_is_told_of_it_live_and_die_together(name: str, e
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("version", ["3.04", "2.3"])
-async def test_syncs_of_a_hand_control_without_sync_survive_only_if_all_agrees(
+async def test_emulated_syncs_survive_a_restart_only_if_everything_agrees(
     event: str, version: str, tmp_path: Path
 ) -> None:
     bridge = Bridge("cge", version, state=tmp_path, config=OPEN)
@@ -184,7 +184,7 @@ async def test_syncs_of_a_hand_control_without_sync_survive_only_if_all_agrees(
     await bridge.__aexit__()
 
 
-async def test_a_fork_on_a_wedge_that_is_parked_is_unparked_as_one(tmp_path: Path) -> None:
+async def test_parked_fork_on_a_wedge_is_unparked_as_equatorial(tmp_path: Path) -> None:
     """While it does not track, no hand control tells that it stands on a wedge."""
     bridge = Bridge("cpc", "4.21", state=tmp_path, config=OPEN, simulated={"wedge": True})
     await bridge.__aenter__()

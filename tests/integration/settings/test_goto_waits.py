@@ -62,7 +62,7 @@ async def lowest_of(bridge: Bridge, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("together", [True, False])
-async def test_a_goto_in_one_packet_with_a_clock_is_judged_by_that_clock(together: bool) -> None:
+async def test_goto_in_the_packet_of_a_new_clock_is_judged_by_that_clock(together: bool) -> None:
     """By the clock before it stands 25 degrees high, by the clock that was set 6 degrees below the horizon or so."""
     async with meade() as bridge:
         client = bridge.client()
@@ -78,7 +78,7 @@ async def test_a_goto_in_one_packet_with_a_clock_is_judged_by_that_clock(togethe
         assert await lowest_of(bridge, 30.0) > LOWEST
 
 
-async def test_a_goto_that_the_new_clock_allows_is_done_after_it_has_arrived() -> None:
+async def test_goto_allowed_by_a_new_clock_waits_until_the_mount_has_it() -> None:
     async with meade() as bridge:
         client = bridge.client()
         target = as_lx200(*at_altitude(bridge, 180.0, 50.0, 0.5))
@@ -89,7 +89,7 @@ async def test_a_goto_that_the_new_clock_allows_is_done_after_it_has_arrived() -
 @pytest.mark.parametrize(
     "said", [b":SL18:30:00#", b":Sg030*00#", b":SG+00#:SL18:30:00#:SC01/15/26#", b":St+40*00#:Sg030*00#"]
 )
-async def test_no_site_and_no_clock_goes_to_a_mount_that_slews(said: bytes) -> None:
+async def test_slewing_mount_is_sent_no_site_and_no_clock(said: bytes) -> None:
     async with meade() as bridge:
         client = bridge.client()
         assert (await client.ask(as_lx200(*at_altitude(bridge, 180.0, 40.0)), until=b"0")).endswith(b"0")
@@ -102,7 +102,7 @@ async def test_no_site_and_no_clock_goes_to_a_mount_that_slews(said: bytes) -> N
         assert order(bridge) == ["goto", "set"]
 
 
-async def test_no_clock_goes_to_a_mount_that_is_moved_by_hand() -> None:
+async def test_mount_moved_by_hand_is_sent_no_clock() -> None:
     async with meade() as bridge:
         client = bridge.client()
         client.tell(b":RS#:Mn#")
@@ -117,7 +117,7 @@ async def test_no_clock_goes_to_a_mount_that_is_moved_by_hand() -> None:
         assert order(bridge) == ["set"]
 
 
-async def test_the_protocol_that_can_refuse_names_the_seconds() -> None:
+async def test_lx200_refusal_during_a_clock_change_names_the_seconds_to_wait() -> None:
     """A classic works for ten seconds on a new date."""
     async with meade("lx200") as bridge:
         client = bridge.client()
@@ -137,7 +137,7 @@ def nexstar_client_on_meade(mount: str = "lx200") -> Bridge:
     )  # fmt: skip
 
 
-async def test_the_protocol_that_cannot_refuse_has_its_goto_when_the_clock_is_in() -> None:
+async def test_nexstar_goto_during_a_clock_change_is_carried_out_afterwards() -> None:
     async with nexstar_client_on_meade() as bridge:
         client = bridge.client()
         assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
@@ -147,7 +147,7 @@ async def test_the_protocol_that_cannot_refuse_has_its_goto_when_the_clock_is_in
         assert order(bridge) == ["set", "goto"]
 
 
-async def test_it_is_judged_by_that_clock() -> None:
+async def test_waiting_goto_is_judged_by_the_new_clock() -> None:
     async with nexstar_client_on_meade("lx200gps") as bridge:
         client = bridge.client()
         assert await client.ask(SLOW_H) == b"#"
@@ -157,7 +157,7 @@ async def test_it_is_judged_by_that_clock() -> None:
 
 
 @pytest.mark.parametrize("by", ["stop of another", "arrow", "hold", "client gone"])
-async def test_what_cancels_a_goto_that_waits(by: str) -> None:
+async def test_stop_or_disconnection_cancels_a_goto_that_waits_for_the_clock(by: str) -> None:
     async with nexstar_client_on_meade() as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.9")
         assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
@@ -180,7 +180,7 @@ async def test_what_cancels_a_goto_that_waits(by: str) -> None:
         assert (await other.ask(b"L")) == b"0#"
 
 
-async def test_another_goto_takes_its_place() -> None:
+async def test_newer_goto_replaces_one_that_waits_for_the_clock() -> None:
     async with nexstar_client_on_meade() as bridge:
         client = bridge.client()
         assert await client.ask(b"H" + bytes((22, 0, 30, 1, 16, 26, 0, 0))) == b"#"
@@ -191,7 +191,7 @@ async def test_another_goto_takes_its_place() -> None:
         assert truth.altitude(bridge.sim) == pytest.approx(60.0, abs=1.0)
 
 
-async def test_half_a_site_that_never_gets_its_other_half_holds_nothing_up() -> None:
+async def test_incomplete_site_does_not_delay_gotos() -> None:
     """The classic hand control of the first kind tells no site."""
     async with Bridge("nexstar-gps", "1.2", surface="lx200gps", config={"sun": 0.0}) as bridge:
         client = bridge.client()
@@ -201,7 +201,7 @@ async def test_half_a_site_that_never_gets_its_other_half_holds_nothing_up() -> 
         assert bridge.clock() - before < 1.0
 
 
-async def test_a_goto_waits_for_the_time_that_another_program_is_still_writing() -> None:
+async def test_goto_waits_for_the_time_that_another_program_is_still_setting() -> None:
     """The time of day was acknowledged, and goes to the mount two seconds later."""
     async with meade() as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.9")
@@ -212,7 +212,7 @@ async def test_a_goto_waits_for_the_time_that_another_program_is_still_writing()
         assert order(bridge) == ["set"]
 
 
-async def test_an_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
+async def test_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
     async with meade() as bridge:
         client = bridge.client()
         await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", until=b"#")
@@ -222,7 +222,7 @@ async def test_an_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
         assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
 
 
-async def test_stellarium_has_its_goto_when_the_clock_is_in() -> None:
+async def test_stellarium_goto_during_a_clock_change_is_carried_out_afterwards() -> None:
     """Its message has no reply: it is not refused while the mount takes a clock for ten seconds."""
     config = {"lowest": LOWEST, "sun": 0.0}
     async with Bridge("lx200", driven="lx200", presented="stellarium", surface=None, config=config) as bridge:

@@ -14,7 +14,7 @@ async def site(program: Visitor) -> tuple[bytes, ...]:
     return tuple([await program.ask(question, 5.0, until=b"#") for question in (b":Gt#", b":Gg#", b":GS#")])
 
 
-async def test_a_site_that_one_program_has_set_is_told_to_all_that_ask() -> None:
+async def test_site_set_by_one_program_is_reported_to_all() -> None:
     async with Bridge("6-8se", "2.2") as bridge:
         phone, other = bridge.client("192.168.1.7"), bridge.client()
         assert await site(other) == (b"", b"", b"")
@@ -25,7 +25,7 @@ async def test_a_site_that_one_program_has_set_is_told_to_all_that_ask() -> None
         assert sidereal.startswith(b"06:2")
 
 
-async def test_a_gps_that_finds_its_satellites_after_the_start_tells_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_site_is_reported_once_a_late_gps_finds_satellites(monkeypatch: pytest.MonkeyPatch) -> None:
     linked = {"linked": 0}
     monkeypatch.setitem(HANDLERS, "gps_linked", lambda sim, _: linked)
     async with Bridge("nexstar-gps", "1.6") as bridge:
@@ -38,7 +38,7 @@ async def test_a_gps_that_finds_its_satellites_after_the_start_tells_the_site(mo
         assert sidereal.startswith(b"06:2")
 
 
-async def test_a_mount_that_knows_no_site_is_not_asked_for_it_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_mount_without_a_site_is_not_polled_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program may poll; the receiver needs minutes."""
     asked: list[int] = []
     monkeypatch.setitem(HANDLERS, "gps_linked", lambda sim, _: asked.append(1) or {"linked": 0})

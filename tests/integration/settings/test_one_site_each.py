@@ -41,7 +41,7 @@ def readings(mount: str, wrong: str, folder: Path, **others: Any) -> dict[str, d
 
 @pytest.mark.parametrize("mount", ["cge", "cpc"])
 @pytest.mark.parametrize("wrong", PROTOCOLS)
-def test_one_wrong_program_among_three_is_wrong_for_itself_alone(mount: str, wrong: str, tmp_path: Path) -> None:
+def test_wrong_site_of_one_program_changes_nothing_for_others(mount: str, wrong: str, tmp_path: Path) -> None:
     found = readings(mount, wrong, tmp_path)
     for moment, told in found.items():
         for who, (latitude, longitude, ahead, sidereal) in told.items():
@@ -54,7 +54,7 @@ def test_one_wrong_program_among_three_is_wrong_for_itself_alone(mount: str, wro
 
 
 @pytest.mark.parametrize("wrong", PROTOCOLS)
-async def test_what_a_mount_takes_is_everyones_and_the_log_names_who_set_it(wrong: str, tmp_path: Path) -> None:
+async def test_site_taken_by_the_mount_applies_to_all_and_the_log_names_its_setter(wrong: str, tmp_path: Path) -> None:
     async with ThreePrograms("lx200gps", driven="lx200", config={"sun": 0.0, "site": (45.0, 10.0)}) as three:
         await three.sets(wrong, LATITUDE, LONGITUDE)
         await asyncio.sleep(5.0)
@@ -79,7 +79,7 @@ def below(bridge: Bridge) -> tuple[float, float]:
 @pytest.mark.parametrize(
     "said", [b":St10*00#:Sg120*30#", b":St-33*52#:Sg208*48#:SG-10#", b":SL12:00:00#:SC01/02/27#:SG+03#"]
 )
-async def test_a_wrong_program_refuses_nobodys_gotos(mount: str, said: bytes, tmp_path: Path) -> None:
+async def test_wrong_site_of_a_program_causes_no_refused_gotos(mount: str, said: bytes, tmp_path: Path) -> None:
     """Not its own either; not after a restart."""
     async with ThreePrograms(mount, state=tmp_path, config={"sun": 0.0}) as three:
         await three.lx200("10.0.0.7").ask(said, 3, b"", 2.0)
@@ -93,7 +93,7 @@ async def test_a_wrong_program_refuses_nobodys_gotos(mount: str, said: bytes, tm
         assert await again.lx200("10.0.0.8").ask(as_lx200(*below(again)), 3, b"0") == b"110"
 
 
-async def test_two_programs_read_what_each_has_set() -> None:
+async def test_two_programs_each_read_back_what_they_set() -> None:
     async with ThreePrograms("cge") as three:
         await three.sets("lx200", 20.0, 30.0)
         await three.sets("nexstar", -20.0, -30.0)
@@ -102,7 +102,7 @@ async def test_two_programs_read_what_each_has_set() -> None:
         assert (await three.reading("alpaca"))[:2] == (45.0, 10.0)
 
 
-async def test_halves_of_two_programs_are_no_site() -> None:
+async def test_halves_of_a_site_from_two_programs_are_not_combined() -> None:
     async with ThreePrograms("cge", aligned=False) as three:
         one, other = three.lx200("10.0.0.7"), three.lx200("10.0.0.8")
         await one.ask(b":St+20*00#")
@@ -113,7 +113,7 @@ async def test_halves_of_two_programs_are_no_site() -> None:
 
 
 @pytest.mark.parametrize("again", ["another connection", "a new connection"])
-async def test_a_zone_that_was_set_alone_survives_a_reconnect(again: str) -> None:
+async def test_zone_set_alone_survives_a_reconnect(again: str) -> None:
     async with ThreePrograms("cpc") as three:
         one = three.lx200("10.0.0.7")
         assert await one.ask(b":SG-02#") == b"1"
@@ -129,7 +129,7 @@ async def test_a_zone_that_was_set_alone_survives_a_reconnect(again: str) -> Non
 
 
 @pytest.mark.parametrize("polls", [True, False])
-async def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later(polls: bool) -> None:
+async def test_site_set_at_the_keypad_applies_within_ten_seconds(polls: bool) -> None:
     """At whatever moment, with a program that polls, and without any."""
     for since in range(3, 60, 8):
         async with Bridge("cge", config={"sun": 0.0}) as bridge:
@@ -146,7 +146,7 @@ async def test_a_site_that_its_owner_sets_at_the_keypad_counts_ten_seconds_later
             assert site is not None and site.latitude == pytest.approx(-33.87, abs=0.01), since
 
 
-async def test_a_mount_that_tells_no_site_has_the_programs_over_a_restart(tmp_path: Path) -> None:
+async def test_site_set_by_a_program_survives_a_restart_on_a_mount_without_one(tmp_path: Path) -> None:
     """By any protocol, and under the name of who has set it."""
     config = {"sun": 0.0}
     async with ThreePrograms("nexstar-gps", "1.2", state=tmp_path, config=config) as three:

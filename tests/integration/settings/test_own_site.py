@@ -37,7 +37,7 @@ async def second_site(client: Visitor) -> None:
 
 @pytest.mark.parametrize("again", [b":W0#", b":W1#"])
 @pytest.mark.parametrize("aligned", [True, False])
-async def test_coming_back_to_site_1_is_coming_back_to_the_mounts_own(aligned: bool, again: bytes) -> None:
+async def test_selecting_site_1_restores_the_mounts_site(aligned: bool, again: bytes) -> None:
     """An aligned hand control was never told the other one; an unaligned one is told its own again."""
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=aligned) as bridge:
         client = bridge.client()
@@ -53,7 +53,7 @@ async def test_coming_back_to_site_1_is_coming_back_to_the_mounts_own(aligned: b
         assert told(bridge) == ([] if aligned else [FORTY, OWN, FORTY])
 
 
-async def test_half_of_another_site_is_not_the_mounts_own_either() -> None:
+async def test_half_of_another_site_does_not_change_site_1() -> None:
     async with Bridge("cpc", "4.21", surface="autostar", aligned=False) as bridge:
         client = bridge.client()
         client.tell(b":W1#:St+40*00#")
@@ -65,7 +65,7 @@ async def test_half_of_another_site_is_not_the_mounts_own_either() -> None:
         assert told(bridge)[-1] == OWN
 
 
-async def test_a_site_entered_at_the_keys_while_nobody_asks_is_in_force_some_minutes_later() -> None:
+async def test_site_entered_at_the_keys_applies_within_minutes_without_polls() -> None:
     """It was asked for at the start, and then only while a program asked for the position."""
     async with Bridge("cpc", "4.21", surface="lx200gps") as bridge:
         bridge.sim.feed(FORTY)
@@ -73,7 +73,7 @@ async def test_a_site_entered_at_the_keys_while_nobody_asks_is_in_force_some_min
         assert await place(bridge.client()) == b"+40*00#+020*00#"
 
 
-async def test_a_site_entered_at_the_hand_control_meanwhile_is_its_own() -> None:
+async def test_site_entered_at_the_hand_control_becomes_site_1() -> None:
     """Neither what it had before nor what a program set comes back."""
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
         client = bridge.client()
@@ -86,7 +86,7 @@ async def test_a_site_entered_at_the_hand_control_meanwhile_is_its_own() -> None
         assert told(bridge) == [FORTY]
 
 
-async def test_it_is_its_own_after_a_restart_too(tmp_path: Path) -> None:
+async def test_site_1_is_still_the_mounts_site_after_a_restart(tmp_path: Path) -> None:
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False, state=tmp_path) as bridge:
         await second_site(bridge.client())
     async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
@@ -104,7 +104,7 @@ async def test_it_is_its_own_after_a_restart_too(tmp_path: Path) -> None:
         assert told(bridge) == []
 
 
-async def test_there_and_back_in_one_packet_leaves_the_mount_at_its_own() -> None:
+async def test_selecting_another_site_and_back_in_one_packet_keeps_the_mounts_site() -> None:
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
         client = bridge.client()
         await second_site(client)
@@ -115,7 +115,7 @@ async def test_there_and_back_in_one_packet_leaves_the_mount_at_its_own() -> Non
 
 
 @pytest.mark.parametrize("config", [{}, {"site": (52.0, 13.0)}])
-async def test_a_mount_that_tells_no_site(config: dict[str, object]) -> None:
+async def test_site_1_of_a_mount_without_a_site_is_the_set_or_configured_one(config: dict[str, object]) -> None:
     """What a program set as site 1, else the configured one, is what stands there again."""
     async with Bridge("nexstar-gps", "1.2", surface="lx200", config=config) as bridge:
         client = bridge.client()
@@ -130,7 +130,7 @@ async def test_a_mount_that_tells_no_site(config: dict[str, object]) -> None:
 @pytest.mark.parametrize(
     ("half", "question", "reply"), [(b":St-45*00#", b":Gt#", b"-45*00#"), (b":Sg010*30#", b":Gg#", b"+010*30#")]
 )
-async def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, reply: bytes) -> None:
+async def test_acknowledged_half_of_a_site_is_reported_back(half: bytes, question: bytes, reply: bytes) -> None:
     """Where nobody knows the other half there is no site, and still no silence about what was said yes to."""
     async with Bridge("nexstar-gps", "1.2", surface="lx200") as bridge:
         client = bridge.client()
@@ -146,7 +146,7 @@ async def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, re
 @pytest.mark.parametrize(
     ("model", "from_one"), [("autostar", False), ("lx200-16", False), ("lx200", True), ("lx200gps", True)]
 )
-def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
+def test_site_numbers_0_to_4_are_accepted_on_every_model(model: str, from_one: bool) -> None:
     """From 0 by the manual, from 1 by handbooks and programs: the one that is left over is the nearest."""
     talk = Talk(model=model)
     for number in b"30412":
@@ -160,7 +160,7 @@ def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
 
 
 @pytest.mark.parametrize("impossible", [b":W5#", b":W9#", b":W#", b":Wx#"])
-def test_what_is_no_site_selects_none(impossible: bytes) -> None:
+def test_invalid_site_number_selects_no_site(impossible: bytes) -> None:
     talk = Talk(model="lx200gps")
     talk.send(b":W2#" + impossible + b":St+40*00#")
     assert talk.session.shared.sites[1].latitude == 40.0
@@ -171,7 +171,7 @@ def test_what_is_no_site_selects_none(impossible: bytes) -> None:
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-async def test_a_meade_has_its_own_site_again_too(model: str) -> None:
+async def test_selecting_site_1_restores_the_site_of_a_meade(model: str) -> None:
     """It takes a site at any time, so it was told the other one."""
     async with Bridge(model, driven="lx200", surface="lx200gps", latency=0.01) as bridge:
         client = bridge.client()
@@ -194,7 +194,7 @@ async def test_a_meade_has_its_own_site_again_too(model: str) -> None:
         ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount"),
     ],
 )
-async def test_it_is_told_for_whom_a_site_of_a_page_holds(
+async def test_page_is_told_for_whom_its_site_applies(
     mount: str, config: dict[str, Any], aligned: bool, holds: str
 ) -> None:
     """And every other program reads the site then, or not."""

@@ -55,9 +55,7 @@ async def plugged_in(bridge: Any, cable: Cable) -> None:
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 0.02, 0.3, 2.0, 4.9])
-async def test_a_site_that_comes_while_a_classic_calculates_is_told_afterwards_as_a_whole(
-    mount: str, gap: float
-) -> None:
+async def test_site_set_while_a_classic_calculates_is_sent_whole_afterwards(mount: str, gap: float) -> None:
     async with nexstar_to(mount) as bridge:
         client = bridge.client()
         assert await client.ask(MARCH) == b"#"
@@ -76,7 +74,7 @@ async def test_a_site_that_comes_while_a_classic_calculates_is_told_afterwards_a
 
 @pytest.mark.parametrize("mount", CLASSICS)
 @pytest.mark.parametrize("gap", [0.0, 1.5])
-async def test_date_year_and_time_one_after_the_other_all_arrive(mount: str, gap: float) -> None:
+async def test_date_year_and_time_set_in_sequence_all_reach_the_mount(mount: str, gap: float) -> None:
     async with nexstar_to(mount) as bridge:
         client = bridge.client()
         for command in (
@@ -92,7 +90,7 @@ async def test_date_year_and_time_one_after_the_other_all_arrive(mount: str, gap
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
-async def test_of_two_times_the_second_one_counts(mount: str) -> None:
+async def test_second_of_two_times_reaches_the_mount(mount: str) -> None:
     async with nexstar_to(mount) as bridge:
         client = bridge.client()
         await client.ask(MARCH)
@@ -110,7 +108,7 @@ async def test_of_two_times_the_second_one_counts(mount: str) -> None:
 @pytest.mark.parametrize(
     ("mount", "driven"), [("6-8se", "nexstar"), ("cge", "nexstar"), *((mount, "lx200") for mount in MEADES)]
 )
-async def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, driven: str) -> None:
+async def test_settings_made_while_the_line_is_down_are_sent_when_it_is_back(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar") as bridge:
         client, cable = bridge.client(), Cable(bridge)
         cable.pull()
@@ -129,7 +127,7 @@ async def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount:
         assert "it is sent later" in notes(bridge)
 
 
-async def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
+async def test_goto_is_never_deferred_until_the_line_is_back() -> None:
     for mount, driven in (("cpc", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")):
         async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client, cable = bridge.client(), Cable(bridge)
@@ -151,7 +149,7 @@ async def test_a_goto_is_never_kept_for_a_line_that_is_down() -> None:
         (True, (45.0, 10.0), b"+40*45#", "site that was set is stored"),
     ],
 )
-async def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
+async def test_deferred_settings_are_dropped_if_the_mount_was_set_or_aligned_at_its_keys(
     aligned: bool, has: tuple[float, float], told: bytes, words: str
 ) -> None:
     async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
@@ -175,7 +173,7 @@ async def test_mount_that_was_set_or_aligned_at_its_keys_meanwhile_is_not_told(
 @pytest.mark.parametrize("lost", [b":St", b":Sg", b":SG", b":SL", b":SC"])
 @pytest.mark.parametrize("mount", ["lx200", "lx200gps"])
 @pytest.mark.parametrize("heard", [False, True])
-async def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, heard: bool) -> None:
+async def test_setting_lost_on_the_line_is_sent_again(mount: str, lost: bytes, heard: bool) -> None:
     async with nexstar_to(mount) as bridge:
         missed = (lose_replies if heard else lose_commands)(bridge, (lost,), 1)
         client = bridge.client()
@@ -192,7 +190,7 @@ async def test_what_was_lost_on_the_line_is_told_again(mount: str, lost: bytes, 
 
 
 @pytest.mark.parametrize("command", [b":SC", b":St"])
-async def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -> None:
+async def test_reads_report_the_mounts_value_after_three_failed_settings(command: bytes) -> None:
     async with nexstar_to("lx200") as bridge:
         missed = lose_commands(bridge, (command,), 100)
         client = bridge.client()
@@ -210,7 +208,7 @@ async def test_after_three_times_reads_tell_what_the_mount_has(command: bytes) -
             assert shown[5:6] == b"\x1a"  # the year is 2026
 
 
-async def test_a_lost_acknowledgement_of_a_hand_control_needs_no_second_telling() -> None:
+async def test_setting_with_a_lost_acknowledgement_is_not_sent_twice() -> None:
     async with Bridge("6-8se", aligned=False, presented="nexstar", surface=None) as bridge:
         lose_replies(bridge, (b"W",), 1)
         client = bridge.client()
@@ -225,7 +223,7 @@ async def test_a_lost_acknowledgement_of_a_hand_control_needs_no_second_telling(
 
 
 @pytest.mark.parametrize("how", ["down", "lost"])
-async def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how: str) -> None:
+async def test_guide_rate_and_backlash_are_sent_when_the_motors_answer_again(how: str) -> None:
     async with Bridge("cge", "4.21", presented="nexstar", surface="cge") as bridge:
         client, cable = bridge.client(), Cable(bridge)
         if how == "down":
@@ -247,7 +245,7 @@ async def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reach
 
 @pytest.mark.parametrize("ahead", [-25.0, 3.0, 20.0, 28.0, 40.0])
 @pytest.mark.parametrize("aligned", [True, False])
-async def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: float, aligned: bool) -> None:
+async def test_time_close_to_the_mounts_clock_is_sent_again_at_once(ahead: float, aligned: bool) -> None:
     async with Bridge("6-8se", aligned=aligned, surface="autostar") as bridge:
         client = bridge.client()
         wanted = bridge.clock() + ahead
@@ -274,7 +272,7 @@ async def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahe
         ("lx200", "lx200", True),
     ],
 )
-async def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven: str, aligned: bool) -> None:
+async def test_site_and_time_are_sent_again_exactly_as_set(mount: str, driven: str, aligned: bool) -> None:
     """Seconds, zone and daylight saving too: 20:30:40 in a zone one hour east, in summer."""
     async with Bridge(mount, driven=driven, aligned=aligned, presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
@@ -288,7 +286,7 @@ async def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven:
             assert (bridge.sim.zone, bridge.sim.daylight) == (1, 1)
 
 
-async def test_daylight_saving_that_was_set_at_the_hand_control_is_told() -> None:
+async def test_daylight_saving_set_at_the_hand_control_is_reported() -> None:
     async with Bridge("cge", aligned=False, presented="nexstar", surface="cge") as bridge:
         bridge.sim.feed(b"H\x14\x1e\x28\x07\x0e\x1a\x01\x01")
         client = bridge.client()
@@ -299,7 +297,7 @@ async def test_daylight_saving_that_was_set_at_the_hand_control_is_told() -> Non
 
 
 @pytest.mark.parametrize("pause", [0.5, 4.0, 30.0])
-async def test_an_offset_that_comes_after_the_local_time_leaves_that_as_it_is(pause: float) -> None:
+async def test_offset_set_after_the_local_time_leaves_the_time_unchanged(pause: float) -> None:
     async with Bridge("6-8se", aligned=False, surface="autostar") as bridge:
         client = bridge.client()
         set_at = bridge.clock()

@@ -95,7 +95,7 @@ class Night:
     [("lx200", "lx200"), ("autostar", "lx200"), ("lx200gps", "lx200"), ("6-8se", "nexstar"), ("avx", "nexstar")],
 )
 @pytest.mark.parametrize("seed", range(as_a_rule(6, whole=12)))
-async def test_in_the_end_the_mount_has_what_was_set_last(mount: str, driven: str, seed: int) -> None:
+async def test_mount_ends_with_the_last_settings_after_any_faults(mount: str, driven: str, seed: int) -> None:
     config = {"lowest": -90.0, "sun": 0.0}
     async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar", config=config) as bridge:
         night = Night(bridge, seed, driven)
@@ -110,7 +110,7 @@ async def test_in_the_end_the_mount_has_what_was_set_last(mount: str, driven: st
 HERE, THERE = SetSite(1.0, 2.0), SetSite(3.0, 4.0)
 
 
-def test_the_newest_of_a_kind_is_told_and_the_clock_last() -> None:
+def test_newest_setting_of_a_kind_is_sent_and_the_clock_last() -> None:
     pending: Pending = {}
     for value in (SetClock(0.0, 0.0), HERE, Backlash(1, 5), Backlash(2, 6), THERE):
         pending = added(pending, Setting(value, since=float(len(pending))))
@@ -122,7 +122,7 @@ def test_the_newest_of_a_kind_is_told_and_the_clock_last() -> None:
     assert step is None
 
 
-def test_it_is_told_three_times_at_growing_intervals() -> None:
+def test_setting_is_sent_three_times_at_growing_intervals() -> None:
     pending, now, times = added({}, Setting(HERE, since=0.0)), 0.0, []
     while (step := next_setting(pending, now)) is not None:
         if isinstance(step, Setting):
@@ -134,7 +134,7 @@ def test_it_is_told_three_times_at_growing_intervals() -> None:
     assert times == [0.0, 2.0, 7.0]
 
 
-def test_a_mount_that_cannot_hear_costs_no_time() -> None:
+def test_mount_that_cannot_hear_delays_nothing() -> None:
     pending = added({}, Setting(HERE, since=0.0))
     for now in range(100):
         step = next_setting(pending, float(now))
@@ -143,13 +143,13 @@ def test_a_mount_that_cannot_hear_costs_no_time() -> None:
             pending = postponed(pending, step, now + 2.0)
 
 
-def test_what_comes_of_the_end_of_an_older_one_leaves_the_newer_one_alone() -> None:
+def test_end_of_an_older_setting_leaves_the_newer_one_alone() -> None:
     older, newer = Setting(HERE, since=0.0, left=1), Setting(THERE, since=1.0)
     pending = added(added({}, older), newer)
     assert without(pending, older) == tried(pending, older, 5.0) == postponed(pending, older, 5.0) == pending
 
 
-def test_a_half_of_a_site_that_was_heard_is_no_change_at_the_keys() -> None:
+def test_received_half_of_a_site_is_not_taken_for_a_change_at_the_keys() -> None:
     sent = [Setting(SetSite(3.0, 179.9), since=0.0)]
     before = Place(1.0, 2.0)
     for told, ours in (
@@ -166,7 +166,7 @@ def test_a_half_of_a_site_that_was_heard_is_no_change_at_the_keys() -> None:
     assert site_is_ours([older, *sent], before, Place(7.0, 179.9))
 
 
-def test_zone_time_or_date_alone_is_no_change_at_the_keys() -> None:
+def test_zone_time_or_date_alone_is_not_taken_for_a_change_at_the_keys() -> None:
     sent = [Setting(SetClock(1e6 + 125.0, 5.5), since=100.0)]
     before = Moment(2e6, 0.0)
     for told, ours in (

@@ -25,7 +25,7 @@ def shown(bridge: Bridge) -> float:
 @pytest.mark.parametrize("surface", ["autostar", "lx200", "lx200-16", "lx200gps"])
 @pytest.mark.parametrize("pause", [0.0, 1.0, 2.3, 4.0, 25.0])
 @pytest.mark.parametrize("before", [0, -6])
-def test_any_order_with_any_pause(surface: str, pause: float, before: int) -> None:
+def test_time_date_and_zone_set_in_any_order_reach_the_hand_control(surface: str, pause: float, before: int) -> None:
     async def program(order: tuple[str, ...]) -> None:
         start = TRUE - 40.0
         async with Bridge("6-8se", "4.21", surface=surface, aligned=False, start=start) as bridge:

@@ -28,7 +28,7 @@ def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
         (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
     ],
 )
-async def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+async def test_noise_on_an_lx200_surface_is_logged_with_the_reason(said: bytes, dropped: tuple[bytes, str]) -> None:
     async with Bridge() as bridge:
         bridge.client().tell(said)
         await asyncio.sleep(0.5)
@@ -43,14 +43,14 @@ async def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]
         (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", NexStarFramer.noise)),
     ],
 )
-async def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+async def test_noise_on_a_nexstar_surface_is_logged_with_the_reason(said: bytes, dropped: tuple[bytes, str]) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         bridge.client().tell(said)
         await asyncio.sleep(0.5)
         assert dropped in _dropped(bridge)
 
 
-async def test_half_a_nexstar_command_that_goes_no_further() -> None:
+async def test_incomplete_nexstar_command_is_logged_with_the_reason() -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
         client.tell(b"R34AB")
@@ -62,7 +62,7 @@ async def test_half_a_nexstar_command_that_goes_no_further() -> None:
         assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half), (b"R34", NexStarFramer.cut_off)]
 
 
-async def test_half_a_command_that_its_connection_ends_with() -> None:
+async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         client.tell(b":GR")
@@ -70,7 +70,7 @@ async def test_half_a_command_that_its_connection_ends_with() -> None:
         assert _dropped(bridge) == [(b":GR", lx200.HALF)]
 
 
-async def test_what_was_held_back_as_a_stranger_s_word() -> None:
+async def test_bytes_held_back_as_a_strangers_are_logged() -> None:
     async with Bridge() as bridge:
         caller = Caller(bridge.acceptor)
         caller.tell(b"V")
@@ -79,7 +79,7 @@ async def test_what_was_held_back_as_a_stranger_s_word() -> None:
         assert [data for data, _ in _dropped(bridge)] == [b"V"]
 
 
-async def test_the_same_stop_again_and_what_a_stop_takes_back() -> None:
+async def test_duplicate_stop_and_orders_cancelled_by_a_stop_are_logged() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         client.tell(b":Q#:Q#:Q#")
@@ -89,7 +89,7 @@ async def test_the_same_stop_again_and_what_a_stop_takes_back() -> None:
         assert dropped == [b":Q#", b":Q#", b":Me#"]
 
 
-async def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
+async def test_harmless_bytes_are_not_logged_as_lost() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         assert await client.ask(b"#:GR#\r\n\0", until=b"#") != b""
@@ -98,7 +98,7 @@ async def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
 
 
 @pytest.mark.parametrize("framer", [lx200.Lx200Framer, NexStarFramer])
-def test_noise_for_hours_takes_no_memory(framer: type[lx200.Lx200Framer] | type[NexStarFramer]) -> None:
+def test_hours_of_noise_take_no_memory(framer: type[lx200.Lx200Framer] | type[NexStarFramer]) -> None:
     cutting = framer()
     for _ in range(100):
         cutting.feed(b"\xff" * 1000, 0.0)

@@ -34,7 +34,7 @@ def refusals(bridge: Bridge) -> list[str]:
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-async def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
+async def test_hibernation_over_a_network_is_refused_and_the_log_names_the_setting(
     mount: str, surface: str, transport: str
 ) -> None:
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
@@ -52,7 +52,9 @@ async def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-async def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first: bool) -> None:
+async def test_hibernation_over_a_network_is_done_where_the_operator_allows_it(
+    mount: str, surface: str, first: bool
+) -> None:
     allowed = AccessRules(hibernate=True)
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
         caller = Caller(bridge.acceptor)
@@ -65,7 +67,7 @@ async def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str,
 
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-async def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mount: str, surface: str) -> None:
+async def test_hibernation_on_a_serial_line_is_done_and_networks_may_wake_the_mount(mount: str, surface: str) -> None:
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
         bridge.client().tell(SLEEP[surface])
         await asyncio.sleep(10.0)
@@ -75,7 +77,7 @@ async def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake
         assert not bridge.sim.asleep
 
 
-def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
+def test_hibernation_is_refused_whatever_command_requests_it() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
     rights = Rights(hibernate=False)
     assert rights.refusal(op.Hibernate()) is not None and rights.refusal(op.Wake()) is None
@@ -89,7 +91,9 @@ def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
 
 @pytest.mark.real_time
 @pytest.mark.parametrize(("keys", "asleep"), [({}, False), ({"hibernate": True}, True), ({"hibernate": False}, False)])
-async def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, Any], asleep: bool) -> None:
+async def test_hibernation_setting_of_the_mount_applies_to_every_network_port(
+    keys: dict[str, Any], asleep: bool
+) -> None:
     tables = {"mount": [{"at": "nexstar:cpc@sim", **keys}], "surface": [{"at": "nexstar@tcp://127.0.0.1:0"}]}
     config = make_config(tables, Source("gateway.toml"))
     assert access(config.surface[0], config.mount[0]).hibernate is asleep

@@ -10,7 +10,7 @@ from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-async def test_programs_that_share_a_meade_keep_precision_and_target_apart(model: str) -> None:
+async def test_programs_that_share_a_meade_have_separate_precision_and_target(model: str) -> None:
     async with Bridge(model, driven="lx200", presented="lx200", surface=model) as bridge:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await one.ask(b":GR#:GD#", until=b"00#") == await other.ask(b":GR#:GD#", until=b"00#")
@@ -28,7 +28,7 @@ async def test_programs_that_share_a_meade_keep_precision_and_target_apart(model
         assert await other.ask(b":U#:GR#") == b"07:00:00#"
 
 
-async def test_nexstar_of_a_named_model_passes_on_no_raw_motion_but_the_focusers() -> None:
+async def test_nexstar_surface_of_a_named_model_passes_raw_motion_only_to_focusers() -> None:
     """Device 0 is all on the bus; 0x0b and 0x04 run to a switch or an index; 0x81, 0x84 and 0x31 write memory."""
     async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()

@@ -14,7 +14,7 @@ from tests.support.in_process_gateway import Bridge
     "said",
     [b":$BZ100#", b":$BAxx#", b":Rg-1.0#", b":F0#", b":F9#", b":RA-1.0#", b":Mgn-5#", b":BD100#", b":hI990231000000#"],
 )
-async def test_an_lx200_command_without_a_reply(said: bytes) -> None:
+async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
         before = len(bridge.sent())
@@ -37,7 +37,7 @@ async def test_an_lx200_command_without_a_reply(said: bytes) -> None:
         b"r1234ZZ00,12340000",
     ],
 )
-async def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) -> None:
+async def test_refused_nexstar_command_with_a_fixed_reply_is_logged(said: bytes) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
         before = len(bridge.sent())
@@ -46,7 +46,7 @@ async def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) ->
         assert not [data for data in bridge.sent()[before:] if data[1:2] in (b"S", b"M", b"A")]
 
 
-async def test_it_is_said_once_for_every_host() -> None:
+async def test_refusal_is_logged_once_for_every_host() -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         for _ in range(2):
             client = bridge.client()

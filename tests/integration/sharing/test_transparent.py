@@ -43,13 +43,13 @@ def shared(mount: str, version: str | None = None, **settings: Any) -> Callable[
 
 
 @pytest.mark.parametrize(("protocol", "model", "version"), MOUNTS, ids=lambda part: str(part))
-def test_the_answers_are_the_mounts_own(protocol: str, model: str, version: str | None) -> None:
+def test_transparent_surface_gives_the_mounts_replies(protocol: str, model: str, version: str | None) -> None:
     assert asked_of(protocol) == 91
     found = run(differences(protocol, model, version))
     assert len(found) <= ALLOWED, found
 
 
-async def test_who_names_a_model_is_presented_that() -> None:
+async def test_surface_with_a_configured_model_presents_that_model() -> None:
     cpc = parse_endpoint("nexstar:cpc/4.21@sim")
     assert presents_mount(cpc, parse_endpoint("nexstar@tcp://:4030"))
     assert not presents_mount(cpc, parse_endpoint("nexstar:6-8se@tcp://:4030"))
@@ -65,7 +65,7 @@ async def test_who_names_a_model_is_presented_that() -> None:
 # --- a NexStar ------------------------------------------------------------------------------------------------------
 
 
-def test_what_never_changes_is_asked_once_for_all() -> None:
+def test_constant_value_is_read_once_for_all_programs() -> None:
     @shared("cge")
     async def once(bridge: Bridge) -> None:
         clients = [bridge.client(f"10.0.0.{number}") for number in range(1, 6)]
@@ -78,7 +78,7 @@ def test_what_never_changes_is_asked_once_for_all() -> None:
         assert MOTORS not in bridge.sent()[before:]
 
 
-def test_what_is_polled_costs_the_line_what_one_program_costs() -> None:
+def test_polls_of_many_programs_cost_the_line_no_more_than_those_of_one() -> None:
     @shared("cge")
     async def polled(bridge: Bridge) -> None:
         clients = [bridge.client(f"10.0.0.{number}") for number in range(1, 21)]
@@ -90,7 +90,7 @@ def test_what_is_polled_costs_the_line_what_one_program_costs() -> None:
         assert bridge.sent()[before:].count(APPROACH) <= 25
 
 
-def test_an_order_outdates_what_the_mount_told_before_it() -> None:
+def test_order_invalidates_earlier_readings() -> None:
     @shared("cge")
     async def outdated(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
@@ -102,7 +102,7 @@ def test_an_order_outdates_what_the_mount_told_before_it() -> None:
         assert await other.ask(APPROACH) == b"\1#" and APPROACH in bridge.sent()[before:]
 
 
-def test_what_a_program_has_set_is_told_to_all_at_once() -> None:
+def test_setting_by_one_program_is_reported_to_all_at_once() -> None:
     @shared("cgx", "5.31")
     async def told(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
@@ -113,7 +113,7 @@ def test_what_a_program_has_set_is_told_to_all_at_once() -> None:
         assert await other.ask(GUIDE_RATE) == await one.ask(GUIDE_RATE) == b"\x40#"
 
 
-def test_a_clock_that_is_kept_here_is_told_by_the_clock_device_too() -> None:
+def test_emulated_clock_is_reported_by_the_clock_device_too() -> None:
     """An aligned hand control is not told the time: what the program set counts for it, whatever it asks."""
 
     @shared("cge")
@@ -132,7 +132,7 @@ def test_a_clock_that_is_kept_here_is_told_by_the_clock_device_too() -> None:
     b"P\2\x10\x81\0\0\0\1", b"P\2\x10\x31\0\0\0\1", b"P\2\x10\x84\0\0\0\1",
     b"P\2\0\x24\t\0\0\0", b"P\4\0\2\x10\0\0\0", b"P\4\0\x17\x10\0\0\0", b"P\4\0\6\x10\0\0\0",
 ])  # fmt: skip
-def test_raw_command_that_is_not_listed_stays_back(unlisted: bytes) -> None:
+def test_unlisted_raw_command_is_not_passed_on(unlisted: bytes) -> None:
     """An unknown number, memory, a search for the index or the switch, the approach, a motor's position,
     cord wrap, and motion of all devices on the bus at once."""
 
@@ -142,7 +142,7 @@ def test_raw_command_that_is_not_listed_stays_back(unlisted: bytes) -> None:
         assert unlisted not in bridge.sent()
 
 
-def test_a_polar_fork_counts_by_its_motors() -> None:
+def test_surface_of_a_polar_fork_reports_axes_like_the_hand_control() -> None:
     @shared("cpc")
     async def polar(bridge: Bridge) -> None:
         client, direct = bridge.client(), bridge.sim.connection()
@@ -154,7 +154,7 @@ def test_a_polar_fork_counts_by_its_motors() -> None:
         assert await client.ask(b"P\1\x11\1\0\0\0\3") == direct(b"P\1\x11\1\0\0\0\3")
 
 
-def test_limits_come_before_the_mounts_own_yes() -> None:
+def test_limits_apply_before_the_mount_acknowledges() -> None:
     @shared("cpc", config={"lowest": 20.0})
     async def limits(bridge: Bridge) -> None:
         client = bridge.client()
@@ -164,7 +164,7 @@ def test_limits_come_before_the_mounts_own_yes() -> None:
         assert not any(sent.startswith(b"b") for sent in bridge.sent())
 
 
-def test_a_hand_control_that_is_mute_to_v_is_asked_once_and_answered_for() -> None:
+def test_hand_control_that_does_not_answer_v_is_asked_once_and_answered_for() -> None:
     @shared("6-8se")
     async def mute(bridge: Bridge) -> None:
         answers = bridge.sim._opcodes
@@ -176,7 +176,7 @@ def test_a_hand_control_that_is_mute_to_v_is_asked_once_and_answered_for() -> No
         assert b"v" not in bridge.sent()[before:]
 
 
-def test_who_only_looks_sees_the_mount_itself_and_sets_nothing() -> None:
+def test_look_only_program_sees_the_mount_and_sets_nothing() -> None:
     @shared("cge", access=AccessRules(read_only=True))
     async def looks(bridge: Bridge) -> None:
         client = bridge.client()
@@ -185,7 +185,7 @@ def test_who_only_looks_sees_the_mount_itself_and_sets_nothing() -> None:
         assert SET_GUIDE_RATE not in bridge.sent()
 
 
-def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
+def test_another_mount_behind_the_same_cable_is_identified_anew() -> None:
     @shared("cge")
     async def changed(bridge: Bridge) -> None:
         client = bridge.client()
@@ -202,7 +202,7 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
 @pytest.mark.parametrize(("mount", "told"), [
     ("nexstar:avx/5.31", "nexstar:avx"), ("nexstar:gt/104.0", "nexstar:gt"), ("lx200:lx200-16", "lx200:lx200-16"),
 ])  # fmt: skip
-async def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> None:
+async def test_gateway_presents_the_mount_that_it_has_found(mount: str, told: str) -> None:
     """As it is started by a person: the surface is named by its protocol alone."""
     at = parse_endpoint(f"{mount}@sim")
     surface = SurfaceConfig(at=f"{at.protocol}@tcp://127.0.0.1:0")
@@ -225,7 +225,7 @@ async def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str)
 # --- a Meade --------------------------------------------------------------------------------------------------------
 
 
-def test_two_programs_look_things_up_and_go_each_to_its_own() -> None:
+def test_two_programs_select_objects_and_go_each_to_its_target() -> None:
     @shared("lx200", config={"sun": 0.0, "lowest": -90.0})
     async def both(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
@@ -240,7 +240,7 @@ def test_two_programs_look_things_up_and_go_each_to_its_own() -> None:
         other.tell(b":Q#")
 
 
-def test_an_object_of_a_telescope_that_counts_in_j2000_is_where_it_says() -> None:
+def test_goto_to_an_object_of_a_j2000_telescope_arrives_at_its_place() -> None:
     """What is sent to it for the goto is what it told itself, whatever its coordinates mean."""
 
     @shared("lx200", config={"equinox": "j2000", "sun": 0.0, "lowest": -90.0})
@@ -255,7 +255,7 @@ def test_an_object_of_a_telescope_that_counts_in_j2000_is_where_it_says() -> Non
         client.tell(b":Q#")
 
 
-def test_a_number_that_the_telescope_does_not_have_leaves_this_programs_target() -> None:
+def test_unknown_object_number_leaves_the_programs_target() -> None:
     @shared("lx200")
     async def unknown(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
@@ -267,7 +267,7 @@ def test_a_number_that_the_telescope_does_not_have_leaves_this_programs_target()
         assert await one.ask(b":Gr#", until=b"#") == b"06:00:00#"
 
 
-def test_a_kept_site_is_told_and_not_the_telescopes_own() -> None:
+def test_emulated_site_is_reported_instead_of_the_telescopes() -> None:
     """Half a site is not the telescope's yet: what was just acknowledged is what is told."""
 
     @shared("lx200gps")
@@ -280,7 +280,7 @@ def test_a_kept_site_is_told_and_not_the_telescopes_own() -> None:
         assert await client.ask(b":Gt#", until=b"#") == bridge.sim.feed(b":Gt#")
 
 
-def test_what_a_model_has_not_it_does_not_answer() -> None:
+def test_commands_that_a_model_lacks_get_no_answer() -> None:
     @shared("lx200")
     async def lacks(bridge: Bridge) -> None:
         client = bridge.client()
@@ -289,7 +289,7 @@ def test_what_a_model_has_not_it_does_not_answer() -> None:
         assert any("this mount has no such command" in entry.note for entry in bridge.entries)
 
 
-def test_a_firmware_that_is_mute_to_a_command_costs_nobody_the_line() -> None:
+def test_command_that_a_firmware_ignores_delays_no_other_program() -> None:
     """Some know less than their manual: no is said where there is a form for it, and other programs notice nothing."""
 
     @shared("autostar")
@@ -305,7 +305,7 @@ def test_a_firmware_that_is_mute_to_a_command_costs_nobody_the_line() -> None:
         assert b":GM#" not in bridge.sent()[before:], "it is not asked what it does not know again and again"
 
 
-def test_high_precision_pointing_stays_back() -> None:
+def test_high_precision_pointing_is_not_passed_on() -> None:
     @shared("autostar")
     async def stays(bridge: Bridge) -> None:
         assert await bridge.client().ask(b":P#") == b"LOW  PRECISION"

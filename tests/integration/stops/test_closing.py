@@ -16,7 +16,7 @@ NEXSTAR = [b"T\x01", b"x", b"P\x02\x11\x24\x09\0\0\0", b"ezLt", b"y", b"W" + byt
 
 @pytest.mark.parametrize(("presented", "said"), [("lx200", LX200), ("nexstar", NEXSTAR)])
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cpc"), ("lx200", "lx200gps")])
-def test_what_clients_still_wanted_ends_with_the_gateway(
+def test_closing_the_gateway_ends_all_pending_client_requests(
     presented: str, said: list[bytes], driven: str, mount: str
 ) -> None:
     async def program(late: float) -> list[str]:
@@ -36,7 +36,7 @@ def test_what_clients_still_wanted_ends_with_the_gateway(
         assert run(program(0.3 * step)) == []
 
 
-async def test_what_waits_for_a_mount_that_never_said_who_it_is_ends_too() -> None:
+async def test_closing_ends_requests_to_a_mount_that_was_never_identified() -> None:
     bridge = Bridge("cpc")
     bridge.sim.asleep = True
     bridge.controller.start()

@@ -29,7 +29,7 @@ def times(bridge: Bridge, command: bytes) -> list[float]:
     ("motion", "end"),
     [(b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")],
 )
-async def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
+async def test_lost_end_of_a_motion_is_sent_again_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
     """Too slow a motion, or too short a time, for the position to show it."""
     async with meade(mount) as bridge:
         client = bridge.client()
@@ -51,7 +51,7 @@ async def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, mot
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.25, 0.29, 0.3])
 @pytest.mark.parametrize("newer", [GOTO, b":Mw#", b":Me#", b":Mn#"])
-async def test_what_is_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
+async def test_motion_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")
@@ -66,7 +66,7 @@ async def test_what_is_begun_after_a_stop_goes_on(mount: str, after: float, newe
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
-async def test_the_next_pulse_and_the_other_axis_go_on(mount: str, after: float) -> None:
+async def test_second_end_leaves_the_next_pulse_and_the_other_axis_alone(mount: str, after: float) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         client.tell(b":RC#:Mn#:Me#")
@@ -82,7 +82,7 @@ async def test_the_next_pulse_and_the_other_axis_go_on(mount: str, after: float)
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_a_mount_at_rest_is_told_once(mount: str) -> None:
+async def test_mount_at_rest_is_sent_one_stop_only(mount: str) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         for _ in range(5):
@@ -91,7 +91,7 @@ async def test_a_mount_at_rest_is_told_once(mount: str) -> None:
         assert len(times(bridge, b":Q#")) == 5
 
 
-async def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
+async def test_lost_end_of_a_gateway_timed_pulse_is_sent_again() -> None:
     async with meade("lx200") as bridge:
         client = bridge.client()
         missed = lose_commands(bridge, (b":Qe#",))
@@ -102,7 +102,7 @@ async def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
         assert not bridge.sim.arrows
 
 
-async def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
+async def test_focuser_stops_though_the_first_end_was_lost() -> None:
     async with meade("autostar") as bridge:
         client = bridge.client()
         client.tell(b":F+#")
@@ -114,7 +114,7 @@ async def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
         assert bridge.sim.parts["focuser"] == 0
 
 
-async def test_the_end_of_a_pulse_that_a_telescope_could_not_hear_is_sent_when_it_hears_again() -> None:
+async def test_end_of_a_pulse_is_sent_when_a_busy_telescope_hears_again() -> None:
     """A classic that calculates its planets hears :Q# alone; no position shows that a rate so low goes on.
 
     Its owner has set the date at the keypad: the gateway sends none to a mount that moves.
@@ -130,7 +130,7 @@ async def test_the_end_of_a_pulse_that_a_telescope_could_not_hear_is_sent_when_i
         assert not bridge.sim.arrows
 
 
-async def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
+async def test_release_becomes_a_stop_on_a_busy_telescope() -> None:
     """An LX200GPS that says that it is busy would turn on at two degrees a second until it hears again."""
     async with Bridge("lx200gps", driven="lx200", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client = bridge.client()

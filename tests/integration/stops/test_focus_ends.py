@@ -33,9 +33,7 @@ def moves(bridge: Any) -> bool:
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("packet", [b":FQ#:Q#", b":Qe#:FQ#:Q#", b":FQ#:Qe#:Qw#:Qn#:Qs#", b":Q#:FQ#"])
-async def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(
-    mount: str, driven: str, packet: bytes
-) -> None:
+async def test_stop_of_the_mount_does_not_cancel_the_end_of_the_focuser(mount: str, driven: str, packet: bytes) -> None:
     async with bridge_to(mount, driven) as bridge:
         client = bridge.client()
         client.tell(b":F+#")
@@ -49,7 +47,7 @@ async def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(
 
 @pytest.mark.parametrize("times", [1, 3])
 @pytest.mark.parametrize("how", ["told", "gone"])
-async def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times: int) -> None:
+async def test_end_of_the_focuser_is_sent_until_acknowledged(how: str, times: int) -> None:
     async with bridge_to("cpc", "nexstar") as bridge:
         client = bridge.client()
         client.tell(b":FS#:F+#")
@@ -68,7 +66,7 @@ async def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str,
         assert not bridge.controller.wanted.value.pending
 
 
-async def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
+async def test_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
     async with bridge_to("cpc", "nexstar") as bridge:
         client = bridge.client()
         client.tell(b":FS#:F+#")

@@ -39,7 +39,7 @@ async def arrived(bridge: Bridge, most: int = 60) -> None:
     raise AssertionError("it never arrives")
 
 
-async def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
+async def test_mount_keeps_tracking_after_a_park_that_it_never_heard() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
@@ -53,7 +53,7 @@ async def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
 
 
 @pytest.mark.parametrize("order", ["park", "goto"])
-async def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None:
+async def test_motion_that_the_mount_heard_without_an_answer_counts_as_running(order: str) -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         if order == "park":
@@ -72,7 +72,7 @@ async def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -
             assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
 
 
-async def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow() -> None:
+async def test_tracking_returns_after_a_failed_goto_that_ended_an_arrow() -> None:
     async with Bridge("6-8se", config=OPEN) as bridge:
         client = bridge.client()
         client.tell(b":RC#:Me#")
@@ -86,7 +86,7 @@ async def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_
         assert not bridge.driver.tracking_suspended
 
 
-async def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alone() -> None:
+async def test_goto_refused_by_a_check_leaves_the_arrow_alone() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mw#")
@@ -98,7 +98,7 @@ async def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arro
 
 
 @pytest.mark.parametrize("instead", [op.Goto(120.0, 30.0), op.AbortSlew()])
-async def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
+async def test_cancelled_search_for_home_is_reported_as_cancelled(instead: op.Operation) -> None:
     async with Bridge("cge") as bridge:
         await bridge.controller.perform(op.SetHome())
         await bridge.client().ask(GOTO, until=b"0")
@@ -111,7 +111,7 @@ async def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) 
         assert await bridge.controller.answer(op.HomeState()) == 0
 
 
-async def test_a_drive_rate_comes_back_after_a_goto_was_cancelled() -> None:
+async def test_drive_rate_returns_after_a_cancelled_goto() -> None:
     async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
         await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", until=b"#")  # lunar
@@ -125,7 +125,7 @@ async def test_a_drive_rate_comes_back_after_a_goto_was_cancelled() -> None:
 
 
 @pytest.mark.parametrize("later", [0.3, 1.0, 1.9])
-async def test_tracking_that_was_put_off_after_waking_stays_off(later: float) -> None:
+async def test_tracking_switched_off_after_waking_stays_off(later: float) -> None:
     async with Bridge("cpc", presented="nexstar", surface="cpc") as bridge:
         client = bridge.client()
         assert await client.ask(b"x") == b"#"
@@ -139,7 +139,7 @@ async def test_tracking_that_was_put_off_after_waking_stays_off(later: float) ->
 
 
 @pytest.mark.parametrize("times", [1, 3])
-async def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times: int) -> None:
+async def test_lost_end_of_a_park_is_sent_again(times: int) -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
@@ -153,7 +153,7 @@ async def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times
         assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
 
 
-async def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
+async def test_finished_park_is_not_enforced_again() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
@@ -169,7 +169,7 @@ async def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
         assert not bridge.driver.parked
 
 
-async def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
+async def test_mount_moved_off_its_park_position_by_axes_is_not_parked() -> None:
     async with Bridge("cge") as bridge:
         await bridge.controller.perform(op.Park())
         await polled(bridge, 10)
@@ -180,7 +180,7 @@ async def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
 
 
 @pytest.mark.parametrize("times", [1, 2, 4])
-async def test_a_meade_that_notes_its_home_is_heard_again_though_an_answer_was_lost(times: int) -> None:
+async def test_meade_that_stores_its_home_answers_again_after_a_lost_answer(times: int) -> None:
     async with Bridge("lx200gps", driven="lx200") as bridge:
         client = bridge.client()
         lost = swallow(bridge, lambda data: data == b":h?#", times)

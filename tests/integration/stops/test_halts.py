@@ -42,7 +42,7 @@ ENDS = {
 @pytest.mark.parametrize(
     ("presented", "driven", "mount"), [("lx200", "nexstar", "6-8se"), ("nexstar", "lx200", "lx200gps")]
 )
-def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str, driven: str, mount: str) -> None:
+def test_last_halted_axis_rests_and_last_begun_axis_moves(presented: str, driven: str, mount: str) -> None:
     """Whoever said it, how often, and whatever it came between."""
     said = st.tuples(
         st.booleans(),
@@ -104,7 +104,7 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
 
 
 @pytest.mark.parametrize("flood", [b":Qe#", b":Qn#:Qs#:Qe#:Qw#", b"M" + EAST_STOPS])
-async def test_a_flood_of_halts_costs_no_tasks(flood: bytes) -> None:
+async def test_flood_of_halts_starts_no_tasks(flood: bytes) -> None:
     shown = {"presented": "lx200"} if flood[:1] == b":" else {"presented": "nexstar", "surface": "6-8se"}
     async with Bridge("cge", latency=LATENCY, **shown) as bridge:
         before = len(asyncio.all_tasks())
@@ -118,7 +118,7 @@ async def test_a_flood_of_halts_costs_no_tasks(flood: bytes) -> None:
 
 
 @pytest.mark.parametrize("flood", [b":Qe#", b":Qn#:Qe#", b"M", EAST_STOPS + NORTH_STOPS])
-async def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood: bytes) -> None:
+async def test_position_read_does_not_wait_for_a_flood_of_halts(flood: bytes) -> None:
     lx200 = flood[:1] == b":"
     shown: dict[str, Any] = {"presented": "lx200"} if lx200 else {"presented": "nexstar", "surface": "6-8se"}
     async with Bridge("cge", latency=LATENCY, **shown) as bridge:
@@ -141,7 +141,7 @@ async def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood
         pouring.cancel()
 
 
-async def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
+async def test_flood_of_halts_on_one_axis_lets_the_other_move() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
 
@@ -167,7 +167,7 @@ async def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
         pouring.cancel()
 
 
-async def test_a_halt_that_is_asked_for_twice_is_sent_twice_and_each_time_at_once() -> None:
+async def test_halt_requested_twice_is_sent_twice_at_once() -> None:
     """The first may have been lost."""
     async with Bridge("cge", latency=LATENCY) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
@@ -188,7 +188,7 @@ async def test_a_halt_that_is_asked_for_twice_is_sent_twice_and_each_time_at_onc
             assert times[0] <= LATENCY + 0.001
 
 
-async def test_a_crowd_that_halts_behind_a_goto_ends_it_by_one_stop() -> None:
+async def test_many_halts_behind_a_goto_end_it_by_one_stop() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         bridge.client().tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
         await asyncio.sleep(0.02)
@@ -199,7 +199,7 @@ async def test_a_crowd_that_halts_behind_a_goto_ends_it_by_one_stop() -> None:
         assert not bridge.sim.slewing
 
 
-async def test_a_halt_that_comes_with_each_of_two_gotos_ends_them_both() -> None:
+async def test_halt_behind_each_of_two_gotos_ends_both() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         for goto in (b":Sr07:00:00#:Sd+30*00:00#:MS#", b":Sr07:10:00#:Sd+31*00:00#:MS#"):
             bridge.client(f"10.0.0.{goto[5]}").tell(goto)

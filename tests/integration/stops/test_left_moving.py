@@ -28,7 +28,7 @@ SHORT, LONG = 5.0, 16.0
 @pytest.mark.parametrize("seconds", [SHORT, LONG])
 @pytest.mark.parametrize("motion", [ARROW, b":RS#:Mn#:Mw#", GOTO])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_what_still_moves_when_the_cable_is_back_is_stopped(
+async def test_mount_still_moving_when_the_cable_is_back_is_stopped(
     mount: str, driven: str, motion: bytes, seconds: float, site: tuple[float, float]
 ) -> None:
     async with Bridge(mount, driven=driven, site=site, speed=0.15 if motion is GOTO else 1.0, config=CONFIG) as bridge:
@@ -57,7 +57,7 @@ OWN = [
 
 @pytest.mark.parametrize("site", SITES)
 @pytest.mark.parametrize(("mount", "driven", "motion", "own"), OWN)
-async def test_what_the_owner_has_begun_while_the_cable_was_out_is_left_alone(
+async def test_motion_begun_by_the_owner_during_a_cable_fault_is_left_alone(
     mount: str, driven: str, motion: bytes, own: str, site: tuple[float, float]
 ) -> None:
     async with Bridge(mount, driven=driven, site=site, speed=0.3, config=CONFIG) as bridge:
@@ -110,7 +110,7 @@ async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
         *((*mount, motion, "") for mount in MOUNTS for motion in (ARROW, GOTO)),
     ],
 )
-async def test_an_old_mark_of_a_killed_gateway_stops_only_what_it_marks(
+async def test_old_mark_of_a_killed_gateway_stops_only_the_marked_motion(
     mount: str, driven: str, motion: bytes, own: str, seconds: float, tmp_path: Path
 ) -> None:
     """A recent one stops whatever moves."""

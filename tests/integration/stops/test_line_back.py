@@ -40,7 +40,7 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 
 @pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize("motion", [b":RM#:Me#", b":RS#:Mn#:Mw#", b":RC#:Ms#", b":Sr05:00:00#:Sd+30*00:00#:MS#"])
-async def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, motion: bytes) -> None:
+async def test_motion_from_before_a_lost_line_is_ended_when_the_line_is_back(mount: str, motion: bytes) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
         client.tell(motion)
@@ -57,7 +57,7 @@ async def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: 
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str) -> None:
+async def test_stop_requested_while_the_line_was_lost_is_sent_first(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")
@@ -70,7 +70,7 @@ async def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(moun
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
+async def test_line_lost_at_rest_gets_no_stop(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         await asyncio.sleep(2.0)
         before = len(bridge.sent())
@@ -79,7 +79,7 @@ async def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
         assert not [sent for sent in bridge.sent()[before:] if sent in STOPS]
 
 
-async def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_repeated() -> None:
+async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> None:
     """The stop may be taken for the other half, so it is written again when the hand control has given that up."""
     async with bridge_to("cge") as bridge:
         client = bridge.client()
@@ -98,7 +98,7 @@ async def test_half_a_command_of_a_hand_control_may_swallow_a_stop_and_it_is_rep
         assert not truth_of(bridge.sim).moving
 
 
-async def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
+async def test_half_a_meade_command_is_closed_before_the_stop() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")

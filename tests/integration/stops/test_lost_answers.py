@@ -14,7 +14,7 @@ RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])
-async def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount: str) -> None:
+async def test_mount_that_hears_but_is_not_heard_is_stopped(driven: str, mount: str) -> None:
     """One wire is broken, or a bridge swallows what the mount says: a stop must not wait until that is mended."""
     async with Bridge(mount, driven=driven, latency=0.05, config={"lowest": -90.0}) as bridge:
         client = bridge.client()
@@ -29,7 +29,7 @@ async def test_a_mount_that_hears_and_is_not_heard_is_stopped(driven: str, mount
         assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
 
 
-async def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
+async def test_guide_pulse_ends_though_an_answer_was_lost() -> None:
     async with Bridge("cge", "3.02", latency=0.05) as bridge:
         swallow(bridge, lambda data: data == RATE_0)
         bridge.client().tell(b":Mgw1000#")
@@ -40,7 +40,7 @@ async def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
-async def test_a_stop_shortly_after_an_arrow_was_let_go_keeps_tracking(gap: float) -> None:
+async def test_stop_shortly_after_an_arrow_keeps_tracking(gap: float) -> None:
     async with Bridge("cge", latency=0.1) as bridge:
         client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         client.tell(b":RS#:Mn#")
@@ -55,7 +55,7 @@ async def test_a_stop_shortly_after_an_arrow_was_let_go_keeps_tracking(gap: floa
         assert await client.ask(b":GW#") == b"PT1"
 
 
-async def test_tracking_comes_back_when_its_command_was_lost() -> None:
+async def test_tracking_returns_though_its_command_was_lost() -> None:
     async with Bridge("cge", latency=0.05) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mn#")
@@ -66,7 +66,7 @@ async def test_tracking_comes_back_when_its_command_was_lost() -> None:
         assert bridge.sim.tracking
 
 
-async def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
+async def test_mount_is_identified_despite_one_lost_answer() -> None:
     bridge = Bridge()
     swallow(bridge, lambda data: data == b"V")
     bridge.controller.start()
@@ -75,7 +75,7 @@ async def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
     await bridge.controller.close()
 
 
-async def test_a_motion_behind_a_stop_in_one_packet_is_done() -> None:
+async def test_motion_behind_a_stop_in_one_packet_is_done() -> None:
     async with Bridge(latency=0.1) as bridge:
         client = bridge.client()
         reply = await client.ask(b"#:Q#:Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
@@ -89,7 +89,7 @@ async def test_a_motion_behind_a_stop_in_one_packet_is_done() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
-async def test_the_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
+async def test_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="6-8se", latency=0.1) as bridge:
         client = bridge.client()
         assert await client.ask(b"r60000000,20000000") == b"#"
@@ -101,7 +101,7 @@ async def test_the_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -
 
 
 @pytest.mark.parametrize("tenths", range(0, 30, 2))
-async def test_a_goto_that_follows_a_park_tracks(tenths: int) -> None:
+async def test_goto_after_a_park_ends_in_tracking(tenths: int) -> None:
     async with Bridge("cge", latency=0.1, speed=20.0) as bridge:
         client = bridge.client()
         client.tell(b":hP#")
@@ -131,7 +131,7 @@ async def test_land_mode_right_after_an_arrow_stays() -> None:
         assert not bridge.sim.tracking
 
 
-async def test_a_clock_that_was_set_wrong_can_be_set_right() -> None:
+async def test_wrongly_set_clock_can_be_corrected() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         await client.ask(b":SG+00#:SL05:00:00#:SC01/10/26#", until=b" #")
@@ -146,7 +146,7 @@ GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16", "autostar", "lx200gps"])
 @pytest.mark.parametrize("end", [b":Qe#", b":Q#"])
-async def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: str, end: bytes) -> None:
+async def test_goto_with_a_lost_acknowledgement_is_noticed_and_can_be_ended(mount: str, end: bytes) -> None:
     """Nobody polls ``:D#``: the gateway looks itself."""
     async with Bridge(mount, driven="lx200") as bridge:
         client = bridge.client()
@@ -163,7 +163,7 @@ async def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mo
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
-async def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: str) -> None:
+async def test_goto_that_the_mount_did_not_hear_is_reported_as_failed(mount: str) -> None:
     async with Bridge(mount, driven="lx200") as bridge:
         client = bridge.client()
         swallow(bridge, lambda data: data == b":MS#")
@@ -176,7 +176,7 @@ async def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: st
 
 
 @pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
-def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount: str) -> None:
+def test_goto_on_a_silent_line_is_checked_when_the_line_is_back(mount: str) -> None:
     async def program() -> None:
         async with Bridge(mount, driven="lx200", speed=0.4) as bridge:
             client = bridge.client()

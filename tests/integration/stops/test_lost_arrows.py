@@ -31,7 +31,7 @@ def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
 @pytest.mark.parametrize("mount", ["cpc", "cge", "6-8se"])
 @pytest.mark.parametrize("how", ["not heard", "lost", "doubled", "bent"])
 @pytest.mark.parametrize("leaves", [True, False])
-async def test_an_arrow_without_an_acknowledgement_is_ended(mount: str, how: str, leaves: bool) -> None:
+async def test_unacknowledged_arrow_is_ended(mount: str, how: str, leaves: bool) -> None:
     async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client, met = bridge.client(), disturb(bridge, how)
         client.tell(b":RS#:Me#")
@@ -47,7 +47,7 @@ async def test_an_arrow_without_an_acknowledgement_is_ended(mount: str, how: str
 
 
 @pytest.mark.parametrize("how", ["lost", "doubled", "bent"])
-async def test_a_pulse_without_an_acknowledgement_is_ended(how: str) -> None:
+async def test_unacknowledged_pulse_is_ended(how: str) -> None:
     """These motors know no pulses: it is a motion at the guide rate, and somebody must end it."""
     async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client, met = bridge.client(), disturb(bridge, how, bytes((80, 2, 16, 37, 1, 0, 0, 0)))

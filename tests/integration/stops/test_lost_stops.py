@@ -40,7 +40,7 @@ async def seconds_to_rest(bridge: Any, at_most: float) -> float:
 )
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RS#:Mn#:Mw#", b":RM#:Ms#", GOTO])
 @pytest.mark.safety_line(1)
-async def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: int) -> None:
+async def test_lost_stop_is_sent_again(mount: str, motion: bytes, times: int) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
         client.tell(motion)
@@ -55,7 +55,7 @@ async def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, tim
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount: str) -> None:
+async def test_lost_release_is_sent_again_and_the_other_axis_goes_on(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#:Mn#")
@@ -72,7 +72,7 @@ async def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("fastest", [b":RS#", b":Sw4#", b":Sw2#"])
-async def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
+async def test_lost_release_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
     """A 16 inch goes at 4 degrees a second, half of what the others do; :Sw slows all of them."""
     async with bridge_to(mount) as bridge:
         client = bridge.client()
@@ -86,7 +86,7 @@ async def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: 
 
 @pytest.mark.parametrize("mount", ["autostar", "cge", "cpc"])
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RG#:Me#", b":RC#:Mn#", GOTO])
-async def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> None:
+async def test_stop_that_the_mount_heard_is_not_sent_again(mount: str, motion: bytes) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
         client.tell(motion)
@@ -99,7 +99,7 @@ async def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes
         assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
 
 
-async def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
+async def test_mount_that_ignores_every_stop_is_reported() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")
@@ -114,7 +114,7 @@ async def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
         assert bridge.sent().count(b":Q#") <= 9
 
 
-async def test_a_motion_that_is_begun_after_a_stop_is_left_alone() -> None:
+async def test_motion_begun_after_a_stop_is_left_alone() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")

@@ -42,7 +42,7 @@ async def still(sim: Any, seconds: float = 1.0) -> bool:
 
 @pytest.mark.parametrize("mount", ["6-8se", "cge"])
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":RC#:Ms#", GOTO, b":Mgn9999#", b":RS#:Mn#:Me#:Qn#", b":Mn#:Qn#"])
-async def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: bytes) -> None:
+async def test_shutdown_at_any_instant_leaves_the_mount_still_and_tracking(mount: str, motion: bytes) -> None:
     """Ended at many instants of a motion's first second and a half, between and within exchanges.
 
     Each mount at every second instant, unless all of it is wanted.
@@ -57,7 +57,7 @@ async def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: 
         assert bridge.sim.tracking, moment
 
 
-def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
+def test_shutdown_repeats_tracking_that_the_hand_control_ignored() -> None:
     """A T that comes right after motion may be ignored."""
 
     async def program() -> None:
@@ -79,7 +79,7 @@ def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
     run(program())
 
 
-async def test_a_mount_whose_drive_was_off_is_left_with_its_drive_off() -> None:
+async def test_shutdown_leaves_a_drive_off_that_was_off() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         client.tell(b":AL#")
@@ -89,7 +89,7 @@ async def test_a_mount_whose_drive_was_off_is_left_with_its_drive_off() -> None:
     assert (bridge.sim.mode, bridge.sim.tracking) == (0, False)
 
 
-async def test_what_still_waits_in_a_connection_is_not_begun() -> None:
+async def test_shutdown_drops_motions_pending_in_a_connection() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         client.tell(b":RC#:Mn#")
@@ -102,7 +102,7 @@ async def test_what_still_waits_in_a_connection_is_not_begun() -> None:
     assert await still(bridge.sim)
 
 
-async def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
+async def test_silent_mount_delays_shutdown_by_seconds_only() -> None:
     async with Bridge() as bridge:
         bridge.client().tell(b":RS#:Mn#")
         await asyncio.sleep(2)
@@ -113,7 +113,7 @@ async def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
     assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"
 
 
-async def test_a_line_that_nobody_serves_any_more_is_written_to_all_the_same() -> None:
+async def test_shutdown_writes_a_stop_though_the_line_has_no_worker() -> None:
     async with Bridge("cge") as bridge:
         bridge.client().tell(b":RS#:Mn#")
         await asyncio.sleep(2)
@@ -131,7 +131,7 @@ def _broken(*_: Any) -> Any:
 
 
 @pytest.mark.parametrize("where", ["surface", "driver"])
-async def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
+async def test_defect_stops_its_mount_and_leaves_others_running(where: str) -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         client.tell(b":RS#:Mn#")
@@ -154,7 +154,7 @@ async def test_a_defect_stops_the_mount_and_others_go_on(where: str) -> None:
         assert not await still(bridge.sim), "and the mount can be moved again"
 
 
-async def test_a_stop_that_is_defective_itself_is_not_tried_for_ever() -> None:
+async def test_shutdown_does_not_retry_a_defective_stop_for_ever() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         client.tell(b":RG#:Mn#")
@@ -166,7 +166,7 @@ async def test_a_stop_that_is_defective_itself_is_not_tried_for_ever() -> None:
         assert (await client.ask(b":GD#")).endswith(b"#")
 
 
-async def test_a_log_that_cannot_be_written_costs_the_log() -> None:
+async def test_unwritable_log_does_not_end_the_gateway() -> None:
     def full(_: Any) -> None:
         raise BrokenPipeError
 
@@ -224,7 +224,7 @@ class Served:
 @pytest.mark.parametrize("fast", [True, False])
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 @pytest.mark.safety_line(2)
-def test_a_signal_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool, name: str) -> None:
+def test_signal_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool, name: str) -> None:
     served = Served(monkeypatch)
     inherited = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # these tests may run under nohup
     try:
@@ -235,7 +235,7 @@ def test_a_signal_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool, n
 
 
 @pytest.mark.parametrize("fast", [True, False])
-def test_what_escapes_the_loop_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool) -> None:
+def test_exception_that_escapes_the_event_loop_stops_the_mount(monkeypatch: pytest.MonkeyPatch, fast: bool) -> None:
     def escape() -> None:
         raise SystemExit(7)
 
@@ -245,7 +245,7 @@ def test_what_escapes_the_loop_stops_the_mount(monkeypatch: pytest.MonkeyPatch, 
     assert served.stands()
 
 
-def test_what_goes_wrong_while_serving_stops_the_mount(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exception_while_serving_stops_the_mount(monkeypatch: pytest.MonkeyPatch) -> None:
     served = Served(monkeypatch)
     monkeypatch.setattr(Gateway, "names", _broken)
     with pytest.raises(RuntimeError, match="a defect"):
@@ -253,7 +253,7 @@ def test_what_goes_wrong_while_serving_stops_the_mount(monkeypatch: pytest.Monke
     assert not served.sim.slewing
 
 
-def test_a_gateway_under_nohup_outlives_its_terminal() -> None:
+def test_gateway_under_nohup_outlives_its_terminal() -> None:
     async def program() -> bool:
         done = serving.until_signal()
         os.kill(os.getpid(), signal.SIGHUP)
@@ -338,7 +338,7 @@ class Moving:
         return ask(self.mount, b"t") == b"\x02#"
 
 
-def test_stop_with_and_without_a_gateway(
+def test_stop_command_stops_the_mount_with_or_without_a_gateway(
     tmp_path: Path, started: list[Running], stop: Callable[..., tuple[int, str]]
 ) -> None:
     """A running one is asked; after a kill a new one stops the mount before all else, and so does ``stop`` itself."""
@@ -368,7 +368,7 @@ def test_stop_with_and_without_a_gateway(
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".lock"]
 
 
-def test_what_cannot_be_stopped_is_said_and_a_second_ctrl_c_ends_at_once(
+def test_failed_stop_is_reported_and_a_second_ctrl_c_ends_at_once(
     tmp_path: Path, started: list[Running], stop: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     moving = Moving(started, tmp_path)

@@ -67,7 +67,7 @@ def floods(port: Port, ending: threading.Event) -> Iterator[socket.socket]:
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGTERM")
 @pytest.mark.parametrize("visit", [an_open_page, half_requests, floods])
-def test_it_ends_whoever_is_at_its_doors(
+def test_sigterm_ends_the_gateway_whatever_clients_are_connected(
     tmp_path: Path, visit: Callable[[Port, threading.Event], Iterator[socket.socket]]
 ) -> None:
     gateway = Running(
@@ -91,7 +91,7 @@ def test_it_ends_whoever_is_at_its_doors(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGTERM")
-def test_it_ends_while_its_mount_is_silent(tmp_path: Path) -> None:
+def test_sigterm_ends_the_gateway_while_its_mount_is_silent(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as mount:
         gateway = Running(
             "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.getsockname()[1]}", "--no-discovery",
@@ -107,7 +107,7 @@ def test_it_ends_while_its_mount_is_silent(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where there are pipes among files")
-def test_a_pipe_to_record_to_is_refused_and_nothing_hangs(tmp_path: Path) -> None:
+def test_recording_to_a_pipe_is_refused_without_hanging(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     began = time.monotonic()
     done = Running(

@@ -17,7 +17,7 @@ LATENCY = 0.1
 
 @pytest.mark.parametrize("flood", [b":TL#", b":TQ#", b":AP#", b":RC#:Me#", b":GR#:GZ#:GW#", b":Mge0500#", b":Qe#"])
 @pytest.mark.safety_line(1)
-async def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
+async def test_stop_is_the_next_command_that_the_mount_hears(flood: bytes) -> None:
     """Whatever waits and whatever runs, and at whatever moment of it."""
     for moment in (0.01, 0.13, 0.26, 0.37, 0.52, 0.9):
         async with Bridge("cge", latency=LATENCY) as bridge:
@@ -36,7 +36,7 @@ async def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
 
 
 @pytest.mark.parametrize("other", [b":RC#:Me#", b":TL#:TQ#:TL#"])
-async def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_after_it(other: bytes) -> None:
+async def test_halt_goes_before_a_motion_prepared_on_the_other_axis(other: bytes) -> None:
     for moment in (0.01, 0.06, 0.13, 0.17):
         async with Bridge("cge", latency=LATENCY) as bridge:
             first, second = bridge.client(), bridge.client()
@@ -54,7 +54,7 @@ async def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_do
                 assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
 
 
-async def test_a_halt_behind_a_goto_ends_it_as_a_whole() -> None:
+async def test_halt_behind_a_goto_ends_the_whole_goto() -> None:
     """It came after the goto, which the mount has not been told of yet; both axes stay where they are."""
     async with Bridge("cge", latency=LATENCY) as bridge:
         client = bridge.client()
@@ -67,7 +67,7 @@ async def test_a_halt_behind_a_goto_ends_it_as_a_whole() -> None:
         assert bridge.sim.tracking
 
 
-async def test_the_same_halt_is_not_queued_twice() -> None:
+async def test_equal_halt_is_not_queued_twice() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         before = len(bridge.sent())
         bridge.client().tell(b":Qe#" * 50 + b":Qn#")
@@ -76,7 +76,7 @@ async def test_the_same_halt_is_not_queued_twice() -> None:
         assert halts == [EAST_STOPS, NORTH_STOPS]
 
 
-async def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_after_it() -> None:
+async def test_stop_cuts_the_pause_of_an_old_scope_short_and_is_repeated_after_it() -> None:
     async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mn#")
@@ -89,7 +89,7 @@ async def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_aft
         assert stops == pytest.approx([0.0, 0.05], abs=0.002)
 
 
-async def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
+async def test_obsolete_stop_is_not_repeated() -> None:
     """A halt that died in the queue because a stop came must not have the next arrow pressed twice."""
     async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
         client, other = bridge.client(), bridge.client()
@@ -105,7 +105,7 @@ async def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
         assert bridge.sent().count(b":RM#") == 1
 
 
-async def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
+async def test_stop_does_not_wait_for_the_verification_of_an_acknowledgement() -> None:
     """Whether more follows a bare ``#`` is waited for, but not while a stop waits."""
     for moment in range(1, 60, 4):
         async with Bridge("cge", latency=LATENCY) as bridge:
@@ -122,7 +122,7 @@ async def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
 
 
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-async def test_a_restart_ceases_current_operations(motion: bytes) -> None:
+async def test_lx200_restart_ends_all_motion(motion: bytes) -> None:
     """Meade's manual: :I# "causes the telescope to cease current operations and restart at its power on"."""
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
@@ -136,7 +136,7 @@ async def test_a_restart_ceases_current_operations(motion: bytes) -> None:
         assert bridge.sim.tracking
 
 
-async def test_a_stop_ends_the_pulse_that_a_motor_times_itself() -> None:
+async def test_stop_ends_a_pulse_that_the_motor_times_itself() -> None:
     """AUX 0x26 lasts up to 2.55 s and what is left of nine seconds would follow."""
     async with Bridge("evolution", "5.31") as bridge:
         client = bridge.client()

@@ -20,7 +20,7 @@ def to_a(mount: str) -> Bridge:
 @pytest.mark.parametrize("mount", ["cge", "cpc"])
 @pytest.mark.parametrize("rate", [b":RC#", b":RM#"])
 @pytest.mark.parametrize("times", [3, 6, 12])
-async def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: bytes, times: int) -> None:
+async def test_unacknowledged_stop_is_sent_three_times(mount: str, rate: bytes, times: int) -> None:
     """Whether the motion is fast enough to be seen or not."""
     async with to_a(mount) as bridge:
         client = bridge.client()
@@ -34,7 +34,7 @@ async def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, r
         assert abs(truth_of(bridge.sim).rate2) < 0.01
 
 
-async def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
+async def test_stop_is_given_up_and_reported_after_seven_times() -> None:
     async with to_a("cge") as bridge:
         client = bridge.client()
         client.tell(b":RC#:Mn#")

@@ -82,7 +82,7 @@ MOTIONS = {"arrow": b":RS#:Me#", "two": b":RS#:Mn#:Mw#", "goto": b":Sr08:00:00#:
 @pytest.mark.parametrize("lost", [0, 1, 2, 3])
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(1)
-async def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str, lost: int, motion: str) -> None:
+async def test_stop_waits_for_at_most_one_exchange_after_any_loss(name: str, lost: int, motion: str) -> None:
     async with bridge_to(name) as bridge:
         client, loop, pressed = bridge.client(), asyncio.get_running_loop(), list[float]()
         client.tell(MOTIONS[motion])
@@ -112,7 +112,7 @@ async def test_a_stop_waits_for_one_exchange_whatever_was_lost_before(name: str,
 @pytest.mark.parametrize("dead", [1.5, 2.5])
 @pytest.mark.parametrize("name", SERIAL)
 @pytest.mark.safety_line(1)
-async def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dead: float) -> None:
+async def test_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dead: float) -> None:
     """The mount hears nothing for a while from the stop on: the stop is written again while the line is checked."""
     async with bridge_to(name) as bridge:
         client, loop = bridge.client(), asyncio.get_running_loop()
@@ -128,7 +128,7 @@ async def test_a_stop_ends_a_motion_soon_after_the_line_works_again(name: str, d
 
 @pytest.mark.parametrize("name", ["classic", "lx200gps"])
 @pytest.mark.safety_line(1)
-async def test_a_stop_without_a_reply_is_written_again_when_the_reply_behind_it_is_late(name: str) -> None:
+async def test_stop_without_a_reply_is_sent_again_when_the_reply_behind_it_is_late(name: str) -> None:
     """The end of the stop is lost with the beginning of the read behind it, which therefore gets no reply."""
     async with bridge_to(name) as bridge:
         client = bridge.client()
@@ -217,7 +217,7 @@ def asked_for(mount: str, traffic: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("number", range(as_a_rule(40, whole=400)))
 @pytest.mark.safety_line(1)
-def test_a_stop_ends_all_motion_although_bytes_of_the_request_before_it_were_lost(number: int) -> None:
+def test_stop_ends_all_motion_though_bytes_of_the_previous_request_were_lost(number: int) -> None:
     case = interrupted(number)
     moved, slews, was, now = run(play(case))
     assert moved <= RESTS, case
@@ -247,7 +247,7 @@ async def set_with_loss(name: str, traffic: bytes, place: int | None) -> tuple[d
 
 @pytest.mark.parametrize("traffic", ["site", "clock"])
 @pytest.mark.parametrize("name", ["lx200gps", "autostar", "classic", "onstep", "teenastro"])
-def test_a_site_or_clock_is_set_although_a_byte_of_it_was_lost(name: str, traffic: str) -> None:
+def test_site_or_clock_is_set_though_one_of_its_bytes_was_lost(name: str, traffic: str) -> None:
     """A word with a missing digit is refused, or taken for another value: else the clock is an hour off."""
     said = TRAFFIC[traffic][1]
     asked, places = run(set_with_loss(name, said, None))
@@ -260,7 +260,7 @@ def test_a_site_or_clock_is_set_although_a_byte_of_it_was_lost(name: str, traffi
 @pytest.mark.parametrize("lost", [1, 2, 3])
 @pytest.mark.parametrize("name", ["lx200gps", "cge/4.21", "synscan", "onstep", "alpaca"])
 @pytest.mark.safety_line(1)
-async def test_a_limit_ends_a_motion_in_time_although_replies_were_lost_before(name: str, lost: int) -> None:
+async def test_limit_ends_a_motion_in_time_though_replies_were_lost(name: str, lost: int) -> None:
     """An arrow leads down from 32 degrees, and lowest is 10: what is lost is lost at 18."""
     async with bridge_to(name, lowest=10.0) as bridge:
         client, ask, sky = bridge.client(), bridge.controller.perform, bridge.sim.mechanics.sky
@@ -282,7 +282,7 @@ async def test_a_limit_ends_a_motion_in_time_although_replies_were_lost_before(n
 
 
 @pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
-async def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: str) -> None:
+async def test_flood_of_stops_does_not_keep_the_line_down(name: str) -> None:
     """What is written serves them all, so the checks of the line are answered between two writings."""
     async with bridge_to(name) as bridge:
         client = bridge.client()
@@ -303,7 +303,7 @@ async def test_a_flood_of_stops_does_not_keep_the_line_from_coming_back(name: st
 
 
 @pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
-async def test_a_stop_is_written_until_a_mount_hears_it_that_is_not_heard(name: str) -> None:
+async def test_stop_is_written_until_a_mute_mount_hears_it(name: str) -> None:
     """It hears nothing for ten seconds, and says nothing after that."""
     async with bridge_to(name) as bridge:
         client, wire = bridge.client(), bridge.controller.line.wire

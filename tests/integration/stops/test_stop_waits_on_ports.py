@@ -62,7 +62,9 @@ PORTS = {"tcp": "tcp://127.0.0.1:0", "rfc2217": "rfc2217://127.0.0.1:0", "pair":
 @pytest.mark.parametrize("port", list(PORTS))
 @pytest.mark.skipif(os.name == "nt", reason="there are no pseudo-terminals")
 @pytest.mark.safety_line(1)
-async def test_a_stop_waits_for_one_exchange_at_a_real_port(port: str, mount: str, lost: int, tmp_path: Path) -> None:
+async def test_stop_waits_for_at_most_one_exchange_at_a_real_port(
+    port: str, mount: str, lost: int, tmp_path: Path
+) -> None:
     at_port = MountAtPort(mount)
     where = PORTS[port] + (str(tmp_path / "mount") if port == "pair" else "")
     listener = await open_port(where, at_port.accept)

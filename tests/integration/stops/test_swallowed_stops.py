@@ -28,7 +28,7 @@ def losses(case: Case) -> list[Case]:
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_stop_that_the_line_swallows_in_part_stops_the_mount(mount: str) -> None:
+def test_stop_partly_swallowed_by_the_line_stops_the_mount(mount: str) -> None:
     every = sampling.as_a_rule(5, whole=1)
     for program, motion, end in WORDS[list(MOUNTS).index(mount) % every :: every]:  # each on two mounts or three
         for case in losses(Case(mount, program, motion, end)):
@@ -38,7 +38,7 @@ def test_stop_that_the_line_swallows_in_part_stops_the_mount(mount: str) -> None
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_order_that_the_line_swallows_in_part_is_stopped(mount: str) -> None:
+def test_order_partly_swallowed_by_the_line_is_stopped(mount: str) -> None:
     order = Case(mount, "lx200", "arrow", b":Q#", "order", "byte", 4)
     for case in losses(order) if sampling.WHOLE else [order]:
         outcome = play(case)

@@ -162,7 +162,7 @@ def believed(sim: Any) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda mount: "-".join(str(part) for part in mount[1:]))
-async def test_the_drive_comes_back_as_it_was(mount: Mount) -> None:
+async def test_drive_returns_to_its_previous_state_after_a_motion(mount: Mount) -> None:
     bridge = Bridge(mount.model, mount.version, driven=mount.driven, config=OPEN, latency=0.01, ramps=False)
     for data in mount.first:
         bridge.sim.feed(data)
@@ -187,7 +187,7 @@ async def test_the_drive_comes_back_as_it_was(mount: Mount) -> None:
     assert not wrong
 
 
-async def test_a_program_that_is_presented_the_mount_itself_reads_and_sets_its_mode_to_the_byte() -> None:
+async def test_transparent_program_reads_and_sets_the_tracking_mode_to_the_byte() -> None:
     bridge = Bridge("synscan", "4.39.05", presented="nexstar", surface=None, config=OPEN)
     bridge.sim.feed(b"T\3")
     async with bridge:

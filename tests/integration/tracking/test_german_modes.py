@@ -10,7 +10,7 @@ from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize(("model", "version"), [("avx", "5.31"), ("cge", "4.21")])
-async def test_alt_az_is_no_mode_of_a_german_mount(model: str, version: str) -> None:
+async def test_german_mount_ignores_the_alt_az_tracking_mode(model: str, version: str) -> None:
     """Celestron: ``T`` 1 is alt-az, 2 EQ North; ``z`` tells the axes."""
     async with Bridge(model, version, presented="nexstar", surface=None) as bridge:
         client = bridge.client()

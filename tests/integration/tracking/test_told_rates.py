@@ -22,7 +22,7 @@ SIDEREAL_ALONE = [
 
 
 @pytest.mark.parametrize(("model", "version"), SIDEREAL_ALONE)
-async def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str) -> None:
+async def test_impossible_drive_rate_is_refused_and_not_reported(model: str, version: str) -> None:
     async with Bridge(model, version, surface="lx200gps") as bridge:
         client = bridge.client()
         before = len(bridge.sent())
@@ -41,7 +41,7 @@ async def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, versio
     ("command", "told"),
     [(b":TL#", b"58.7#"), (b":TS#", b"60.0#"), (b":TQ#", b"60.1#"), (b":ST057.9#", b"57.9#"), (b":ST060.3#", b"60.3#")],
 )
-async def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(command: bytes, told: bytes) -> None:
+async def test_reported_drive_rate_is_the_running_one_even_without_tracking(command: bytes, told: bytes) -> None:
     """The motors' lunar rate is 14.685 arcseconds a second: 60.164 hertz of 15.041 are 58.7."""
     async with Bridge("cge", "4.21") as bridge:
         client = bridge.client()
@@ -58,14 +58,14 @@ async def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(c
         assert await client.ask(b":GT#", until=b"#") == told
 
 
-async def test_a_rate_that_another_protocol_set_is_told() -> None:
+async def test_drive_rate_set_over_another_protocol_is_reported() -> None:
     async with Bridge("cge", "4.21") as bridge:
         await bridge.controller.perform(TrackRate(name="lunar"))
         assert await bridge.client().ask(b":GT#", until=b"#") == b"58.7#"
 
 
 @pytest.mark.parametrize("version", ["1.6", "2.2"])
-async def test_a_hand_control_that_does_not_tell_its_mode_can_be_told_to_stop_tracking(version: str) -> None:
+async def test_hand_control_that_hides_its_mode_can_be_told_to_stop_tracking(version: str) -> None:
     async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
         await asyncio.sleep(2.0)
@@ -85,7 +85,7 @@ async def test_a_hand_control_that_does_not_tell_its_mode_can_be_told_to_stop_tr
 
 
 @pytest.mark.parametrize("version", ["1.6", "2.2"])
-async def test_it_tracks_again_after_an_arrow(version: str) -> None:
+async def test_mount_tracks_again_after_an_arrow(version: str) -> None:
     """``T 0`` goes before fast motion, as the paper has it, and afterwards tracking is put back."""
     async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
         client = bridge.client()

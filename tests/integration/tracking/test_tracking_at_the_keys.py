@@ -21,7 +21,7 @@ MOUNTS = [("cpc", None), ("cge", None), ("cgem", "5.31"), ("6-8se", "4.21")]
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
 @pytest.mark.parametrize("on", [True, False])
-async def test_an_order_is_sent_though_the_mount_was_thought_to_do_so_already(mount: str, on: bool) -> None:
+async def test_tracking_order_is_sent_though_the_mount_seemed_to_obey_already(mount: str, on: bool) -> None:
     async with Bridge(mount, driven="lx200") as bridge:
         client, keys = bridge.client(), bridge.sim.connection()
         if not on:
@@ -37,7 +37,7 @@ async def test_an_order_is_sent_though_the_mount_was_thought_to_do_so_already(mo
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-33.0, 150.0)])
 @pytest.mark.parametrize(("mount", "version"), MOUNTS)
 @pytest.mark.parametrize("after", [0.4, 0.7, 1.05])
-async def test_tracking_that_is_turned_off_after_an_arrow_stays_off(
+async def test_tracking_switched_off_after_an_arrow_stays_off(
     mount: str, version: str | None, site: tuple[float, float], after: float
 ) -> None:
     async with Bridge(mount, version, site=site) as bridge:
@@ -55,7 +55,7 @@ async def test_tracking_that_is_turned_off_after_an_arrow_stays_off(
 
 @pytest.mark.parametrize(("ignored", "tracks"), [(1, True), (2, False)])
 @pytest.mark.parametrize(("mount", "version"), MOUNTS)
-def test_tracking_that_the_hand_control_ignored_is_sent_once_more(
+def test_tracking_ignored_by_the_hand_control_is_sent_once_more(
     mount: str, version: str | None, ignored: int, tracks: bool
 ) -> None:
     async def program() -> None:

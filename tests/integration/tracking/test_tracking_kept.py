@@ -55,9 +55,7 @@ def cge_over(mount: str, *, polar: bool = True, tells_altaz: bool = False, **set
 @pytest.mark.parametrize(
     "between", ["", "t", "J", "tJt", "e", "polled", "reconnected", "goto", "goto t", "arrow", "slept"]
 )
-async def test_tracking_comes_back_in_the_mode_that_was(
-    mount: str, tells_altaz: bool, polar: bool, between: str
-) -> None:
+async def test_tracking_returns_in_its_previous_mode(mount: str, tells_altaz: bool, polar: bool, between: str) -> None:
     async with cge_over(mount, polar=polar, tells_altaz=tells_altaz) as bridge:
         client, mode = bridge.client(), b"\x02#" if polar else b"\x01#"
         assert await client.ask(b"t") == mode
@@ -97,9 +95,7 @@ async def test_tracking_comes_back_in_the_mode_that_was(
 
 
 @pytest.mark.parametrize("mount", LETTERS)
-async def test_tracking_comes_back_in_the_mode_that_was_after_a_new_start_of_the_gateway(
-    mount: str, tmp_path: Path
-) -> None:
+async def test_tracking_returns_in_its_previous_mode_after_a_gateway_restart(mount: str, tmp_path: Path) -> None:
     first = cge_over(mount, tells_altaz=True, state=tmp_path)
     async with first:
         await first.client().ask(b"T\0")
@@ -115,7 +111,7 @@ async def test_tracking_comes_back_in_the_mode_that_was_after_a_new_start_of_the
 @pytest.mark.parametrize("mount", LETTERS)
 @pytest.mark.parametrize("again", [b":AP#", b":AA#"])
 @pytest.mark.parametrize("between", [b":GW#", b"\x06", b":G0#", b""])
-async def test_tracking_comes_back_in_the_mode_that_was_for_lx200_programs(
+async def test_tracking_returns_in_its_previous_mode_for_lx200_programs(
     mount: str, again: bytes, between: bytes
 ) -> None:
     async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
@@ -135,7 +131,7 @@ async def test_tracking_comes_back_in_the_mode_that_was_for_lx200_programs(
         assert await client.ask(b"\x06") == b"P"
 
 
-async def test_tracking_that_was_put_off_at_the_keys_a_moment_ago_is_put_on_by_an_order() -> None:
+async def test_order_restores_tracking_switched_off_at_the_keys_a_moment_ago() -> None:
     for mount in LETTERS:
         async with cge_over(mount) as bridge:
             client = bridge.client()
@@ -151,7 +147,7 @@ async def test_tracking_that_was_put_off_at_the_keys_a_moment_ago_is_put_on_by_a
 
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
-async def test_a_classic_that_cannot_stop_tracking_goes_on_telling_that_it_tracks(mount: str) -> None:
+async def test_classic_that_cannot_stop_tracking_still_reports_tracking(mount: str) -> None:
     async with cge_over(mount) as bridge:
         client = bridge.client()
         assert await client.ask(b"T\0") == b"#"
@@ -183,9 +179,7 @@ async def test_a_classic_that_cannot_stop_tracking_goes_on_telling_that_it_track
 @pytest.mark.parametrize(
     "between", ["off, on", "slept", "goto", "off, goto, on", "goto, stopped", "reconnected", "parked", *MOTIONS]
 )
-async def test_a_drive_rate_runs_on_after_whatever_interrupts_it(
-    mount: str, polar: bool, rate: bytes, between: str
-) -> None:
+async def test_drive_rate_runs_on_after_any_interruption(mount: str, polar: bool, rate: bytes, between: str) -> None:
     driven = "nexstar" if mount in ("cge", "cgx", "avx") else "lx200"
     more = {"hibernate": True} if driven == "nexstar" else {}
     async with Bridge(mount, driven=driven, surface="lx200gps", config=OPEN | more) as bridge:
@@ -234,7 +228,7 @@ async def test_a_drive_rate_runs_on_after_whatever_interrupts_it(
 # --- registers ------------------------------------------------------------------------------------------------------
 
 
-async def test_rates_that_were_set_while_the_line_was_down_are_in_force_afterwards() -> None:
+async def test_rates_set_while_the_line_was_down_apply_afterwards() -> None:
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
         client, cable = bridge.client(), Cable(bridge)
         cable.pull()
@@ -253,7 +247,7 @@ async def test_rates_that_were_set_while_the_line_was_down_are_in_force_afterwar
 
 
 @pytest.mark.parametrize("off_and_on", [False, True])
-async def test_nothing_is_taken_for_granted_of_registers_after_the_line_was_lost(off_and_on: bool) -> None:
+async def test_meade_registers_are_sent_anew_after_a_lost_line(off_and_on: bool) -> None:
     """The telescope may have been switched off and on meanwhile, or not."""
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
         client, cable = bridge.client(), Cable(bridge)
