@@ -69,7 +69,7 @@ def until(holds: Callable[[], Any], what: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_every_member(mount: str, tmp_path: Path) -> None:
+def test_alpyca_reads_every_member_of_a_telescope(mount: str, tmp_path: Path) -> None:
     build, lacks = MOUNTS[mount]
     with gateway(mount, tmp_path) as address:
         scope = Telescope(address, 0)
@@ -243,7 +243,7 @@ def _loopback() -> list[SimpleNamespace]:
 
 
 @pytest.mark.slow
-def test_it_is_found_and_tells_its_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_alpyca_discovers_the_gateway_and_lists_its_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The question is sent to this computer alone."""
     monkeypatch.setattr(discovery.ifaddr, "get_adapters", _loopback)
     with gateway("nexstar:6-8se", tmp_path, "--discovery") as address:

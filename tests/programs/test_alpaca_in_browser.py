@@ -88,7 +88,7 @@ def unharmed(tap: Tap, truth: HandControl, before: int) -> None:
     assert not truth.goto_running()
 
 
-def test_a_foreign_page_gives_no_order(workshop: Workshop) -> None:
+def test_foreign_web_page_gives_no_order_by_alpaca(workshop: Workshop) -> None:
     requires("chromium")
     ports, tap, truth = start(workshop, "alpaca@tcp://127.0.0.1:0", "any@tcp://127.0.0.1:0")
     for port in ports:
@@ -102,7 +102,7 @@ def test_a_foreign_page_gives_no_order(workshop: Workshop) -> None:
     unharmed(tap, truth, before)
 
 
-def test_a_page_whose_name_becomes_this_computers_gives_no_order(workshop: Workshop) -> None:
+def test_web_page_rebound_to_this_computers_name_gives_no_order_by_alpaca(workshop: Workshop) -> None:
     requires("chromium")
     site, browser = Site(workshop, {"/": REBOUND % (json.dumps(ORDERS), API, WHO, API, WHO)}), Browser(workshop, NAME)
     port = int(site.url.rpartition(":")[2])

@@ -93,7 +93,7 @@ class Lx200:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["", ":altaz"], ids=["as it says", "alt-az"])
-def test_an_lx200_program_uses_its_telescope(workshop: Workshop, kind: str) -> None:
+def test_lx200_program_drives_a_telescope_of_alpaca_simulators(workshop: Workshop, kind: str) -> None:
     requires("unshare", "ip", "bash", SERVER or "alpaca-simulators")
     port, surface, heard = str(free_port()), workshop.folder / "surface", workshop.folder / "server.log"
     gateway = workshop.start(

@@ -37,7 +37,7 @@ def page() -> Iterator[Page]:
         assert not wrong
 
 
-def test_all_mounts_on_a_page_and_stop_all(workshop: Workshop, page: Page) -> None:
+def test_fleet_page_shows_all_mounts_and_stop_all_stops_them(workshop: Workshop, page: Page) -> None:
     broker = Broker(workshop)
     onlooker = Onlooker(workshop, broker)
     process, _ = gateway(workshop, url=broker.url)

@@ -52,7 +52,7 @@ def stands(truth: HandControl | Meade | AlpacaServer) -> bool:
 
 
 @pytest.mark.parametrize("site", [pytest.param(NORTH, id="north"), pytest.param(SOUTH, id="south")])
-def test_meade_through_the_gateway(workshop: Workshop, site: Site) -> None:
+def test_hamlib_meade_drives_a_nexstar_mount_through_the_gateway(workshop: Workshop, site: Site) -> None:
     """Hamlib's LX200 model on the gateway's pseudo terminal, in front of a NexStar mount."""
     requires("rotctld")
     wire, truth = start_simulator(workshop, "nexstar:6-8se", site, speed=4.0)
@@ -62,7 +62,7 @@ def test_meade_through_the_gateway(workshop: Workshop, site: Site) -> None:
 
 @pytest.mark.parametrize("site", [pytest.param(NORTH, id="north"), pytest.param(SOUTH, id="south")])
 @pytest.mark.parametrize("mount", ["nexstar:cge", "nexstar:6-8se"])
-def test_it_parks_at_the_northern_horizon(workshop: Workshop, mount: str, site: Site) -> None:
+def test_hamlib_parks_at_the_northern_horizon(workshop: Workshop, mount: str, site: Site) -> None:
     """Hamlib's own park, azimuth 0 and altitude 0, on a German mount and a fork, in both hemispheres."""
     requires("rotctld")
     wire, truth = start_simulator(workshop, mount, site, speed=8.0)
@@ -76,21 +76,21 @@ def test_it_parks_at_the_northern_horizon(workshop: Workshop, mount: str, site: 
 
 
 @pytest.mark.parametrize("kind", ["altaz", "german"])
-def test_meade_through_the_gateway_on_an_alpaca_mount(workshop: Workshop, kind: str) -> None:
+def test_hamlib_meade_drives_an_alpaca_mount_through_the_gateway(workshop: Workshop, kind: str) -> None:
     """Hamlib's LX200 model on the gateway's pseudo terminal, in front of a mount behind an Alpaca server."""
     requires("rotctld")
     wire, truth = start_alpaca_server(workshop, kind, NORTH, speed=4.0)
     turns_and_stops(Rotator(workshop, MEADE, start_gateway(workshop, wire, "autostar", "pty", "alpaca").path), truth)
 
 
-def test_celestron_on_the_simulator(workshop: Workshop) -> None:
+def test_hamlib_celestron_drives_the_simulated_nexstar(workshop: Workshop) -> None:
     """Hamlib's NexStar model finds a NexStar in the simulator."""
     requires("rotctld", "socat")
     wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=4.0)
     turns_and_stops(Rotator(workshop, CELESTRON, terminal_to(workshop, wire.port)), truth)
 
 
-def test_celestron_through_the_gateway(workshop: Workshop) -> None:
+def test_hamlib_celestron_drives_a_meade_through_the_gateway(workshop: Workshop) -> None:
     """Hamlib's NexStar model on the gateway's pseudo terminal, in front of a Meade."""
     requires("rotctld")
     wire, truth = start_meade(workshop, "lx200gps", NORTH, speed=2.0)
@@ -98,7 +98,7 @@ def test_celestron_through_the_gateway(workshop: Workshop) -> None:
     turns_and_stops(Rotator(workshop, CELESTRON, surface.path), truth)
 
 
-def test_meade_on_the_simulator(workshop: Workshop) -> None:
+def test_hamlib_meade_drives_the_simulated_meade(workshop: Workshop) -> None:
     """Hamlib's LX200 model finds a Meade in the simulator."""
     requires("rotctld", "socat")
     wire, truth = start_meade(workshop, "autostar", NORTH, speed=2.0, tolerant=True)

@@ -50,7 +50,9 @@ def check_park(telescope: Telescope, truth: HandControl, mode: int) -> None:
         pytest.param("nexstar:avx/starsense", NORTH, 2, ("AVX", "1.20", "GEM"), id="starsense"),
     ],
 )
-def test_night(workshop: Workshop, mount: str, site: Site, mode: int, info: tuple[str, str, str]) -> None:
+def test_indi_celestron_completes_a_night_on_the_simulated_hand_control(
+    workshop: Workshop, mount: str, site: Site, mode: int, info: tuple[str, str, str]
+) -> None:
     """Connect, read, goto, sync, move, track, abort, park: one session."""
     requires("indiserver", DRIVER)
     wire, truth = start_simulator(workshop, mount, site, speed=SPEED)
@@ -71,7 +73,7 @@ def test_night(workshop: Workshop, mount: str, site: Site, mode: int, info: tupl
     check_park(telescope, truth, mode)
 
 
-def test_time_and_site(workshop: Workshop) -> None:
+def test_indi_celestron_reads_back_the_time_and_site_that_it_set(workshop: Workshop) -> None:
     """Set by one driver process on a hand control that is not aligned, read back by a second."""
     requires("indiserver", DRIVER)
     wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, aligned=False)

@@ -159,7 +159,9 @@ def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
     ("site", "transport"), [pytest.param(NORTH, "tcp", id="north-tcp"), pytest.param(SOUTH, "pty", id="south-pty")]
 )
 @pytest.mark.parametrize("model", MODELS, ids=str)
-def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> None:
+def test_indi_celestron_completes_a_night_on_a_meade(
+    workshop: Workshop, model: Model, site: Site, transport: str
+) -> None:
     """Connect, read, goto, sync, move, guide, track, abort, park: one session."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, model.name, site, speed=model.speed)
@@ -177,7 +179,7 @@ def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> 
 
 
 @pytest.mark.parametrize(("presented", "north"), [("cpc", -1.0), ("cge", 1.0)])
-def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, north: float) -> None:
+def test_indi_celestron_moves_north_by_the_documented_setting(workshop: Workshop, presented: str, north: float) -> None:
     """Reversed on a fork, unless its *Reverse* is set, and as it is written where a German mount is presented."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, "lx200", NORTH, speed=3.0)
@@ -192,7 +194,7 @@ def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, nor
     assert scenario.moves(telescope, truth, "NORTH", lambda: truth.position().dec) * north < 0
 
 
-def test_it_takes_what_is_presented_for_a_starsense(workshop: Workshop) -> None:
+def test_indi_celestron_accepts_a_presented_starsense(workshop: Workshop) -> None:
     """Its version is below what the driver asks of others for park, time and sync, and all of these are there."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, "lx200gps", NORTH, speed=3.0)
@@ -205,7 +207,7 @@ def test_it_takes_what_is_presented_for_a_starsense(workshop: Workshop) -> None:
 
 
 @pytest.mark.parametrize("model", [AUTOSTAR, LX200GPS], ids=str)
-def test_time_and_site(workshop: Workshop, model: Model) -> None:
+def test_indi_celestron_reads_back_the_time_and_site_that_it_set(workshop: Workshop, model: Model) -> None:
     """Set on a Meade that is not aligned, read back by a second process of the driver."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, model.name, NORTH, aligned=False)
@@ -224,7 +226,7 @@ def test_time_and_site(workshop: Workshop, model: Model) -> None:
     assert told_offset == 8
 
 
-def test_classic_counts_as_aligned(workshop: Workshop) -> None:
+def test_indi_celestron_takes_a_classic_for_aligned(workshop: Workshop) -> None:
     """A Meade that cannot tell counts as aligned, and this driver then sends neither time nor site."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, "lx200", NORTH, aligned=False)

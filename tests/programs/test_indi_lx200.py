@@ -144,7 +144,9 @@ NIGHTS = [
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("driver", "mount", "site", "transport"), NIGHTS)
-def test_night(workshop: Workshop, driver: Driver, mount: str, site: Site, transport: str) -> None:
+def test_indi_lx200_completes_a_night_on_a_nexstar_mount(
+    workshop: Workshop, driver: Driver, mount: str, site: Site, transport: str
+) -> None:
     """Connect, read, goto, sync, move, track, abort, park: one session of one driver."""
     requires("indiserver", driver.program)
     equatorial = mount == GERMAN
@@ -183,7 +185,7 @@ def evening(hour: int) -> datetime.datetime:
         pytest.param(SIXTEEN, FORK, WEST_OF_GREENWICH, evening(20), -5, id="16"),
     ],
 )
-def test_time_and_site_reach_the_hand_control(
+def test_indi_lx200_time_and_site_reach_the_hand_control(
     workshop: Workshop, driver: Driver, mount: str, there: Site, moment: datetime.datetime, offset: int
 ) -> None:
     """Set by one driver process: in the hand control, and read back by a second driver process."""
@@ -202,7 +204,7 @@ def test_time_and_site_reach_the_hand_control(
     assert told_offset == offset
 
 
-def test_aligned_hand_control_keeps_its_site(workshop: Workshop) -> None:
+def test_indi_lx200_site_does_not_reach_an_aligned_hand_control(workshop: Workshop) -> None:
     """An aligned mount would lose its pointing: the gateway keeps the new site for its clients."""
     requires("indiserver", AUTOSTAR.program)
     wire, truth = start_simulator(workshop, FORK, NORTH)

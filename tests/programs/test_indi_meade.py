@@ -50,7 +50,9 @@ def check_buttons(telescope: Telescope, truth: Meade, polar: bool) -> None:
         pytest.param("indi_lx200_16", "LX200 16", "lx200-16", 6.0, id="lx200-16"),
     ],
 )
-def test_night(workshop: Workshop, driver: str, device: str, model: str, speed: float) -> None:
+def test_indi_lx200_completes_a_night_on_the_simulated_meade(
+    workshop: Workshop, driver: str, device: str, model: str, speed: float
+) -> None:
     """Connect, read, goto, sync, move, abort: one session of a driver with its own telescope."""
     requires("indiserver", driver)
     wire, truth = start_meade(workshop, model, NORTH, speed=speed, tolerant=True)

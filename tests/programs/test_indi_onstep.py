@@ -19,7 +19,7 @@ DRIVER, DEVICE = "indi_lx200_OnStep", "LX200 OnStep"
 CELESTRON = ("indi_celestron_gps", "Celestron GPS")
 
 
-def test_night(workshop: Workshop) -> None:
+def test_indi_onstep_completes_a_night_on_the_simulated_onstep(workshop: Workshop) -> None:
     """Connect, read, goto, sync, abort, park, unpark, and what it shows of its state."""
     requires("indiserver", DRIVER)
     wire, truth = start_meade(workshop, "onstep", NORTH, speed=2.0)
@@ -41,7 +41,7 @@ def test_night(workshop: Workshop) -> None:
 
 
 @pytest.mark.parametrize("model", ["onstep", "teenastro"])
-def test_a_celestron_program_through_the_gateway(workshop: Workshop, model: str) -> None:
+def test_indi_celestron_completes_a_night_on_onstep_and_teenastro(workshop: Workshop, model: str) -> None:
     """Connect, read, goto, sync, abort: the gateway finds the controller without being told its name."""
     requires("indiserver", CELESTRON[0])
     wire, truth = start_meade(workshop, model, NORTH, speed=2.0)

@@ -68,7 +68,7 @@ def tracks(truth: Any, mode: int | None) -> Callable[[bool], bool]:
 
 
 @pytest.mark.parametrize("mount", ["nexstar:synscan", "nexstar:synscan-az"])
-def test_the_simulated_hand_control(workshop: Workshop, mount: str) -> None:
+def test_indi_synscan_accepts_the_simulated_hand_control(workshop: Workshop, mount: str) -> None:
     """The driver is content with the simulator, without the gateway."""
     requires("indiserver", NEW.program)
     wire, hand_control = start_simulator(workshop, mount, NORTH, speed=SPEED)
@@ -92,7 +92,7 @@ MOUNTS = [
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("behind", "site"), MOUNTS)
-def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
+def test_indi_synscan_completes_a_night_through_the_gateway(workshop: Workshop, behind: Behind, site: Site) -> None:
     """Connect, read, goto, sync, arrows, track, park: one session, on a serial line."""
     requires("indiserver", NEW.program)
     wire, truth = start(workshop, behind, site)
@@ -121,7 +121,7 @@ def test_night(workshop: Workshop, behind: Behind, site: Site) -> None:
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("behind", "site"), MOUNTS)
-def test_abort(workshop: Workshop, behind: Behind, site: Site) -> None:
+def test_indi_synscan_abort_stops_a_goto_and_tracking(workshop: Workshop, behind: Behind, site: Site) -> None:
     """The red button stops a goto, and tracking with it, as this driver has it.
 
     Over TCP: on a serial line the driver discards its own ``M`` if a poll follows before it was read (`tcflush`).
@@ -140,7 +140,7 @@ def test_abort(workshop: Workshop, behind: Behind, site: Site) -> None:
     [Behind("nexstar:cge", 2, True), Behind("nexstar:cpc", 1, False), Behind("lx200:lx200gps", None, False)],
     ids=str,
 )
-def test_a_night_of_the_older_driver(workshop: Workshop, behind: Behind) -> None:
+def test_older_indi_synscan_driver_completes_a_night(workshop: Workshop, behind: Behind) -> None:
     """It reads version and model on a serial line alone; an alt-az mount it drives to its goal by the arrows."""
     requires("indiserver", LEGACY.program)
     wire, truth = start(workshop, behind, NORTH)
@@ -158,7 +158,7 @@ def test_a_night_of_the_older_driver(workshop: Workshop, behind: Behind) -> None
 
 
 @pytest.mark.parametrize("behind", [Behind("nexstar:cge", 2, True), Behind("lx200:autostar", None, False)], ids=str)
-def test_time_and_site(workshop: Workshop, behind: Behind) -> None:
+def test_indi_synscan_reads_back_the_time_and_site_that_it_set(workshop: Workshop, behind: Behind) -> None:
     """Set by one process of the driver, read back by a second; the driver connects to aligned mounts only."""
     requires("indiserver", NEW.program)
     wire, _ = start(workshop, behind, NORTH)
@@ -186,7 +186,7 @@ def test_time_and_site(workshop: Workshop, behind: Behind) -> None:
         pytest.param("nexstar:synscan-az", NORTH, 1, id="alt-az"),
     ],
 )
-def test_an_lx200_driver_on_a_synscan(workshop: Workshop, mount: str, site: Site, mode: int) -> None:
+def test_indi_lx200_completes_a_night_on_a_synscan(workshop: Workshop, mount: str, site: Site, mode: int) -> None:
     """Goto, sync, arrows, abort: the coordinates of an LX200 are of date, those of the mount of J2000."""
     requires("indiserver", "indi_lx200autostar")
     wire, truth = start_simulator(workshop, mount, site, speed=SPEED)

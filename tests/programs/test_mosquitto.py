@@ -29,7 +29,7 @@ def gateway(workshop: Workshop, *flags: str, url: str, password: str = "") -> tu
     return process, ready.partition("@")[2].split()[0]
 
 
-def test_a_mount_is_shown_moved_and_stopped_by_a_broker(workshop: Workshop) -> None:
+def test_broker_shows_moves_and_stops_a_mount(workshop: Workshop) -> None:
     broker = Broker(workshop)
     onlooker = Onlooker(workshop, broker)
     process, _ = gateway(workshop, url=broker.url)
@@ -48,7 +48,7 @@ def test_a_mount_is_shown_moved_and_stopped_by_a_broker(workshop: Workshop) -> N
     wait_until("it is there again", lambda: onlooker.told(HERE)[-1] == b"online")
 
 
-def test_a_broker_that_is_away_costs_the_mount_nothing_and_knows_all_when_it_returns(workshop: Workshop) -> None:
+def test_absent_broker_costs_the_mount_nothing_and_is_updated_on_return(workshop: Workshop) -> None:
     broker = Broker(workshop)
     process, where = gateway(workshop, url=broker.url)
     process.wait_for_lines("ready broker", 1)
@@ -65,7 +65,7 @@ def test_a_broker_that_is_away_costs_the_mount_nothing_and_knows_all_when_it_ret
     assert process.output().count("cannot be reached") == 1
 
 
-def test_an_order_with_the_retain_flag_is_not_obeyed_not_even_when_it_comes(workshop: Workshop) -> None:
+def test_retained_order_of_a_broker_is_never_obeyed(workshop: Workshop) -> None:
     broker = Broker(workshop)
     onlooker = Onlooker(workshop, broker)
     process, _ = gateway(workshop, url=broker.url)
@@ -77,7 +77,7 @@ def test_an_order_with_the_retain_flag_is_not_obeyed_not_even_when_it_comes(work
     onlooker.say(COMMAND, b"", retain=True)
 
 
-def test_a_message_that_is_too_long_is_not_taken(workshop: Workshop) -> None:
+def test_overlong_broker_message_is_rejected(workshop: Workshop) -> None:
     broker = Broker(workshop)
     process, where = gateway(workshop, url=broker.url)
     process.wait_for_lines("ready broker", 1)
@@ -89,7 +89,7 @@ def test_a_message_that_is_too_long_is_not_taken(workshop: Workshop) -> None:
     assert "is connected again" not in process.output(), "the link has stayed"
 
 
-def test_two_gateways_with_one_id_are_both_told(workshop: Workshop) -> None:
+def test_two_gateways_with_one_broker_id_both_report_it(workshop: Workshop) -> None:
     broker = Broker(workshop)
     first, _ = gateway(workshop, url=broker.url)
     first.wait_for_lines("ready broker", 1)
@@ -101,7 +101,7 @@ def test_two_gateways_with_one_id_are_both_told(workshop: Workshop) -> None:
     wait_until("the first is still shown", lambda: onlooker.told(HERE)[-1:] == [b"online"])
 
 
-def test_a_broker_with_passwords_and_certificates(workshop: Workshop) -> None:
+def test_gateway_connects_to_a_broker_with_passwords_and_certificates(workshop: Workshop) -> None:
     requires("openssl", "mosquitto_passwd")
     here = workshop.folder
     subprocess.run(

@@ -7,7 +7,7 @@ import asyncio
 from tests.support.replug import replug
 
 
-def test_programs_live_through_a_replug() -> None:
+def test_programs_survive_unplugging_and_replugging_the_port() -> None:
     figures = asyncio.run(replug(2, seed=1))
     assert figures["up"]
     assert not figures["wrong"]

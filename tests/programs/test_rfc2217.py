@@ -64,7 +64,7 @@ def virtual_port(workshop: Workshop, mount: str, port: int, surface: str) -> End
     return Endpoint(ready.speaks, f"pty:{device}")
 
 
-def test_lx200_program_on_a_far_hand_control(workshop: Workshop) -> None:
+def test_indi_lx200_drives_a_hand_control_over_rfc2217(workshop: Workshop) -> None:
     requires("ser2net", "indiserver", "indi_lx200autostar")
     port, second = far_mount(workshop, "nexstar:6-8se")
     truth = HandControl(second.port)
@@ -77,7 +77,7 @@ def test_lx200_program_on_a_far_hand_control(workshop: Workshop) -> None:
     scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, NORTH))
 
 
-def test_nexstar_program_on_a_far_meade(workshop: Workshop) -> None:
+def test_indi_celestron_drives_a_meade_over_rfc2217(workshop: Workshop) -> None:
     """Binary commands: an hour west of Greenwich is a 0xFF among them, which Telnet must double both ways."""
     requires("ser2net", "indiserver", "indi_celestron_gps")
     port, second = far_mount(workshop, "lx200:lx200gps", "--unaligned")  # else this driver sets no clock

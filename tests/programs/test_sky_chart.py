@@ -54,7 +54,7 @@ class Served:
         self.url = f"http://127.0.0.1:{server.server_port}/test/chart.html"
 
 
-def test_the_chart_is_used(workshop: Workshop) -> None:
+def test_sky_chart_obeys_fingers_wheel_and_keys_without_redundant_drawing(workshop: Workshop) -> None:
     requires("chromium")
     served, browser = Served(workshop), Browser(workshop)
     browser.visit(served.url)

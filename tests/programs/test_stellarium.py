@@ -24,7 +24,7 @@ def told(port: int) -> Spot:
     return Spot(ra * 360.0 / 2**32, dec * 360.0 / 2**32)
 
 
-def test_positions_and_a_slew(workshop: Workshop) -> None:
+def test_stellarium_shows_the_position_and_slews_the_mount(workshop: Workshop) -> None:
     """Before the slew, and after Ctrl+1: on the star, whose place of date is 20 minutes of arc away.
 
     ``test_any_port.py`` has it slew a NexStar.

@@ -114,7 +114,7 @@ def placeholders(about: Message) -> list[str]:
     return found + re.findall(PLACEHOLDER, without_code(str(about.get_payload())), re.IGNORECASE)
 
 
-def test_no_placeholder_is_installed(wheel: Path) -> None:
+def test_wheel_metadata_contains_no_placeholder(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as file:
         [name] = [name for name in file.namelist() if name.endswith(".dist-info/METADATA")]
         about = message_from_bytes(file.read(name))
@@ -133,7 +133,7 @@ def test_no_placeholder_is_installed(wheel: Path) -> None:
         "Name: a\n\nSee <address of the project>.",
     ],
 )
-def test_placeholders_are_noticed(text: str) -> None:
+def test_placeholder_check_detects_placeholders(text: str) -> None:
     assert placeholders(message_from_bytes(text.encode()))
 
 
@@ -158,7 +158,7 @@ def environment() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "PYTEST"))}
 
 
-def test_the_wheel_of_a_source_distribution_runs_the_demo(wheel: Path, tmp_path: Path) -> None:
+def test_wheel_built_from_a_source_distribution_runs_the_demo(wheel: Path, tmp_path: Path) -> None:
     assert content(wheel) == installed_files()
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)

@@ -17,13 +17,13 @@ FILES = sorted(CHECKED.glob("*.json"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
-def test_every_file_has_the_form_that_prove_writes(file: Path) -> None:
+def test_every_checked_mount_file_has_the_form_that_prove_writes(file: Path) -> None:
     result = msgspec.json.decode(file.read_bytes(), type=ProofFile)
     assert json.loads(file.read_bytes()) == json.loads(msgspec.json.encode(result))
     assert {"reads", "motions", "goto"} <= result.stages.keys() <= {stage.name for stage in STAGES}
 
 
-def test_the_table_lists_every_file_and_marks_the_simulated_mounts() -> None:
+def test_table_of_checked_mounts_lists_every_file_and_marks_simulated_ones() -> None:
     table = script("docs/tools/checked.py").checked_table()
     results = [msgspec.json.decode(file.read_bytes(), type=ProofFile) for file in FILES]
     simulated = sum(result.simulated for result in results)

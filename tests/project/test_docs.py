@@ -66,7 +66,7 @@ def served(folder: Path, monkeypatch: pytest.MonkeyPatch, started: list[Running]
     return folder / str(stays)
 
 
-def test_every_command_does_what_it_says(
+def test_every_documented_command_does_what_its_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], started: list[Running]
 ) -> None:
     """In the order of the pages; first what serves, for one of them makes the recording that others read."""
@@ -93,7 +93,7 @@ def test_every_command_does_what_it_says(
         assert code == 0, f"{line}: {told.err or told.out}"
 
 
-def test_every_block_is_run_or_says_why_not() -> None:
+def test_every_code_block_of_the_docs_is_run_or_says_why_not() -> None:
     for block in blocks():
         if block.language == "powershell":
             assert block.reason, f"{block.page.name}: {block.text}"
@@ -106,7 +106,7 @@ def test_every_block_is_run_or_says_why_not() -> None:
             assert block.reason or not any(line.startswith(("$ ", "mount-gateway ")) for line in block.lines), block
 
 
-def test_every_file_is_one_that_run_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_configuration_in_the_docs_is_accepted_by_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     texts = [block.text for block in blocks() if block.language == "toml"]
     assert texts
     for text in texts:
@@ -115,7 +115,7 @@ def test_every_file_is_one_that_run_takes(tmp_path: Path, capsys: pytest.Capture
         assert main(["config", "--config", str(path)]) == 0, capsys.readouterr().err
 
 
-def test_both_commands_of_the_readme_install_in_the_same_way() -> None:
+def test_both_install_commands_of_the_readme_install_the_same_way() -> None:
     """So that the test command, which a change has to pass, proves the first half of the demo's, too."""
     venv, pip, demo = installed()["demo"].split(" && ")
     assert [venv, pip.replace(" .", " -e '.[test]'"), ".venv/bin/python -bb -m pytest -q"] == (
@@ -125,7 +125,7 @@ def test_both_commands_of_the_readme_install_in_the_same_way() -> None:
 
 
 @each("page, span", spans())
-def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
+def test_commands_within_sentences_of_the_docs_are_accepted(page: str, span: str) -> None:
     words = [word for word in shlex.split(span.partition(" … ")[0].partition(" | ")[0])[1:] if word != "…"]
     if words[0] in COMMANDS:
         parser(words[0]).parse_args(words)
@@ -134,6 +134,6 @@ def test_commands_in_the_text_can_be_typed(page: str, span: str) -> None:
 
 
 @each("page", PAGES)
-def test_mounts_and_surfaces_of_tables_can_be_typed(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mounts_and_surfaces_in_tables_of_the_docs_are_accepted(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for flags in re.findall(r"`(--mount \S+ --surface [^`…]+)`", page.read_text("utf-8")):
         assert main(["config", *flags.replace("PORT", "/dev/ttyUSB0").split()]) == 0, capsys.readouterr().err

@@ -18,7 +18,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @each("page", PAGES)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_of_the_docs_lead_to_existing_files_and_headings(page: Path) -> None:
     dead = []
     for link in _LINK.findall(prose(page)):
         path, _, anchor = link.partition("#")

@@ -34,7 +34,7 @@ def _alike(line: str, other: str) -> bool:
 
 
 @each("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "mappings" / "README.md"])
-def test_no_line_stands_twice(page: Path) -> None:
+def test_no_line_is_repeated_on_a_page(page: Path) -> None:
     assert doubled(prose(page)) == []
 
 
@@ -43,5 +43,5 @@ STATUS = re.compile(r"\n\n\*(?:Accepted|Replaced by [\w./()\[\] -]+,) on 20\d\d-
 
 
 @each("page", DECISIONS)
-def test_a_decision_has_a_status_a_date_and_what_would_change_it(page: Path) -> None:
+def test_every_decision_has_a_status_a_date_and_what_would_change_it(page: Path) -> None:
     assert STATUS.search(page.read_text("utf-8").split("## ")[0]), page.name

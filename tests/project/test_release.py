@@ -20,7 +20,7 @@ import deb
 import release as making
 
 
-def test_the_packages_unit_runs_the_file_that_it_is_named_after() -> None:
+def test_packaged_unit_runs_the_installed_program() -> None:
     packaged = deb.unit()
     assert "ExecStart=/usr/bin/mount-gateway run --wait --config /etc/mount-gateway/%i.toml\n" in packaged
     assert "StateDirectory=mount-gateway/%i\n" in packaged and "{" not in packaged
@@ -28,12 +28,12 @@ def test_the_packages_unit_runs_the_file_that_it_is_named_after() -> None:
 
 
 @each("folder", ["/var/lib/mount-gateway", "/var/cache/mount-gateway", "/etc/mount-gateway"])
-def test_a_purge_deletes_what_a_gateway_has_written(folder: str) -> None:
+def test_package_purge_deletes_the_files_of_a_gateway(folder: str) -> None:
     [line] = re.findall(r"(?m)^ *rm -rf (.*)$", (ROOT / "release" / "debian" / "postrm").read_text("utf-8"))
     assert folder in line.split()
 
 
-def test_a_source_distribution_is_packed_again_the_same() -> None:
+def test_source_distribution_is_reproducible() -> None:
     def packed(mtime: int, owner: str, names: list[str]) -> bytes:
         out = io.BytesIO()
         with tarfile.open(fileobj=out, mode="w:gz") as file:
@@ -54,7 +54,7 @@ def test_a_source_distribution_is_packed_again_the_same() -> None:
         assert content is not None and content.read() == b"a/c"
 
 
-def test_the_version_after_a_release() -> None:
+def test_version_after_a_release_is_the_next_development_version() -> None:
     assert making.following("0.2.0") == "0.3.0.dev0"
     assert making.following("1.9.3") == "1.10.0.dev0"
 
@@ -72,7 +72,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_release_writes_version_date_and_heading_and_the_next_opens_anew(project: Path) -> None:
+def test_release_script_writes_version_date_and_heading_and_opens_the_next(project: Path) -> None:
     making.raise_version("0.3.0", released=True)
     assert 'version = "0.3.0"\n' in (project / "PROJECT").read_text()
     assert re.search(r"(?m)^## 0\.3\.0 \(\d{4}-\d\d-\d\d\)$", (project / "CHANGES").read_text())
@@ -82,7 +82,7 @@ def test_a_release_writes_version_date_and_heading_and_the_next_opens_anew(proje
 
 
 @each("words", [["0.3.0", "--no-tests"], ["--check"]])
-def test_what_is_missing_is_told_before_anything_is_changed(
+def test_release_script_reports_what_is_missing_before_any_change(
     project: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
 ) -> None:
     before = (project / "PROJECT").read_text()
@@ -95,19 +95,19 @@ def test_what_is_missing_is_told_before_anything_is_changed(
 
 
 @each("version", ["0.3", "v0.3.0", "0.3.0.dev0", "three"])
-def test_what_is_no_version_is_refused(version: str) -> None:
+def test_release_script_refuses_an_invalid_version(version: str) -> None:
     with pytest.raises(SystemExit, match="is no version"):
         making.raise_version(version, released=True)
 
 
-def test_the_containerfile_is_short_and_runs_as_nobody_in_particular() -> None:
+def test_containerfile_is_short_and_runs_without_root() -> None:
     lines = (ROOT / "release" / "Containerfile").read_text("utf-8").splitlines()
     assert len(lines) <= 25
     assert any(line.startswith("USER ") and "root" not in line for line in lines)
     assert any(line.startswith("HEALTHCHECK ") for line in lines)
 
 
-def test_a_container_is_built_from_the_package_alone() -> None:
+def test_container_is_built_from_the_package_alone() -> None:
     everything, *wanted, compiled = (ROOT / ".dockerignore").read_text("utf-8").splitlines()[1:]
     assert (everything, compiled) == ("*", "**/__pycache__")
     package = {"gateway", "mappings", "pyproject.toml", "setup.py", "README.md", "LICENSE"}

@@ -53,12 +53,12 @@ def proofs() -> dict[int, list[str]]:
 
 
 @pytest.mark.safety_line(10)
-def test_the_readme_has_ten_lines_of_safety_on_these_subjects() -> None:
+def test_readme_has_ten_safety_lines_on_the_expected_subjects() -> None:
     lines = written()
     assert list(lines) == list(SUBJECTS)
     assert all(subject in lines[number] for number, subject in SUBJECTS.items())
 
 
 @each("number", list(SUBJECTS))
-def test_each_line_has_a_test_that_carries_its_number(number: int) -> None:
+def test_each_safety_line_has_a_test_with_its_number(number: int) -> None:
     assert proofs().get(number)

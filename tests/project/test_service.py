@@ -28,7 +28,7 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_runs_and_stops_this_program() -> None:
+def test_systemd_unit_runs_and_stops_this_program() -> None:
     text = unit(["/opt/a b/python", "-m", "gateway"], "/etc/gate way.toml", "daemon", "uucp", "mount-gateway-east")
     assert lines(text, "ExecStart") == ['"/opt/a b/python" -m gateway run --wait --config "/etc/gate way.toml"']
     assert lines(text, "ExecStopPost") == ['"/opt/a b/python" -m gateway stop']
@@ -46,16 +46,18 @@ def test_it_runs_and_stops_this_program() -> None:
     ("text", "written"),
     [("/a/b", "/a/b"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$x", "$$x"), ('a"b', '"a\\"b"'), ("a\\b", '"a\\\\b"')],
 )
-def test_words_are_written_as_systemd_reads_them(text: str, written: str) -> None:
+def test_service_command_quotes_words_as_systemd_reads_them(text: str, written: str) -> None:
     assert word(text) == written
 
 
-def test_a_dollar_in_the_programs_own_name_is_none_of_a_variable() -> None:
+def test_dollar_in_the_programs_path_is_not_expanded_by_systemd() -> None:
     text = unit(["/opt/$x/python", "$y"], "/etc/g.toml", "daemon", "dialout", "mount-gateway")
     assert lines(text, "ExecStopPost") == ["/opt/$x/python $$y stop"]
 
 
-def test_the_command_prints_it(path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_service_command_prints_the_unit(
+    path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("SUDO_USER", "daemon")
     monkeypatch.chdir(path.parent)
     assert main(["service", "--config", path.name]) == 0
@@ -78,7 +80,7 @@ def test_the_command_prints_it(path: Path, capsys: pytest.CaptureFixture[str], m
     [('"\nx = "', [], "x"), ('"\nstate = "/srv/state', [], "take out the key state"),
      ("", ["--unit", "a b"], "write a word of letters"), ("", ["--user", "nobody-of-that-name"], "has no user")],
 )  # fmt: skip
-def test_what_cannot_serve_is_refused(
+def test_configuration_unfit_for_a_service_is_refused(
     mount: str, words: list[str], says: str, path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path.write_text(path.read_text().replace("@sim", f"@sim{mount}"))
@@ -86,7 +88,7 @@ def test_what_cannot_serve_is_refused(
     assert says in capsys.readouterr().err
 
 
-def test_what_is_missing_is_named(
+def test_service_command_names_the_next_step_when_something_is_missing(
     path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["service", str(path.parent / "other.toml")]) == 2

@@ -42,7 +42,7 @@ def one(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return str(folder / "mount-gateway")
 
 
-def test_it_explains_a_command(one: str, tmp_path: Path) -> None:
+def test_single_file_explains_a_command(one: str, tmp_path: Path) -> None:
     """The same as the installed one, in a folder where there is nothing of the project."""
     words = ["explain", "lx200", "cpc/4.21", ":MS#"]
     told = [
@@ -52,7 +52,7 @@ def test_it_explains_a_command(one: str, tmp_path: Path) -> None:
     assert told[0] == told[1] and len(told[0]) > 400
 
 
-def test_it_plays_the_demo_and_shows_the_console(one: str, tmp_path: Path, started: list[Running]) -> None:
+def test_single_file_plays_the_demo_and_shows_the_console(one: str, tmp_path: Path, started: list[Running]) -> None:
     words = ("demo", "--port", "0", "--pty", str(tmp_path / "lx200"), "--console", "tcp://127.0.0.1:0")
     started.append(demo := Running(*words, by=[one]))
     assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(demo.ready(), b":GR#"))
@@ -63,7 +63,7 @@ def test_it_plays_the_demo_and_shows_the_console(one: str, tmp_path: Path, start
     assert demo.end() == 0, demo.said
 
 
-def test_its_gateway_lets_the_file_calculate_the_almanac(
+def test_gateway_of_the_single_file_calculates_its_almanac(
     one: str, tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On an empty cache: the gateway starts the file that it was started from, and uses what that calculates."""
@@ -80,7 +80,7 @@ def test_its_gateway_lets_the_file_calculate_the_almanac(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the child of the file that unpacks itself is looked for in /proc")
-def test_its_watchdog_stops_the_mount(one: str, tmp_path: Path, started: list[Running]) -> None:
+def test_watchdog_of_the_single_file_stops_the_mount(one: str, tmp_path: Path, started: list[Running]) -> None:
     """When the gateway is killed, the folder into which the file was unpacked is deleted; the watchdog goes on."""
     truth = tmp_path / "truth.jsonl"
     started.append(sim := Running("sim", "nexstar:6-8se", "--at", "tcp://127.0.0.1:0", "--truth", str(truth), by=[one]))

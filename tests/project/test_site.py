@@ -35,14 +35,14 @@ def listed(entries: list[dict[str, Any]]) -> list[str]:
     return found
 
 
-def test_every_page_stands_in_the_navigation_once() -> None:
+def test_every_page_is_in_the_site_navigation_once() -> None:
     settings = tomllib.loads((ROOT / "docs" / "site" / "zensical.toml").read_text("utf-8"))
     nav = listed(settings["project"]["nav"])
     assert sorted(set(nav)) == sorted(nav)
     assert {ROOT / path for path in nav} >= set(PAGES)
 
 
-def test_sources_and_drawings_are_pages(site: ModuleType, tmp_path: Path) -> None:
+def test_site_contains_linked_sources_and_drawings_as_pages(site: ModuleType, tmp_path: Path) -> None:
     site.lay_out(tmp_path)
     assert "](../examples/tiny_client.py.md)" in (tmp_path / "docs" / "python.md").read_text("utf-8")
     example = (ROOT / "examples" / "tiny_client.py").read_text("utf-8")
@@ -51,7 +51,7 @@ def test_sources_and_drawings_are_pages(site: ModuleType, tmp_path: Path) -> Non
     assert "mermaid" not in layers and layers.count("<rect") == len(re.findall(r"(?m)^\| `\w+/` \|", layers))
 
 
-def test_it_is_built_and_fetches_nothing(site: ModuleType, tmp_path: Path) -> None:
+def test_site_pages_fetch_nothing_from_elsewhere(site: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="the extra docs is not installed")
     built = site.build(tmp_path)
     assert built is not None
@@ -68,7 +68,9 @@ def test_it_is_built_and_fetches_nothing(site: ModuleType, tmp_path: Path) -> No
     assert missing == set()
 
 
-def test_a_dead_link_is_told(site: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any) -> None:
+def test_site_build_reports_a_dead_link(
+    site: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+) -> None:
     pytest.importorskip("zensical", reason="the extra docs is not installed")
     lay_out = site.lay_out
 

@@ -23,28 +23,28 @@ ANY = 6.0
 NO_PARTS = ("__pycache__", "py.typed")
 
 
-def test_there_are_no_import_circles() -> None:
+def test_gateway_has_no_import_cycles() -> None:
     assert structure.circles(structure.import_graph(ROOT)) == []
 
 
 @each("folder", FOLDERS)
-def test_a_folder_is_not_crowded(folder: Path) -> None:
+def test_no_folder_of_the_gateway_is_crowded(folder: Path) -> None:
     entries = sorted(path.name for path in folder.iterdir() if path.name not in NO_PARTS)
     assert len(entries) <= ENTRIES, entries
 
 
-def test_no_module_is_long() -> None:
+def test_no_module_exceeds_its_line_limit() -> None:
     lines = {str(path): len(path.read_text("utf-8").splitlines()) for path in ROOT.rglob("*.py")}
     assert {path: count for path, count in lines.items() if count > LINES} == {}
 
 
-def test_few_values_are_of_any_type() -> None:
+def test_gateway_has_few_values_of_type_any() -> None:
     texts = [path.read_text("utf-8") for path in ROOT.rglob("*.py")]
     words, lines = (sum(len(re.findall(what, text)) for text in texts) for what in (r"\bAny\b", r"\n"))
     assert words <= ANY * lines / 1000, (words, lines)
 
 
-def test_nothing_inside_imports_the_public_names() -> None:
+def test_no_inner_module_imports_the_public_package() -> None:
     """They stand above all layers, where import-linter has no place for them."""
     public = {"gateway", *(f"gateway.{name}" for name in (*gateway.__all__, "__version__"))}
     for path in ROOT.rglob("*.py"):
@@ -54,7 +54,7 @@ def test_nothing_inside_imports_the_public_names() -> None:
 
 
 @each("name", ["acceptor.py", "connection.py"])
-def test_a_client_is_complete_when_it_is_constructed(name: str) -> None:
+def test_client_is_complete_when_constructed(name: str) -> None:
     """Whoever makes a part of a client passes in what it needs, and nobody finishes it from outside."""
     tree = ast.parse((ROOT / "clients" / name).read_text("utf-8"))
     stored = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)]

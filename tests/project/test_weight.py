@@ -27,7 +27,7 @@ def _plain(requirement: str) -> str:
     return match[0].lower().replace("_", "-")
 
 
-def test_the_file_for_a_computer_with_little_room_lists_everything_but_astropy() -> None:
+def test_requirements_file_for_small_computers_lists_everything_but_astropy() -> None:
     """``--no-deps`` installs what is named and nothing else, so what the packages need is named too."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     named = {line for line in (ROOT / "docs/without-astropy.txt").read_text("utf-8").splitlines() if line[:1] != "#"}
@@ -123,7 +123,7 @@ def page(host: str, port: int) -> bytes:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGUSR1")
-def test_what_a_serving_gateway_imports(
+def test_serving_gateway_imports_neither_astropy_nor_numpy(
     tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither astropy nor numpy, not even for its first almanac; aiohttp when a page is opened."""
@@ -151,7 +151,7 @@ def test_what_a_serving_gateway_imports(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGUSR1")
-def test_what_a_gateway_with_a_broker_imports(tmp_path: Path, started: list[Running]) -> None:
+def test_gateway_with_a_broker_imports_only_the_broker_client(tmp_path: Path, started: list[Running]) -> None:
     pytest.importorskip("aiomqtt")
     with socket.create_server(("127.0.0.1", 0)) as broker:
         at = f"mqtt://127.0.0.1:{broker.getsockname()[1]}"

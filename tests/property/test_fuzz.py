@@ -28,7 +28,7 @@ CASES = {str(case): case for case in cases()}
 @pytest.mark.parametrize(
     "case", as_a_rule(["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"], whole=[*CASES])
 )
-def test_random_bytes_leave_a_surface_sane(case: str, kind: str) -> None:
+def test_random_bytes_leave_a_surface_working(case: str, kind: str) -> None:
     judge = Judge(CASES[case])
     size = as_a_rule(800, whole=200_000)
     done, longest = run(throw(CASES[case], kind, Random(f"{case} {kind}"), size, judge))
@@ -38,7 +38,7 @@ def test_random_bytes_leave_a_surface_sane(case: str, kind: str) -> None:
 
 
 @pytest.mark.skipif(not WHOLE, reason="it takes minutes; pytest --whole runs it")
-def test_no_memory_is_kept_for_the_bytes_of_a_program() -> None:
+def test_surface_keeps_no_memory_of_a_programs_bytes() -> None:
     assert {case: kept for case, kept in growth(seed=1).items() if kept > 0.5} == {}
 
 
@@ -46,7 +46,7 @@ def test_no_memory_is_kept_for_the_bytes_of_a_program() -> None:
     ("mount", "seed"),
     as_a_rule([("lx200:lx200gps", 6), ("nexstar:cpc", 8)], whole=[(":".join(mount), 6) for mount in mounts()]),
 )
-def test_corrupted_replies_leave_a_driver_sane(mount: str, seed: int) -> None:
+def test_corrupted_replies_leave_a_driver_working(mount: str, seed: int) -> None:
     findings = Findings()
     size = as_a_rule(800, whole=100_000)
     assert run(corrupt(*mount.split(":"), Random(seed), size, findings)) >= size
@@ -54,7 +54,7 @@ def test_corrupted_replies_leave_a_driver_sane(mount: str, seed: int) -> None:
     assert findings.ended["value"]
 
 
-def test_judges_of_random_bytes_know_bad_from_good() -> None:
+def test_fuzz_judges_tell_bad_replies_from_good_ones() -> None:
     lx200, nexstar = PROTOCOLS["lx200"], PROTOCOLS["nexstar"]
     assert not of_reply(lx200, b":GR#", b"12:34:56#")
     assert not of_reply(nexstar, b"V", b"\x04\x15#")
@@ -74,7 +74,7 @@ def _mute(bridge: Bridge) -> None:
     bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
 
 
-async def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
+async def test_read_from_an_unidentified_mount_ends_after_a_stop() -> None:
     bridge = Bridge()
     _mute(bridge)
     bridge.controller.start()
@@ -88,7 +88,7 @@ async def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_s
     await bridge.controller.close()
 
 
-def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
+def test_line_back_in_step_at_the_second_check_is_up() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             good, lost = bridge.controller.line.wire.feed, [2]  # type: ignore[attr-defined]
@@ -106,7 +106,7 @@ def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
     run(program())
 
 
-async def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() -> None:
+async def test_failed_stop_that_nobody_awaits_leaves_nothing_behind() -> None:
     left: list[object] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
     async with Bridge() as bridge:
@@ -119,7 +119,7 @@ async def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behin
 
 
 @pytest.mark.parametrize("date", ["12/31/9999", "01/01/0001", "01/01/1950", "01/01/2051"])
-async def test_a_year_that_two_digits_cannot_tell_is_refused(date: str) -> None:
+async def test_year_that_two_digits_cannot_express_is_refused(date: str) -> None:
     async with Bridge(aligned=False) as bridge:
         client = bridge.client()
         assert await client.ask(b":SG-14.0#") + await client.ask(b":SL20:00:00#") == b"11"
@@ -129,7 +129,7 @@ async def test_a_year_that_two_digits_cannot_tell_is_refused(date: str) -> None:
     assert not [entry.note for entry in bridge.entries if "internal error" in entry.note]
 
 
-async def test_a_four_digit_year_is_taken() -> None:
+async def test_four_digit_year_is_accepted() -> None:
     async with Bridge(aligned=False) as bridge:
         client = bridge.client()
         assert (await client.ask(b":SC12/31/2050#")).startswith(b"1")
@@ -138,7 +138,7 @@ async def test_a_four_digit_year_is_taken() -> None:
 
 
 @each(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
-async def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
+async def test_impossible_zone_of_a_hand_control_is_not_reported(zone: int, dst: int) -> None:
     bridge = Bridge()
     good = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
     bridge.controller.line.wire.feed = lambda data: (  # type: ignore[attr-defined]
@@ -150,7 +150,7 @@ async def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: 
         assert moment.offset == 0.0
 
 
-async def test_a_defect_in_what_is_done_later_is_told() -> None:
+async def test_defect_in_a_deferred_action_is_logged() -> None:
     left: list[object] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
     async with Bridge(aligned=False) as bridge:
@@ -168,7 +168,7 @@ async def test_a_defect_in_what_is_done_later_is_told() -> None:
     assert not left
 
 
-def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
+def test_simulated_classic_shows_bars_during_a_goto_to_half_a_target() -> None:
     now = [EVENING]
     sim = SimulatedLx200("lx200", clock=lambda: now[0], site=(45.0, 10.0))
     sim.feed(b":Sr02:00:00#:MS#")
@@ -176,7 +176,7 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
     assert sim.feed(b":D#").startswith(b"\xff")
 
 
-async def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
+async def test_position_read_before_the_site_was_known_is_checked_against_the_sun_later() -> None:
     async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
         guard = bridge.controller.watch
         seen = await bridge.controller.read(op.Position())

@@ -55,7 +55,7 @@ async def rested(bridge: Bridge, random: Random) -> None:
 
 
 @pytest.mark.parametrize("kind", list(MOUNTS))
-async def test_a_goto_is_told_what_was_told_in_advance(kind: str) -> None:
+async def test_preview_of_a_goto_says_what_the_goto_says(kind: str) -> None:
     model, driven, config, start = MOUNTS[kind]
     random, answers = Random(kind), set[str]()
     wedge = {"wedge": True} if kind == "wedge" else {}
@@ -78,7 +78,7 @@ async def test_a_goto_is_told_what_was_told_in_advance(kind: str) -> None:
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
 @pytest.mark.parametrize("state", ["held", "not aligned", "asleep", "gone"])
-async def test_a_mount_that_takes_none_is_foreseen(state: str, driven: str) -> None:
+async def test_preview_foresees_a_mount_that_refuses_every_goto(state: str, driven: str) -> None:
     model = "cpc" if driven == "nexstar" else "lx200gps"
     random = Random(state)
     async with Bridge(model, driven=driven, aligned=state != "not aligned", config={"sun": 0.0}) as bridge:
@@ -102,7 +102,7 @@ async def test_a_mount_that_takes_none_is_foreseen(state: str, driven: str) -> N
 
 
 @pytest.mark.parametrize("model", ["cpc", "cge"])
-def test_who_asks_in_advance_leaves_no_trace(model: str) -> None:
+def test_preview_of_a_goto_leaves_no_trace(model: str) -> None:
     """Not on the line, in the log, in what a motion under way is judged by, or in what is polled."""
 
     async def program() -> None:

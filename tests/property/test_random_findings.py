@@ -15,7 +15,7 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.looks import altitude
 
 
-def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
+def test_failed_stop_that_nobody_awaits_is_one_log_line() -> None:
     """A hand control sent to sleep at its keys answers no stop: that is one line in the log and no traceback."""
 
     async def program() -> list[Any]:
@@ -36,7 +36,7 @@ def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
 
 
 @each("arrow", [b":Mn#", b":Mw#"])
-async def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
+async def test_small_gotos_are_refused_without_an_alignment(arrow: bytes) -> None:
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
         bridge.client().tell(b":RS#" + arrow)
@@ -46,7 +46,7 @@ async def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
         assert not bridge.controller.moving
 
 
-async def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
+async def test_first_request_of_a_kind_waits_for_a_busy_line() -> None:
     """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
     async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
         client = bridge.client()
@@ -58,7 +58,7 @@ async def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
         assert len(reply) == 10, reply
 
 
-async def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
+async def test_goto_right_after_tracking_off_is_checked_against_the_sun() -> None:
     """The manual's own order, T 0 and then the slew: the slew is looked at all the same."""
     june = 1782036000.0  # 2026-06-21 10:00 UTC: the Sun at azimuth 136, altitude 63
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=june) as bridge:
@@ -75,7 +75,7 @@ async def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
-async def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(driven: str, model: str) -> None:
+async def test_motor_of_an_equatorial_mount_is_judged_by_its_axis_reading(driven: str, model: str) -> None:
     """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
     limits = {"lowest": 39.6}
     async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
@@ -92,7 +92,7 @@ async def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(drive
                 assert low > 39.5, (turn, low)
 
 
-async def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
+async def test_meade_that_starts_seeking_home_while_moved_is_stopped() -> None:
     """It says NAK to every question meanwhile: nobody knows where it is."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
         client = bridge.client()
@@ -105,7 +105,7 @@ async def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> Non
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> None:
+def test_arrow_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> None:
     """The goto counts as under way for some seconds more; the motion is none that knows where it ends."""
 
     async def program() -> float:
@@ -127,7 +127,7 @@ def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> No
 
 
 @pytest.mark.parametrize("motion", [b"P\x02\x11\x24\x09\x00\x00\x00", b"r80000000,40000000"])
-async def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -> None:
+async def test_moving_mount_is_sent_no_change_between_alt_az_and_equatorial(motion: bytes) -> None:
     """Alt-az and equatorial are two frames: axes that were checked in one must not be sent to in the other."""
     async with Bridge("gt", "104.0", presented="nexstar", surface="advanced-gt", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
@@ -148,21 +148,21 @@ async def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: by
 
 
 @each("aligned", [True, False])
-async def test_an_aligned_hand_control_keeps_its_clock_when_the_gps_is_asked_for_it(aligned: bool) -> None:
+async def test_aligned_hand_control_keeps_its_clock_when_the_gps_is_read(aligned: bool) -> None:
     async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:
         assert await bridge.client().ask(b":gT#") == b"1"
         await asyncio.sleep(1)
         assert any(sent.startswith(b"H") for sent in bridge.sent()) is not aligned
 
 
-async def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
+async def test_telescope_without_a_home_search_reports_home_not_found() -> None:
     async with Bridge("lx200", driven="lx200") as bridge:
         assert await bridge.client().ask(b":h?#") == b"0"
 
 
 @pytest.mark.parametrize(("axis", "first"), [(16, b"P\x02\x10\x24\0\0\0\0"), (17, b"P\x02\x11\x24\0\0\0\0")])
 @pytest.mark.parametrize("other", [0, 3])
-async def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, first: bytes, other: int) -> None:
+async def test_faster_of_two_motors_is_stopped_first(axis: int, first: bytes, other: int) -> None:
     async with Bridge() as bridge:
         await bridge.controller.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
         if other:
@@ -175,9 +175,7 @@ async def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: in
 
 
 @pytest.mark.parametrize(("driven", "model", "aligns"), [("lx200", "autostar", True), ("nexstar", "6-8se", False)])
-async def test_where_the_first_sync_aligns_a_mount_the_second_is_held_to_the_limit(
-    driven: str, model: str, aligns: bool
-) -> None:
+async def test_sync_after_an_aligning_first_sync_is_held_to_the_limit(driven: str, model: str, aligns: bool) -> None:
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
         client = bridge.client()
         assert await client.ask(b"SFC12,2163") == b"#"
@@ -190,7 +188,7 @@ async def test_where_the_first_sync_aligns_a_mount_the_second_is_held_to_the_lim
             assert any("Sync refused" in entry.note for entry in bridge.entries)
 
 
-async def test_where_the_axes_are_is_told_though_a_goto_begins_while_it_is_asked() -> None:
+async def test_axis_position_is_reported_though_a_goto_begins_during_the_read() -> None:
     """A Meade tells azimuth and altitude in halves, which never agree on the way: the position says the same."""
     async with Bridge("lx200", driven="lx200", presented="nexstar", surface="lcm", latency=0.2) as bridge:
         first, second = bridge.client(), bridge.client()

@@ -74,7 +74,7 @@ def test_arrow_keys_and_enter_move_the_mount(console: Console, visit: Callable[.
     console.at_rest()
 
 
-def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Visit]) -> None:
+def test_arrows_east_and_west_stand_where_the_chart_shows_east_and_west(visit: Callable[..., Visit]) -> None:
     page = visit(DESK, told={'"equatorial":false': '"equatorial":true'})
     places = "[...document.querySelectorAll('[data-go]')].map(one => [one.dataset.go, one.getBoundingClientRect()])"
     script = f"Object.fromEntries({places}.map(([go, box]) => [go, [box.x, box.y]]))"
@@ -92,7 +92,7 @@ def test_east_and_west_stand_where_the_chart_shows_them(visit: Callable[..., Vis
     page.until("so is the pad", lambda: stands() == (False, False))
 
 
-def test_the_arrows_of_an_alt_azimuth_mount_are_those_of_its_tube(visit: Callable[..., Visit]) -> None:
+def test_arrows_turn_the_tube_of_an_alt_azimuth_mount(visit: Callable[..., Visit]) -> None:
     page = visit(DESK, chart_up="south")
     page.until("so they are named", lambda: page.text("[data-go=east]") == "Left")
     assert page.text("[data-go=north]") == "Up" and "It turns the tube" in page.text("#pad-hint")
@@ -102,7 +102,7 @@ def test_the_arrows_of_an_alt_azimuth_mount_are_those_of_its_tube(visit: Callabl
     )
 
 
-def test_stop_ends_a_goto_by_tap_and_by_key(console: Console, visit: Callable[..., Visit]) -> None:
+def test_stop_button_and_stop_key_end_a_goto(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     for how in ("tap", "Escape", "Space", "Escape in a field", "Escape in a question", "Enter on STOP"):
         page.show("sky")
@@ -130,7 +130,7 @@ def test_stop_ends_a_goto_by_tap_and_by_key(console: Console, visit: Callable[..
         console.at_rest()
 
 
-def test_a_space_that_is_typed_stops_nothing(console: Console, visit: Callable[..., Visit]) -> None:
+def test_space_typed_into_a_field_stops_nothing(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.find("Aldebaran" if console.truth.position().dec > 40.0 else "Capella")
     page.page.click("#go")
@@ -140,7 +140,7 @@ def test_a_space_that_is_typed_stops_nothing(console: Console, visit: Callable[.
     assert page.page.input_value("#object").endswith("m 31") and console.truth.goto_running()
 
 
-def test_a_held_mount_is_shown_and_released(visit: Callable[..., Visit]) -> None:
+def test_page_shows_and_releases_a_held_mount(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
     page.page.get_by_role("button", name="Hold still").click()
@@ -155,7 +155,7 @@ def test_a_held_mount_is_shown_and_released(visit: Callable[..., Visit]) -> None
     page.until("it is released", lambda: not page.text("#banners").startswith("The mount is held"))
 
 
-def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) -> None:
+def test_page_offers_only_what_the_mount_can_do(visit: Callable[..., Visit]) -> None:
     """As a telescope that is pushed by hand, and a mount that has no arrows, but gotos."""
     page = visit(told={"never": "told"})
     page.show("control")
@@ -170,7 +170,7 @@ def test_what_the_mount_cannot_do_is_not_offered(visit: Callable[..., Visit]) ->
 
 
 @pytest.mark.parametrize(("drive", "name"), [(1.0, "Stars"), (0.9763, "Moon"), (0.9973, "Sun")])
-def test_page_shows_the_rate_of_tracking(visit: Callable[..., Visit], drive: float, name: str) -> None:
+def test_page_shows_the_tracking_rate(visit: Callable[..., Visit], drive: float, name: str) -> None:
     """As an equatorial mount whose motors turn at that part of the stars' speed."""
     page = visit(told={'"equatorial":false': '"equatorial":true', '"drive\\":': f'"drive\\":{drive},\\"told\\":'})
     page.show("control")

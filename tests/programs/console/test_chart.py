@@ -57,7 +57,7 @@ TARGETS = ("NGC 104", "Castor", "Jupiter", "Saturn", "Polaris", "M42", "18:37:00
 
 @pytest.mark.parametrize("up", ["north", "south", "zenith"])
 @pytest.mark.parametrize("size", SIZES[: as_a_rule(3, whole=7)])
-def test_text_overprints_nothing(visit: Callable[..., Visit], size: tuple[int, int], up: str) -> None:
+def test_chart_text_does_not_overlap(visit: Callable[..., Visit], size: tuple[int, int], up: str) -> None:
     page = visit(size, chart_up=up)
     page.page.add_init_script(KEEP)
     page.page.reload()
@@ -104,7 +104,7 @@ def over_horizon(unix: float, places: Any) -> Any:
 
 
 @pytest.mark.parametrize("size", [DESK, PHONE])
-def test_the_sky_stands_where_astropy_has_it(
+def test_chart_shows_the_sky_where_astropy_computes_it(
     moonlit: tuple[str, float], browser: Browser, size: tuple[int, int]
 ) -> None:
     """Two pixels at most: planets, the Moon, and fifty stars, of a picture without text."""
@@ -165,7 +165,7 @@ def test_the_sky_stands_where_astropy_has_it(
     assert len(far) >= 50 and far[-1] <= 2.0
 
 
-def test_it_is_drawn_in_the_frame_in_which_its_size_changes(visit: Callable[..., Visit]) -> None:
+def test_chart_is_redrawn_in_the_frame_in_which_it_is_resized(visit: Callable[..., Visit]) -> None:
     """A canvas whose size is set is empty, and would be seen so until the next frame."""
     page = visit()
     painted = page.page.evaluate("""() => new Promise((told) => {

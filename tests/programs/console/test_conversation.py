@@ -11,7 +11,7 @@ from .page import DESK, Console, Program, Visit
 HOSTILE = b"<img src=x onerror=alert(1)><script>alert(2)</script>#"
 
 
-def test_a_command_stands_beside_what_it_became(console: Console, visit: Callable[..., Visit]) -> None:
+def test_conversation_shows_each_command_beside_its_translation(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit(DESK)
     page.show("talk")
     with console.program() as program:
@@ -24,7 +24,7 @@ def test_a_command_stands_beside_what_it_became(console: Console, visit: Callabl
         program.say(b":Q#")
 
 
-def test_it_is_there_when_the_page_is_opened_on_it(console: Console, visit: Callable[..., Visit]) -> None:
+def test_conversation_is_filled_when_the_page_opens_on_it(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     page.page.reload()
@@ -32,7 +32,7 @@ def test_it_is_there_when_the_page_is_opened_on_it(console: Console, visit: Call
         page.listens(program)
 
 
-def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
+def test_refusals_filter_shows_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     with console.program() as program:
@@ -49,7 +49,7 @@ def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
         page.until("only that is", lambda: page.page.locator(".exchange").count() == 1)
 
 
-def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
+def test_conversation_pauses_and_resumes(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     with console.program() as program:
@@ -64,7 +64,7 @@ def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
         )
 
 
-def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
+def test_conversation_is_copied_to_the_clipboard(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     with console.program() as program:
@@ -82,7 +82,7 @@ def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
     assert ":GVP#" in page.page.evaluate("window.copied")
 
 
-def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visit]) -> None:
+def test_markup_sent_by_a_program_is_shown_as_text(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     with console.program() as program:
@@ -96,7 +96,7 @@ def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visi
     # a dialog would stand among the page's faults
 
 
-def test_a_command_is_explained(visit: Callable[..., Visit]) -> None:
+def test_page_explains_a_command_of_the_conversation(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     page.page.fill("#command", ":GR#")
@@ -104,7 +104,7 @@ def test_a_command_is_explained(visit: Callable[..., Visit]) -> None:
     page.until("it is explained", lambda: "right ascension of the telescope" in page.text("#explained"))
 
 
-def test_a_recording_and_its_report_are_fetched(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_downloads_a_recording_and_its_report(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     reports = page.page.get_by_role("button", name="Report", exact=True)

@@ -25,7 +25,7 @@ FOUND = """async () => (await axe.run()).violations.map(one => `${one.id}: ${one
   `${node.target} ${node.any[0]?.message ?? ''}`).slice(0, 4).join(' | ')}`)"""
 
 
-def test_arrow_keys_choose_in_a_group(visit: Callable[..., Visit]) -> None:
+def test_arrow_keys_choose_within_a_group_of_buttons(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("more")
     page.page.get_by_role("radio", name="Day").focus()
@@ -50,7 +50,7 @@ LISTEN = """() => {
 }"""
 
 
-def test_a_screen_reader_hears_changes_of_state_and_not_each_position(visit: Callable[..., Visit]) -> None:
+def test_screen_reader_announces_changes_of_state_but_not_each_position(visit: Callable[..., Visit]) -> None:
     page = visit(DESK, {"never": "told"})
     page.page.evaluate(LISTEN)
 
@@ -66,7 +66,7 @@ def test_a_screen_reader_hears_changes_of_state_and_not_each_position(visit: Cal
     assert page.page.evaluate("heard") == ["Slewing"]
 
 
-def test_with_reduced_motion_nothing_is_animated(visit: Callable[..., Visit]) -> None:
+def test_reduced_motion_setting_disables_animations(visit: Callable[..., Visit]) -> None:
     page = visit(DESK)
     moving = (
         "[...document.querySelectorAll('*')].filter(one => (style => style.animationName !== 'none' || "
@@ -106,7 +106,9 @@ STATES: dict[str, Callable[[Visit], None]] = {
 
 
 @pytest.mark.parametrize(("mode", "size"), GRID[: as_a_rule(4, whole=len(GRID))])
-def test_axe_finds_nothing(visit: Callable[..., Visit], mode: str, size: tuple[int, int]) -> None:
+def test_axe_finds_no_accessibility_fault_on_the_page(
+    visit: Callable[..., Visit], mode: str, size: tuple[int, int]
+) -> None:
     """Also of a mount that is not aligned; by night at the brightness that nobody has chosen yet."""
     light = "night" if mode == "night" else "day"
     page = visit(size, {'"aligned":true': '"aligned":false'}, light_mode=light, light_shown=light)

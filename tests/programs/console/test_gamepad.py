@@ -25,7 +25,9 @@ LOSSES = {
 }
 
 
-def test_it_moves_while_its_shoulder_button_is_held(console: Console, visit: Callable[..., Visit]) -> None:
+def test_gamepad_moves_the_mount_only_while_its_shoulder_button_is_held(
+    console: Console, visit: Callable[..., Visit]
+) -> None:
     page = visit()
     page.page.evaluate("() => { navigator.getGamepads = () => (window.asked = true, []) }")
     page.show("more")

@@ -25,7 +25,9 @@ def lx200(degrees: float, hours: bool) -> str:
     return text if hours else f"{'-' if degrees < 0 else '+'}{text}"
 
 
-def test_the_position_follows_a_goto_of_another_program(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_shows_the_position_during_a_goto_of_another_program(
+    console: Console, visit: Callable[..., Visit]
+) -> None:
     page = visit()
     page.show("readings")
     before = page.text("#readings .large dd")
@@ -41,7 +43,7 @@ def test_the_position_follows_a_goto_of_another_program(console: Console, visit:
         page.until("it has arrived", lambda: page.does("Tracking"))
 
 
-def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_finds_an_object_and_goes_there(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.page.fill("#object", "alde")
     page.until("it is offered", lambda: page.page.locator("#suggestions li").count() > 0)
@@ -65,7 +67,7 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.until("what is centred is named", lambda: page.text("#notices") == "Synced on Aldebaran.")
 
 
-def test_who_orders_another_motion_is_not_told_of_the_stop_before(visit: Callable[..., Visit]) -> None:
+def test_page_shows_no_stop_message_after_a_newer_motion(visit: Callable[..., Visit]) -> None:
     """The gateway answers a STOP when the mount rests: after the motion that was ordered next."""
     page = visit(told={'{"id":': '{"unheard":'})
     page.show("control")
@@ -75,7 +77,7 @@ def test_who_orders_another_motion_is_not_told_of_the_stop_before(visit: Callabl
     page.until("it moves by that order", lambda: page.text("#stop-says") == "all motion")
 
 
-def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callable[..., Visit]) -> None:
+def test_page_shows_an_arrival_while_values_are_being_read_again(visit: Callable[..., Visit]) -> None:
     """At rest the gateway asks for status and position once more; until they are answered it tells none."""
     page = visit(told=UNHEARD)
     page.find("Aldebaran")
@@ -99,7 +101,7 @@ def test_an_arrival_is_told_whatever_is_being_read_again_meanwhile(visit: Callab
     page.until("it was moved away", lambda: page.text("#go") == "Go there")
 
 
-def test_a_step_beside_the_target_is_no_arrival_there(visit: Callable[..., Visit]) -> None:
+def test_page_shows_no_arrival_after_a_step_beside_the_target(visit: Callable[..., Visit]) -> None:
     page = visit(told=UNHEARD)
     page.find("Aldebaran")
     beside = {**AT_ALDEBARAN, "dec": 16.577, "dec2000": 16.527}
@@ -113,7 +115,7 @@ def test_a_step_beside_the_target_is_no_arrival_there(visit: Callable[..., Visit
     assert page.text("#notices") == ""
 
 
-def test_a_mount_that_moves_is_not_synced(visit: Callable[..., Visit]) -> None:
+def test_page_refuses_a_sync_while_the_mount_moves(visit: Callable[..., Visit]) -> None:
     page = visit(told=UNHEARD)
     page.find("Aldebaran")
     page.hear_of_mount(slewing=True, moves=True)
@@ -140,7 +142,7 @@ def test_a_mount_that_moves_is_not_synced(visit: Callable[..., Visit]) -> None:
         ({'"aligned":true': '"aligned":false'}, "Not aligned", "up"),
     ],
 )  # fmt: skip
-def test_lost_comes_before_slewing_and_numbers_that_are_not_known_are_grey(
+def test_page_shows_a_lost_mount_before_slewing_and_greys_unknown_numbers(
     visit: Callable[..., Visit], told: dict[str, str], heading: str, state: str
 ) -> None:
     greys = (
@@ -158,7 +160,7 @@ def test_lost_comes_before_slewing_and_numbers_that_are_not_known_are_grey(
     assert page.page.locator("#readings .where").count() == 3
 
 
-def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_shows_parked_after_parking(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
     page.page.click("#orders >> text=Park…")
@@ -173,7 +175,7 @@ def test_after_parking_it_says_so(console: Console, visit: Callable[..., Visit])
     page.until("which is over", lambda: "unpark" not in page.text("#banners"))
 
 
-def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:
+def test_tapping_a_star_on_the_chart_selects_it(visit: Callable[..., Visit]) -> None:
     page = visit()
     box = page.page.locator("#sky").bounding_box()
     assert box is not None
@@ -182,7 +184,9 @@ def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:
     assert page.page.locator("#go").is_enabled()
 
 
-def test_below_the_horizon_is_refused_in_words(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_shows_the_reason_when_a_target_is_below_the_horizon(
+    console: Console, visit: Callable[..., Visit]
+) -> None:
     page = visit()
     page.find("18:37:00 -70:00:00")
     assert not page.page.locator("#go").is_enabled()
@@ -194,7 +198,7 @@ def test_below_the_horizon_is_refused_in_words(console: Console, visit: Callable
     page.until("it is told", lambda: "below the lowest altitude" in page.text("#readings"))
 
 
-def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_asks_for_confirmation_before_a_sync(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.find("Aldebaran")
     before = console.truth.position()
@@ -210,7 +214,7 @@ def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> Non
     assert not console.moved_from(before)
 
 
-def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) -> None:
+def test_unknown_or_ambiguous_text_leaves_no_target_to_start(visit: Callable[..., Visit]) -> None:
     """A name that nobody knows, and coordinates that can be meant in two ways, leave no target."""
     page = visit()
     page.find("m 31")
@@ -247,7 +251,7 @@ def test_nothing_can_be_started_under_another_text(visit: Callable[..., Visit]) 
     page.until("that place", lambda: page.text("#place .figures").startswith("Altitude60.0°Azimuth180.0° S"))
 
 
-def test_a_name_that_is_like_another_is_offered_to_be_tapped(visit: Callable[..., Visit]) -> None:
+def test_page_offers_a_similar_name_to_tap(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.page.fill("#object", "Aldebarn")
     page.page.click("#search [type=submit]")
@@ -257,7 +261,7 @@ def test_a_name_that_is_like_another_is_offered_to_be_tapped(visit: Callable[...
     assert page.text("#asks") == "" and not page.page.locator("#suggestions").is_visible()
 
 
-def test_what_is_up_tonight(visit: Callable[..., Visit]) -> None:
+def test_tonight_list_leads_to_a_target_and_keeps_marks_in_the_browser(visit: Callable[..., Visit]) -> None:
     """From the list to a target; its night, its field, the observer's marks and own list, which the browser keeps."""
     page = visit(optics='{"telescope": 1000, "eyepiece": 25, "apparent": 60}')
     assert not any("deepsky" in url for url in page.asked)

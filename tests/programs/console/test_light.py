@@ -21,7 +21,7 @@ def not_red(picture: Image.Image) -> int:
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
-def test_every_view_is_red(console: Console, visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_every_view_is_red_by_night(console: Console, visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size, light_mode="night", light_shown="night", light_step="4")
     with console.program() as program:
         for view in VIEWS:
@@ -40,7 +40,7 @@ def test_every_view_is_red(console: Console, visit: Callable[..., Visit], size: 
             assert np.asarray(picture)[..., 0].max() > 150, view
 
 
-def test_a_question_a_refusal_suggestions_and_the_own_list_are_red(visit: Callable[..., Visit]) -> None:
+def test_questions_refusals_suggestions_and_lists_are_red_by_night(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.page.fill("#object", "al")
     page.until("names are offered", lambda: page.page.locator("#suggestions li").count() > 1)
@@ -62,7 +62,7 @@ def test_a_question_a_refusal_suggestions_and_the_own_list_are_red(visit: Callab
     assert not_red(page.picture()) == 0
 
 
-def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -> None:
+def test_page_turns_red_by_itself_while_the_sun_is_low(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="auto", light_shown="day")  # it is night at the simulated mount
     page.until("it is red", lambda: page.page.evaluate("document.documentElement.dataset.light") == "night")
     page.until("and says why", lambda: page.text("#notices").startswith("Red while the Sun is down"))
@@ -78,7 +78,7 @@ def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -
     assert not_red(page.picture()) > 100_000
 
 
-def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
+def test_night_view_dims_in_four_steps(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.show("more")
     assert not page.page.locator(".keys").is_visible(), "a phone has none"
@@ -96,7 +96,7 @@ def follow(console: Console, page: Visit) -> None:
     page.page.tap("#go")
 
 
-def test_the_screen_stays_on_while_the_mount_moves(console: Console, visit: Callable[..., Visit]) -> None:
+def test_screen_stays_on_while_the_mount_moves(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.page.add_init_script(
         "let locks = 0; navigator.wakeLock.request = async () => { window.locks = ++locks; return new EventTarget() }"
@@ -108,9 +108,7 @@ def test_the_screen_stays_on_while_the_mount_moves(console: Console, visit: Call
     page.until("it is asked for", lambda: page.page.evaluate("window.locks") == 1)
 
 
-def test_by_plain_http_a_picture_keeps_the_screen_on(
-    console: Console, visit: Callable[..., Visit], browser: Browser
-) -> None:
+def test_screen_stays_on_over_plain_http_too(console: Console, visit: Callable[..., Visit], browser: Browser) -> None:
     """From another computer, whose browser has no means of its own then; here by this computer's name."""
     visit()  # whose end stops the mount
     name = f"{socket.gethostname().lower()}.local"

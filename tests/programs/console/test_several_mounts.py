@@ -70,7 +70,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
 
 
 @pytest.mark.parametrize("size", [(844, 390), PHONE, (1024, 768), (320, 568)])
-def test_nothing_overlaps_with_two_mounts_of_long_names(two: Two, browser: Browser, size: tuple[int, int]) -> None:
+def test_page_with_two_long_mount_names_overlaps_nothing(two: Two, browser: Browser, size: tuple[int, int]) -> None:
     told = {'"west"': '"Observatory west"', '"east"': '"Observatory east"'}
     page = Visit(browser, two.url, size, {"light-mode": "day"}, "Observatory west: Celestron", told=told)
     one_cut = "[...document.querySelectorAll('#mounts button')].some(one => one.scrollWidth > one.clientWidth)"
@@ -82,7 +82,7 @@ def test_nothing_overlaps_with_two_mounts_of_long_names(two: Two, browser: Brows
 
 
 @pytest.mark.parametrize("size", [PHONE, (844, 390), DESK])
-def test_one_is_shown_and_moved_and_both_are_stopped(two: Two, browser: Browser, size: tuple[int, int]) -> None:
+def test_page_moves_the_chosen_mount_and_stops_both(two: Two, browser: Browser, size: tuple[int, int]) -> None:
     page = Visit(browser, two.url, size, {"light-mode": "day", "rate": "7"}, "west: Celestron")
     north = page.text("#readings")
     page.page.evaluate(SAID)

@@ -40,7 +40,7 @@ def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit]) -> None:
             ), view
 
 
-def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Visit]) -> None:
+def test_phone_on_its_side_shows_the_sky_and_all_controls(visit: Callable[..., Visit]) -> None:
     page = visit(told=DOUBTED)
     page.find("Aldebaran")
     for _ in page.sizes((844, 390), (667, 375)):
@@ -65,7 +65,7 @@ def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Vi
             assert hidden == [], view
 
 
-def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(visit: Callable[..., Visit]) -> None:
+def test_messages_cover_nothing_and_a_tablet_shows_everything(visit: Callable[..., Visit]) -> None:
     page = visit(told=DOUBTED)
     needed = "#does, #stop, #go, #sync, #search, .views a, [data-go], #rate, #orders button, #chart-up"
     covered = (
@@ -95,7 +95,7 @@ def test_answers_cover_nothing_and_a_tablet_has_all_in_sight(visit: Callable[...
 
 
 @pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
-def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_buttons_of_a_card_keep_their_places(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     """Before a goto, on its way and at its end; then no button is the next thing to press."""
     page = visit(size, told=UNHEARD)
     page.find("Aldebaran")
@@ -124,7 +124,7 @@ def test_the_buttons_of_a_card_stay_where_they_are(visit: Callable[..., Visit], 
         assert page.page.evaluate("document.querySelector('#place .primary')?.id") == blue
 
 
-def test_a_parked_mount_is_unparked_at_one_place(visit: Callable[..., Visit]) -> None:
+def test_parked_mount_has_one_unpark_button(visit: Callable[..., Visit]) -> None:
     page = visit(told={'"parked":false': '"parked":true', '"clock_doubt":"': '"clock_doubt":"","told":"'})
     for _ in page.sizes(PHONE, (844, 390)):
         page.show("sky")
@@ -137,7 +137,7 @@ def test_a_parked_mount_is_unparked_at_one_place(visit: Callable[..., Visit]) ->
         assert page.overlapping() == []
 
 
-def test_a_question_is_whole_on_a_small_screen(visit: Callable[..., Visit]) -> None:
+def test_longest_question_fits_a_small_screen(visit: Callable[..., Visit]) -> None:
     """The longest one: nothing of it is beyond the screen for good, and STOP covers none of its buttons."""
     page = visit(told={'"equatorial":false': '"equatorial":true'})
     for _ in page.sizes((320, 568), (667, 375), (844, 390), (900, 560)):
@@ -179,7 +179,7 @@ def test_keyboard_reaches_every_control(visit: Callable[..., Visit]) -> None:
             page.until(f"every control of {view} is reached", lambda: not not_reached())
 
 
-def test_every_control_has_a_name(visit: Callable[..., Visit]) -> None:
+def test_every_control_has_a_name_for_screen_readers(visit: Callable[..., Visit]) -> None:
     page = visit(DESK)
     page.find("Aldebaran")
     for view in VIEWS:
@@ -192,7 +192,7 @@ def test_every_control_has_a_name(visit: Callable[..., Visit]) -> None:
                 assert name, (view, role, one.evaluate("one => one.outerHTML"))
 
 
-def test_page_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
+def test_page_loads_within_a_second(visit: Callable[..., Visit]) -> None:
     """On a loaded computer not at the first visit."""
 
     def paints() -> bool:
@@ -203,7 +203,7 @@ def test_page_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
     wait_until("it is there in time", paints)
 
 
-def test_page_needs_few_requests_and_a_reload_none(visit: Callable[..., Visit]) -> None:
+def test_page_loads_with_few_requests_and_reloads_with_none(visit: Callable[..., Visit]) -> None:
     """So it is there within a second at 0.15 s of round trip: two for the page, two for its script and the socket."""
     page = visit()
     loaded = "performance.getEntriesByType('resource').map(one => [one.name.split('/').at(-1), one.transferSize])"
@@ -217,7 +217,7 @@ def test_page_needs_few_requests_and_a_reload_none(visit: Callable[..., Visit]) 
     assert len(sockets) == 1, "the modules take over the connection that was begun before them"
 
 
-def test_page_is_small() -> None:
+def test_page_stays_within_its_size_limits() -> None:
     """Packed, with the stars of the chart; the catalogue of deep sky objects is loaded when somebody wants the list."""
     files = [
         path for path in PAGE.rglob("*") if path.suffix in (".html", ".css", ".js", ".svg") or path.name == "stars.json"
@@ -227,14 +227,14 @@ def test_page_is_small() -> None:
     assert sum(sizes) <= LARGEST
 
 
-def test_scripts_parse_nothing_as_markup() -> None:
+def test_page_scripts_parse_nothing_as_markup() -> None:
     for path in PAGE.rglob("*.js"):
         text = path.read_text("utf-8")
         for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert word not in text, path
 
 
-def test_page_keeps_no_memory_of_changes(visit: Callable[..., Visit]) -> None:
+def test_page_leaks_no_memory_when_values_change(visit: Callable[..., Visit]) -> None:
     """A minute of changes, as fast as they can be drawn; by hand it was watched for twenty minutes."""
     page = visit(DESK, told={"never": "told"})
     page.find("Aldebaran")
@@ -267,7 +267,7 @@ def test_page_keeps_no_memory_of_changes(visit: Callable[..., Visit]) -> None:
     page.until("nothing of it stays", lambda: heap() - before < 300_000)
 
 
-def test_labels_stand_in_one_table() -> None:
+def test_page_labels_are_all_in_one_table() -> None:
     """Also names for screen readers; the page itself has but what must be there before its scripts."""
     made = re.compile(
         r'(?:\bbutton|\bgroup|\brow|\bchips|\blist)\([`"]\w|\bel\("(?:h\d|dt|label|summary)", \{[^}]*\}, "'

@@ -9,7 +9,7 @@ import pytest
 from .page import DESK, PHONE, Visit
 
 
-def test_this_devices_time_in_one_tap(visit: Callable[..., Visit]) -> None:
+def test_page_sets_the_clock_from_this_device_in_one_tap(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("readings")
     page.page.locator("#readings").get_by_role("button", name="Use this device's time").click()
@@ -17,7 +17,7 @@ def test_this_devices_time_in_one_tap(visit: Callable[..., Visit]) -> None:
 
 
 @pytest.mark.parametrize("size", [PHONE, (320, 568), (844, 390), DESK])
-def test_a_place_that_is_pasted(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_page_accepts_a_pasted_place(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size)
     page.show("readings")
     for site, answer in (("north, 10", "That is no place on Earth"), ("45,001° N; 10.001 E", "The site is set")):
@@ -33,7 +33,7 @@ def test_a_place_that_is_pasted(visit: Callable[..., Visit], size: tuple[int, in
     assert page.text("#notices") == "", "it stays until it is closed"
 
 
-def test_a_device_that_looks_for_its_place_keeps_nobody_waiting(visit: Callable[..., Visit]) -> None:
+def test_page_does_not_wait_for_a_device_that_looks_for_its_place(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.page.evaluate(
         "navigator.geolocation.getCurrentPosition = told => { window.tell = () => told({coords: "
@@ -50,7 +50,7 @@ def test_a_device_that_looks_for_its_place_keeps_nobody_waiting(visit: Callable[
         page.page.click("#ask-no")
 
 
-def test_limits_are_narrowed_and_taken_back(visit: Callable[..., Visit]) -> None:
+def test_page_narrows_limits_and_restores_them(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("more")
 

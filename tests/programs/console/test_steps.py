@@ -25,7 +25,7 @@ def offsets(now: Spot, before: Spot) -> tuple[float, float]:
     return (now.dec - before.dec) * 3600.0, along * math.cos(math.radians(now.dec)) * 3600.0
 
 
-def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
+def test_tap_on_a_step_arrow_moves_the_mount_by_one_step(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit(optics=HALF_A_DEGREE)
     page.show("control")
     for minutes, step, arrow in ((5.0, "5′", "north"), (30.0, "Field", "west")):
@@ -46,7 +46,7 @@ def test_a_tap_is_a_step(console: Console, visit: Callable[..., Visit]) -> None:
         page.page.mouse.up()
 
 
-def test_a_guide_pulse_goes_as_its_arrow_is_called(console: Console, visit: Callable[..., Visit]) -> None:
+def test_guide_pulse_moves_in_the_direction_named_on_its_arrow(console: Console, visit: Callable[..., Visit]) -> None:
     """By the sky, also on an alt-azimuth mount, whose other arrows turn the tube; as fast as is chosen."""
     page = visit()
     page.show("more")
@@ -71,7 +71,7 @@ def test_a_guide_pulse_goes_as_its_arrow_is_called(console: Console, visit: Call
         page.until("it is told", lambda way=arrow: page.text("#notices") == f"It was guided {way} for 1000 ms.")
 
 
-def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: Callable[..., Visit]) -> None:
+def test_spiral_search_advances_one_place_with_each_tap(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit(optics=HALF_A_DEGREE)
     page.show("control")
     console.at_rest()
@@ -90,7 +90,7 @@ def test_a_search_goes_one_place_further_with_each_tap(console: Console, visit: 
     assert not page.page.locator("#spiral").is_visible()
 
 
-def test_a_mount_far_away_asks_first(console: Console, visit: Callable[..., Visit]) -> None:
+def test_page_asks_before_parking_a_mount(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
     page.page.get_by_role("button", name="Park…").click()

@@ -31,7 +31,7 @@ def page(own: Console, browser: Browser) -> Iterator[Visit]:
     visit.close()
 
 
-def test_without_the_pin_it_only_looks_and_stops(own: Console, page: Visit) -> None:
+def test_page_without_the_pin_can_only_look_and_stop(own: Console, page: Visit) -> None:
     page.until("it is said", lambda: "This page only looks" in page.text("#banners"))
     page.show("control")
     for one in page.page.locator("#orders button, [data-go]").all():
@@ -46,7 +46,7 @@ def test_without_the_pin_it_only_looks_and_stops(own: Console, page: Visit) -> N
     page.until("it may act", lambda: page.page.locator("[data-go=north]").is_enabled())
 
 
-def test_an_owed_stop_survives_a_reload(own: Console, page: Visit) -> None:
+def test_pending_stop_survives_a_page_reload(own: Console, page: Visit) -> None:
     page.page.evaluate("sessionStorage.setItem('stop-owed', String(Date.now() - 20000))")
     page.page.reload()
     page.until("it is sent", lambda: re.fullmatch(r"STOP arrived 2\d s late: stopped\.", page.text("#notices")))
@@ -59,7 +59,7 @@ def test_an_owed_stop_survives_a_reload(own: Console, page: Visit) -> None:
     assert page.text("#notices") == "", "which is said once"
 
 
-def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> None:
+def test_page_warns_of_a_gateway_that_does_not_respond(own: Console, page: Visit) -> None:
     """A stop that it has not heard is said aloud, and is sent when it is there again."""
     page.page.clock.install()
     page.page.clock.pause_at(page.page.evaluate("Date.now() + 100"))
@@ -77,7 +77,7 @@ def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> No
     assert not page.text("#banners").startswith("No connection") and not page.does("No connection")
 
 
-def test_a_stop_is_tried_often_and_then_given_up_aloud(own: Console, page: Visit) -> None:
+def test_page_repeats_a_stop_and_then_reports_its_failure(own: Console, page: Visit) -> None:
     page.page.clock.install()
     own.gateway.signal(signal.SIGSTOP)
     try:
@@ -105,7 +105,7 @@ def test_a_stop_is_tried_often_and_then_given_up_aloud(own: Console, page: Visit
     page.until("it is stopped", lambda: page.text("#notices") == "Stopped." and page.text("#stop-says") == "all motion")
 
 
-def test_a_network_that_the_device_has_lost_is_told_of_at_once(own: Console, page: Visit) -> None:
+def test_page_reports_a_lost_network_at_once(own: Console, page: Visit) -> None:
     page.page.evaluate("dispatchEvent(new Event('offline'))")
     page.page.wait_for_timeout(800)
     assert not page.does("No connection"), "a gateway on the same computer is still there"
