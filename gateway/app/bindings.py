@@ -62,9 +62,7 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """Return how many times faster than a real mount this mount slews; the simulated mount may run in
-    another process.
-    """
+    """Return how many times faster than a real mount this mount slews; a simulated one may run elsewhere."""
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:
         warn(
@@ -166,9 +164,7 @@ class AcceptorFactory:
     def _make_for(
         self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = ""
     ) -> ConnectionAcceptor:
-        """Make the acceptor of one protocol. ``titles`` are those of all protocols of the surface, if there are
-        several.
-        """
+        """Make the acceptor of one protocol. ``titles`` are those of all protocols of the surface, if several."""
         entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
         later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not titles

@@ -226,9 +226,7 @@ class Gateway:
         ]
 
     def served(self) -> Iterator[tuple[str, WebDevice]]:
-        """Yield, for each surface, its protocol and the device by which the web server offers the mount at the
-        surface's port.
-        """
+        """Yield, for each surface, its protocol and the device that the web server offers at the surface's port."""
         for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=True):
             number = split_address(port.where)[1] if "://" in port.where else 0
             yield endpoint.protocol, WebDevice(acceptor.accept, self.title, self.wire_log, number)

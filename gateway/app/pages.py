@@ -252,9 +252,7 @@ def from_other_site(headers: Mapping[str, str]) -> bool:
 
 
 def from_own_page(headers: Mapping[str, str], path: str) -> bool:
-    """Whether a request comes from the page itself; for the page's address, it may also come from a link on another
-    site.
-    """
+    """Whether a request comes from the page itself; for the page's address, also from a link on another site."""
     same = same_origin(headers.get("Origin"), headers.get("Host"))
     return same and (path == "/" or not from_other_site(headers))
 

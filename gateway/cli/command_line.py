@@ -227,9 +227,7 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def parser(asked: Sequence[str] = ()) -> Parser:
-    """Return the parser of the whole command line, or of the commands in ``asked`` alone; for help without
-    their flags.
-    """
+    """Return the parser of the whole command line, or of the commands in ``asked``; for help without their flags."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",

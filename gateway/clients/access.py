@@ -94,9 +94,7 @@ class ClientAdmission:
         self._access, self._number, self._log = access, number, wire_log
 
     def check(self, new: Connected, hosts: Sequence[str]) -> None:
-        """Raises ConnectionRefused if ``hosts`` already has as many clients as allowed; a client on a serial line needs
-        no file.
-        """
+        """Raises ConnectionRefused if ``hosts`` already has as many clients as allowed; a serial line needs no file."""
         host, most = new.host, self._access.most
         if not self._access.admits(host):
             why = "its address is not in allow"

@@ -33,9 +33,7 @@ Deliver = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Whether a connection is behind; times are those of the event loop, seconds. ``late``: behind for more than a
-    second.
-    """
+    """Whether a connection is behind, and ``late``: for more than a second. Times are loop times, seconds."""
 
     def __init__(self) -> None:
         self.late = False
@@ -44,9 +42,7 @@ class Backlog:
         self._since = self._last = -1e9
 
     def stops_before(self, now: float) -> int | None:
-        """Return the number of stops at the time when the next bytes may have been sent; None if they were sent just
-        now.
-        """
+        """Return the number of stops at the time when the next bytes may have been sent; None if that was just now."""
         if self._stops is not None and now - self._last > (LATE_TIME if self.late else CATCH_UP_TIME):
             self._stops, self.late = None, False
         self.late = self.late or (self._stops is not None and now - self._since > LATE_TIME)

@@ -18,9 +18,7 @@ HARDWARE_REPLY_TIME = 0.006
 
 
 class ReplyPace:
-    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the handler that produces the
-    replies.
-    """
+    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the one that replies."""
 
     def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
         self._write, self._seconds = connected.write, seconds

@@ -117,9 +117,7 @@ def cancelled() -> Outcome:
 
 
 class BackgroundTasks:
-    """Background tasks: ``spawn`` starts a task and keeps a reference to it, ``cancel`` and ``close`` end
-    all of them.
-    """
+    """Background tasks: ``spawn`` starts a task and keeps a reference to it, ``cancel`` and ``close`` end all."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()

@@ -96,9 +96,7 @@ class WireLog:
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, of: str = "", kind: str = "") -> None:
-        """Like `note`, but only the first time that this text (or, if given, any text of its ``kind``) is logged for
-        ``of``.
-        """
+        """Like `note`, but only the first time that this text (or any text of its ``kind``) is logged for ``of``."""
         if (of, kind or text) not in self._logged and len(self._logged) < MAX_NOTES_ONCE:
             self._logged.add((of, kind or text))
             self.note(side, text)

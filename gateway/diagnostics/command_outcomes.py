@@ -77,9 +77,7 @@ def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, face: f
 
 
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
-    """Return how a mount carries out the operations of a row: for each the first implementation whose
-    commands it has.
-    """
+    """Return how a mount carries out the operations of a row: for each the first implementation that it has."""
     ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 

@@ -22,9 +22,7 @@ def state_folder(configured: str | None = None) -> Path:
 
 
 def cache_folder() -> Path:
-    """Return the folder for files that can be made again: systemd's ``CACHE_DIRECTORY``, else a folder of
-    the user's.
-    """
+    """Return the folder for files that can be made again: systemd's ``CACHE_DIRECTORY``, else one of the user's."""
     given = _of_systemd("CACHE_DIRECTORY")
     return Path(given) if given else _users("user_cache_path")
 

@@ -47,9 +47,7 @@ def candidates() -> Iterator[Path]:
 
 
 def temporary() -> Path:
-    """Return the temporary folder. It does not use ``tempfile``, which tries to write and chooses another folder if the
-    disk is full.
-    """
+    """Return the temporary folder. ``tempfile`` tries to write, and chooses another folder if the disk is full."""
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
     import tempfile

@@ -44,9 +44,7 @@ def reopen_closed() -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stdout for a command that serves. If that fails, warn once on stderr and discard all
-    later lines.
-    """
+    """Print a line on stdout for a command that serves. If that fails, warn once on stderr, and print no more."""
     try:
         print(text, flush=True)
     except (OSError, ValueError) as error:

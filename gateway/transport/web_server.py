@@ -118,9 +118,7 @@ class WebServer:
 
 
 class HttpConnection(asyncio.Protocol):
-    """The handler between a connection and aiohttp: it has a place in the room, and a deadline while a
-    request arrives.
-    """
+    """The handler between a connection and aiohttp: it has a place in the room; requests must arrive in time."""
 
     def __init__(self, server: WebServer) -> None:
         self._server = server
@@ -251,9 +249,7 @@ class WebDevice(Struct, frozen=True):
 
 
 class Web(Protocol):
-    """The part of a protocol that HTTP clients need: it converts requests to lines for the protocol's framing, and
-    replies back.
-    """
+    """The part of a protocol that HTTP clients need: it turns requests into lines for its framing, and replies back."""
 
     def load(self) -> None:
         """Import the modules that serve requests. This is slow, so call it on a thread before the first request."""

@@ -66,9 +66,7 @@ class DescriptorWatcher(Protocol):
 
 
 class SerialTransport:
-    """A line to a mount at any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``,
-    ``spy://`` …
-    """
+    """A line to a mount at any pyserial URL: a device, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD, watcher: DescriptorWatcher | None = None) -> None:
         self.name, self.baud, self._watcher = url, baud, watcher

@@ -93,9 +93,7 @@ class Mount:
         return look.moves
 
     async def site(self) -> op.Place:
-        """Return the site in use: the mount's, a program's or the configured one. Raises Unsupported if
-        none is known.
-        """
+        """Return the site in use: the mount's, a program's or the configured one. Raises Unsupported if unknown."""
         return await self.perform(op.GetSite())
 
     async def time(self) -> op.Moment:
@@ -166,9 +164,7 @@ class Mount:
         await self._ask(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
-        """End every motion, whoever began it, before all other orders; return when the position shows the mount at
-        rest.
-        """
+        """End every motion, whoever began it, before all other orders; return when the position shows it at rest."""
         await self._answer(requests.StopRequest(self._who))
 
     async def hold(self) -> None:

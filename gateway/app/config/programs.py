@@ -75,9 +75,7 @@ def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]
 
 
 def _numbers(endpoint: Endpoint) -> Version:
-    """Return the version that programs see, as numbers; ``NEWEST`` if it is a word such as ``starsense``, or if there
-    is none.
-    """
+    """Return the version that programs see, as numbers; ``NEWEST`` if there is none, or a word (``starsense``)."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
     if version is None or version.partition("-")[0] in spec.version_names:
@@ -96,9 +94,7 @@ def as_fields(needs: list[Need]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return for how many seconds the text of a refusal is held back: without end for a program that does
-    not read it.
-    """
+    """Return how many seconds the text of a refusal is held back: for ever if a program does not read it."""
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)

@@ -41,9 +41,7 @@ _T = TypeVar("_T")
 
 
 class ActiveRequest:
-    """A request under way: its activity as a client, the number of stops at its start, its goal, and its
-    cancellation.
-    """
+    """A request under way: its activity as a client, the number of stops at its start, its goal, its cancellation."""
 
     def __init__(self, activity: HostActivity, stops: int) -> None:
         self.activity, self.stops = activity, stops

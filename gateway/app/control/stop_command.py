@@ -104,9 +104,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
 async def _order_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, left: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
-    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return
-    that answer.
-    """
+    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return that."""
     asked = await asyncio.gather(*(ask(endpoint, request, STOP_TIMEOUT) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if left is not None and not answers:

@@ -55,9 +55,7 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
 
 
 def address_towards(asker: tuple[str, int]) -> str:
-    """Return this computer's address on the route to another computer; empty if there is no route. This
-    sends nothing.
-    """
+    """Return this computer's address on the route to another computer; empty without a route. Sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
         try:
             way.connect(asker)
@@ -71,9 +69,7 @@ def reachable_addresses(
     every: Callable[[], Held] = interface_addresses,
     first: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
-    """Return the addresses at which other computers reach an offer, the likeliest first; IPv6 only if there
-    is no IPv4.
-    """
+    """Return the addresses at which others reach an offer, the likeliest first; IPv6 only if there is no IPv4."""
     if offer.host not in WILDCARD_ADDRESSES:
         return [offer.host] if offer.wide else []
     outer = [

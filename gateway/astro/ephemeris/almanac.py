@@ -83,9 +83,7 @@ class Almanac(msgspec.Struct, frozen=True):
 
 
 def decoded(data: bytes) -> Almanac:
-    """Return the almanac in the bytes of a file. Raises ValueError if they are no almanac, of another version, or
-    damaged.
-    """
+    """Return the almanac in the bytes of a file. Raises ValueError for none, another version, or a damaged one."""
     start = len(FILE_HEADER) + 4
     if not data.startswith(FILE_HEADER):
         raise ValueError("it is not an almanac of this version")

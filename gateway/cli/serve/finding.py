@@ -114,9 +114,7 @@ async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = S
 
 
 async def _check_for_another(gateway: Gateway) -> None:
-    """Look for a mount of another protocol or baud rate on the port, which must be closed. Raises UserError if it finds
-    one.
-    """
+    """Look for a mount of another protocol or baud rate on the closed port. Raises UserError if it finds one."""
     from gateway.diagnostics.detect.scan_port import who_answers
 
     protocol = await who_answers(gateway.mount.where, gateway.config.baud)

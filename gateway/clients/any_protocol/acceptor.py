@@ -26,9 +26,7 @@ MAX_IDLE_BYTES = 64
 
 
 class AnyConnection:
-    """A connection to a port for every protocol. ``closed`` is called at its end; the other arguments are those of an
-    acceptor.
-    """
+    """A connection to a port for every protocol, ``closed`` is called at its end; the rest is an acceptor's."""
 
     def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed

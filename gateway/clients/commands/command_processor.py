@@ -46,9 +46,7 @@ class Releases:
         self._recent: dict[bytes, float] = {}
 
     def ends(self, frame: bytes, ending: UrgentEnd, now: float, under_way: Turn | None) -> UrgentEnd | None:
-        """Return the motion that a command ends; None if it releases only an arrow whose press waits behind
-        ``under_way``.
-        """
+        """Return the motion that a command ends; None if it only releases an arrow whose press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending

@@ -153,9 +153,7 @@ class ReplyCache:
         self._version, self._until = -1, 0.0
 
     def reply(self, command: bytes, now: float) -> tuple[bytes, Kinds] | None:
-        """Return the cached reply to this command and the kinds of readings it was made of; None if there is no valid
-        reply.
-        """
+        """Return the cached reply to this command, and the kinds of readings it was made of; None if not valid."""
         current = now < self._until and self._version == self._controller.version
         return self._replies.get(command) if current else None
 

@@ -23,9 +23,7 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The text that waits on a connection. ``send`` sends and logs bytes. With a ``hold`` of 0 s, nothing is held
-    back.
-    """
+    """The text that waits on a connection. ``send`` sends and logs bytes; ``hold`` of 0 s holds nothing back."""
 
     def __init__(
         self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float

@@ -66,9 +66,7 @@ class ConversationView:
                 yield as_row(row, self._index, pair, surface)
 
     def _surface(self, entry: Entry) -> str:
-        """Return the surface of a connection; a surface for any protocol is looked up again once its
-        protocol is known.
-        """
+        """Return the surface of a connection; that for any protocol is looked up again once the protocol is known."""
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
             known[side] = "" if side == MOUNT_SIDE else connected(self._gateway).get(side, "")

@@ -91,9 +91,7 @@ def serving_gateway(url: str) -> int | None:
 
 
 def gateway_of_another() -> str:
-    """Return the gateway of another user that may have a port that is in use (its ports are hidden); empty if there is
-    none.
-    """
+    """Return the gateway of another user, whose ports are hidden, that may have a port in use; empty if none."""
     owner = next((process for process in gateways() if not reachable(process)), None)
     return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
 

@@ -134,9 +134,7 @@ def hints(mount: FoundMount) -> list[str]:
 
 
 def endpoint(finding: PortFinding) -> str:
-    """Return the mount's endpoint, with the model that the user named; for a classic, whose model cannot be read, with
-    that.
-    """
+    """Return the mount's endpoint, with the model that the user named, or of a classic, which cannot be asked."""
     mount, place = finding.mount, finding.place
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:

@@ -32,9 +32,7 @@ _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """The result for a port without a mount. If there is a mount, the result is the name of its protocol, or one of its
-    states.
-    """
+    """The result for a port without a mount; with one, it is its protocol's name, or one of its states."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -214,9 +212,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def look(
     place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
 ) -> PortFinding:
-    """Examine a port; problems with it are part of the result. ``wire`` is used instead of the port of a pyserial
-    URL.
-    """
+    """Examine a port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
     if wire is None and (process := serving_gateway(place.url)):
         return PortFinding(place, SERVED, reason=f"mount-gateway, process {process}")
     who = port_holder(place.url) if wire is None else ""

@@ -42,9 +42,7 @@ def is_json(log: bool | str) -> bool:
 
 
 def filter_of(log: bool | str) -> str:
-    """Return the filter that a value of ``log`` names, whatever the format: "normal" for true, "all" if it
-    names none.
-    """
+    """Return the filter that a value of ``log`` names, whatever the format: "normal" for true, "all" for none."""
     if log is True:
         return "normal"
     return (log.removeprefix(FORM).removeprefix("-") if isinstance(log, str) else "") or "all"

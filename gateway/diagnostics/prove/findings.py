@@ -40,9 +40,7 @@ class MeasuredRate(Struct, frozen=True):
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
-    """One comparison. ``means``: the consequence of a difference for the owner; ``keys``: the settings that adapt to
-    it.
-    """
+    """One comparison. ``means``: what a difference means for the owner; ``keys``: the settings that adapt to it."""
 
     what: str
     verdict: str

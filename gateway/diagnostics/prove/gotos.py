@@ -33,9 +33,7 @@ GOTO_COUNT = 4
 
 
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
-    """Return the reason why the small motions have no room at ``sky``, by default where the mount points; empty if they
-    have.
-    """
+    """Return why the small motions have no room at ``sky``, by default where the mount points; empty if they have."""
     if sky is None and telescope.latest is not None:
         sky = telescope.latest.sky
     if sky is None:

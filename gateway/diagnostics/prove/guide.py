@@ -50,9 +50,7 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """The person at the terminal. ``stop`` is set when the space bar is pressed, at any time, also as the answer to a
-    question.
-    """
+    """The person at the terminal. ``stop`` is set when the space bar is pressed, also as the answer to a question."""
 
     stop: asyncio.Event
 

@@ -59,9 +59,7 @@ class Velocity(NamedTuple):
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
-    """Return how an axis (1 or 2) moved that had been ordered to turn at ``speed``; None without a position before and
-    after.
-    """
+    """Return how an axis moved that was ordered to turn at ``speed``; None without positions before and after."""
     if motion.before is None or motion.after is None:
         return None
     number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended - motion.began

@@ -46,9 +46,7 @@ Pair = tuple[float, float]
 
 
 class Ended(Exception):
-    """A stage ends early. The text is the reason, without a full stop, because it may end with a refusal
-    that has one.
-    """
+    """A stage ends early. The text is the reason, without a full stop: it may end with a refusal that has one."""
 
     def __init__(self, why: str) -> None:
         super().__init__(why.removesuffix("."))
@@ -172,9 +170,7 @@ class CheckedMount:
         return self.latest
 
     async def stop(self) -> str:
-        """Stop everything, before all other orders; return an empty text, or the reason why the mount may
-        still move.
-        """
+        """Stop everything, before all other orders; return an empty text, or why the mount may still move."""
         answer = await stopped(self.controller)
         return "" if answer.done else answer.text
 
@@ -270,9 +266,7 @@ class CheckedMount:
 
     @property
     def ticks(self) -> Pair:
-        """The resolution of the two angles that the mount reports. No protocol defines that of a server: then the
-        smallest observed step.
-        """
+        """The resolution of the two angles that the mount reports; of a server, the smallest observed step."""
         return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _add_position(self) -> None:

@@ -198,9 +198,7 @@ class Driver:
         return frozenset() if row is None else frozenset(row.ends)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """Return the fault with which this operation would certainly end, as far as known without asking the mount;
-        else None.
-        """
+        """Return the fault that this operation would certainly end with, as far as known without asking; else None."""
         return None
 
     def speed(self, rate: op.Rate) -> float:
@@ -267,9 +265,7 @@ class Driver:
 
     @property
     def emulated(self) -> str:
-        """A description of the settings that the gateway keeps for the mount and that a power cycle makes wrong, and of
-        their remedy.
-        """
+        """What the gateway keeps for the mount and a power cycle makes wrong, with the remedy; empty if nothing."""
         return ""
 
     def forget_emulated(self) -> Steps:

@@ -31,9 +31,7 @@ class AltitudeLimits(Protocol):
 
 
 class ClientSettings(Struct, frozen=True):
-    """The initial settings of every client of a surface. ``guides_by_sky``: its guide pulses give directions on the
-    sky.
-    """
+    """The first settings of every client of a surface. ``guides_by_sky``: its pulses give directions on the sky."""
 
     limits: AltitudeLimits
     precision: str = "high"

@@ -234,9 +234,7 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """Fill in the first reply form that is no refusal and fits the client's format. If ``answer`` is bytes, it is
-        the reply.
-        """
+        """Fill in the first reply form that fits the client's format and is no refusal; bytes are the reply already."""
         if isinstance(answer, bytes):
             return answer
         model = session.model
@@ -266,18 +264,14 @@ def _refusal(command: Command, fault: Fault) -> bytes:
 
 @cache
 def _asked(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
-    """Return the operation of that name, with its fields and whether each is required. Cached, because this takes
-    longer than a reply.
-    """
+    """Return the operation of that name, its fields, whether each is required. Cached: slower than a reply."""
     kind = operations.named(name)
     assert kind is not None
     return kind, tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
 def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
-    """Return the answer as the fields of a reply: the answer is a mapping, a struct, or a single value for a single
-    field.
-    """
+    """Return the answer as the fields of a reply: from a mapping, a struct, or a value for a single field."""
     if isinstance(answer, Mapping):
         return answer
     if isinstance(answer, msgspec.Struct):

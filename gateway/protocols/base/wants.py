@@ -28,9 +28,7 @@ class CheckPossible(NamedTuple):
 
 
 class ReuseLastReading(NamedTuple):
-    """Reuse the last reading that this client received, so that both coordinates are of the same instant; read again if
-    stale.
-    """
+    """Reuse the last reading that this client got, so that both coordinates are of one instant; read if stale."""
 
     operation: Operation
 

@@ -36,9 +36,7 @@ STRAY_AFTER = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"01
 
 
 class Continuation(Enum):
-    """How the bytes after an interrupted command are read: as its end, a part of it, its end and more, commands, or
-    noise.
-    """
+    """How the bytes after an interrupted command are read: its end, a part of it, end and more, commands, noise."""
 
     END = auto()
     PART = auto()
@@ -136,9 +134,7 @@ class Interrupted:
         return len(self.burst) == self._lengths.get(self.burst[0])
 
     def _cut(self, at: int) -> tuple[list[tuple[int, bytes]], bool]:
-        """Return the whole commands of the burst from a place on, each with its place, and whether nothing else
-        remains.
-        """
+        """Return the whole commands of the burst from a place on, each with its place, and whether that is all."""
         frames: list[tuple[int, bytes]] = []
         while at < len(self.burst):
             length = self._lengths.get(self.burst[at])

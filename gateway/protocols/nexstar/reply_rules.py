@@ -102,9 +102,7 @@ class NexStarReplyRules:
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
     def resync_commands(self, number: int) -> Iterator[Send]:
-        """Yield the exchanges that prove the line to be in step again: two echoes of bytes that were not
-        used recently.
-        """
+        """Yield the exchanges that prove the line to be in step: two echoes of bytes that were not used recently."""
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 

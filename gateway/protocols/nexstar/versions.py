@@ -113,8 +113,6 @@ def letters_swapped(row: Model, version: Version | None) -> bool:
 
 
 def made_with(row: Model) -> list[str]:
-    """Return the versions in a row of ``models.toml``, oldest first, followed by its StarSense if the model can have
-    it.
-    """
+    """Return the versions in a row of ``models.toml``, oldest first, then its StarSense if the model can have it."""
     versions = list(row.get("versions", ()))
     return [*versions, Number(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).written] if row.get(STARSENSE) else versions

@@ -131,9 +131,7 @@ class CommandSet:
         return frozenset(name for name, command in self.commands.items() if model in command.lacking)
 
     def title(self, product: str, model: str) -> str:
-        """Return the name by which people know a mount of this model; ``product`` if the mount has another product
-        name.
-        """
+        """Return the name by which people know a mount of this model; ``product`` if the mount's product is another."""
         row = self.models.get(model, {})
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
@@ -193,9 +191,7 @@ class CommandSet:
         return not data or any(prefix.startswith(data[: len(prefix)]) for prefix in self._by_prefix)
 
     def begun(self, beginning: bytes) -> Command | None:
-        """Return the command that begins like these bytes without the terminator (``#``); of several, the one with the
-        longest prefix.
-        """
+        """Return the command that begins like these bytes without the ``#``; of several, that of the longest prefix."""
         for length in range(min(len(beginning), self._longest), 0, -1):
             for prefix in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_prefix.get(prefix, ()):

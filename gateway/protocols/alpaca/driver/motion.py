@@ -293,9 +293,7 @@ def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
 
 
 def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
-    """Turn tracking on or off; a parked mount is unparked first. Raises Refused if the order is ``heard`` and has no
-    effect.
-    """
+    """Turn tracking on or off; unpark a parked mount first. Raises Refused if a ``heard`` order has no effect."""
     if mount.suspended:  # for slow motion, after which it is turned on if that is wanted
         mount.tracks = operation.on
         return

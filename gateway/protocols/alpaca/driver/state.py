@@ -192,9 +192,7 @@ class AlpacaDriver(Driver):
         return self.rates[0] * SIDEREAL if self.by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
 
     def by_pulses(self, rate: op.Rate) -> bool:
-        """Whether an arrow at this rate is a series of guide pulses, because the first axis has no speed near it while
-        tracking.
-        """
+        """Whether an arrow at this rate is a series of guide pulses: the first axis, tracking, has no speed near it."""
         wanted = self.wanted(rate)
         if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
             return False

@@ -29,9 +29,7 @@ USUAL = 80
 
 
 async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMount]:
-    """Return the telescopes of the servers at these addresses, or of all that answer; each telescope once, by its
-    identifier.
-    """
+    """Return the telescopes of the servers at these addresses, or of all that answer; each once, by its identifier."""
     if urls is not None and not urls:
         return []
     from aiohttp import ClientSession, ClientTimeout

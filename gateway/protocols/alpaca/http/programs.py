@@ -111,15 +111,11 @@ class Programs:
         return program
 
     def extra_connection(self, host: str, client: int) -> AlpacaClient:
-        """Return another connection for a program; it does not show that the program is alive. Raises
-        ConnectionRefused.
-        """
+        """Return another connection for a program; it shows no sign of life. Raises ConnectionRefused."""
         return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget closed and silent programs; if there are too many, also an idle program, preferably a program that has
-        only read.
-        """
+        """Forget closed and silent programs; if there are too many, also an idle one, preferably one that only read."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
             if program.gone or (program.idle and now - program.last > FORGET):

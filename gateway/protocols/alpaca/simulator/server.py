@@ -290,9 +290,7 @@ def _track_rate(sim: AlpacaTelescope, rate: int) -> None:
 
 
 def _put(name: str, low: float, high: float, unit: float = 1.0, at: int | None = None) -> Callable[..., None]:
-    """Return a function that stores a value in an attribute (``at``: in this place of a list), if it is within these
-    limits.
-    """
+    """Return a function that stores a value within these limits in an attribute (``at``: at this place of a list)."""
 
     def put(sim: AlpacaTelescope, value: float) -> None:
         value = ranged(value, low, high, name) * unit

@@ -153,9 +153,7 @@ class AlpacaTelescope(Simulated):
 
     @property
     def moves(self) -> bool:
-        """The value of Slewing: true in a slew, while an axis is moved, and until its motor has reached the ordered
-        speed.
-        """
+        """The value of Slewing: true in a slew, while an axis is moved, and until its motor has the ordered speed."""
         if self.mechanics.slewing(self.now):
             return True
         return not self.quiet_axes and (bool(self.moved) or (self.mechanics.runs_on(self.now) and not self.pulses))
@@ -243,9 +241,7 @@ class AlpacaTelescope(Simulated):
         self.move_axis(axis + 1, rate)
 
     def move_axis(self, axis: int, rate: float) -> None:
-        """Move an axis, 1 or 2, in degrees a second; at 0 it does again what it did before. A hand control uses this,
-        too.
-        """
+        """Move an axis, 1 or 2, in degrees a second, as a hand control does; at 0 it does again what it did before."""
         self.mechanics.cancel(self.now)
         self.at = self.going = ""
         if rate:

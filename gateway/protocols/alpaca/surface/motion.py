@@ -127,9 +127,7 @@ def move_axis(values: Values) -> Handling:
 
 
 def pulse_guide(session: AlpacaSession, values: Values) -> Handling:
-    """Send a guide pulse; the reply is sent when it has begun. North raises the declination unless it is configured
-    otherwise.
-    """
+    """Send a guide pulse; reply when it has begun. North raises the declination unless configured otherwise."""
     direction = DIRECTIONS[within(values, "direction", "Direction", 0, 3)]
     ms = within(values, "ms", "Duration", 0, 600_000)
     if ms:

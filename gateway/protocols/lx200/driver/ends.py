@@ -51,9 +51,7 @@ def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) ->
 
 
 def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
-    """Repeat an end command. If the telescope is busy, it has received a newer command: then the repetition
-    is dropped.
-    """
+    """Repeat an end command. A busy telescope has received a newer command: the repetition is dropped."""
     begun = mount.ended.pop(operation.command, None)
     if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):

@@ -240,9 +240,7 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """:GW, :GU or ACK -> Status. If :D has no bars now, a mount that seemed to move only by hand was slewing when it
-    was identified.
-    """
+    """:GW, :GU or ACK -> Status. No bars by :D now: a mount that seemed to move only by hand was slewing then."""
     try:
         mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)

@@ -107,9 +107,7 @@ def _remark_other_speed(asked: float, done: float) -> Steps:
 
 
 def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand. Without ``speed`` the rate is a named rate; a speed without a command is
-    tracking alone.
-    """
+    """Begin a motion by hand. Without ``speed`` the rate is named; a speed without a command is tracking alone."""
     mount.must_move()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -230,9 +228,7 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the rate of the mount's own pulses, a fraction of sidereal; if it has several, the slowest that is fast
-    enough.
-    """
+    """Return the rate of the mount's own pulses, a fraction of sidereal; of several, the slowest fast enough."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}

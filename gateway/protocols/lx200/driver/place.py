@@ -40,9 +40,7 @@ def _twice(attempt: Callable[[], Steps]) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - the site is read back, as some reply 0 to a valid site. Raises Refused if it differs, or
-    Unsupported.
-    """
+    """:St :Sg - the site is read back, as some reply 0 to a valid site. Raises Refused (it differs), Unsupported."""
     yield from _twice(lambda: _send_site(mount, operation))
 
 

@@ -215,9 +215,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether the telescope
-    took the sync.
-    """
+    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether the sync was taken."""
     mount.must_move()
     yield from aim(mount, operation.ra, operation.dec)
     said = ""

@@ -190,9 +190,7 @@ class Lx200Driver(Driver):
 
     @property
     def resolution(self) -> float:  # type: ignore[override]
-        """The resolution of positions, degrees: one second of right ascension, or a tenth of a minute in
-        low precision.
-        """
+        """The resolution of positions, degrees: a second of right ascension, in low precision a tenth of a minute."""
         return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
     @property
@@ -291,9 +289,7 @@ class Lx200Driver(Driver):
 
     @property
     def emulated(self) -> str:
-        """A description of the counted state of a toggle, which is wrong after a power cycle; empty on a model with two
-        commands.
-        """
+        """A remark that a counted toggle is wrong after a power cycle; empty on a model with two commands."""
         known = not self.corrects or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 

@@ -91,9 +91,7 @@ def periodic_error(session: LxSession, command: Command) -> Handling:
 
 
 def silence() -> bytes:
-    """Send no reply, because there is nothing to do and programs cope best with silence, or because no true reply
-    exists.
-    """
+    """Send no reply: there is nothing to do and programs cope best with silence, or no true reply exists."""
     return b""
 
 
@@ -101,9 +99,7 @@ def silence() -> bytes:
 
 
 def help_line(session: LxSession, command: Command) -> Handling:
-    """:?? :?+ :?- - an empty line before the first line of the help text and after the last; models without help do not
-    reply.
-    """
+    """:?? :?+ :?- - an empty line before the first and after the last line of help; models without it are silent."""
     if not session.model["help"]:
         return b""
     client = session.client

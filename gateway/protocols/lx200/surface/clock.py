@@ -100,9 +100,7 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
 
 
 def _date_reply(session: LxSession) -> dict[str, str]:
-    """Return the reply to :SC: the mount's own if the surface presents it, else one of the width that
-    programs expect.
-    """
+    """Return the reply to :SC: the mount's own if the surface presents it, else one as wide as programs expect."""
     if session.model.get("own"):
         return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
     return {"text": _TEXT, "blank": " " * 32}

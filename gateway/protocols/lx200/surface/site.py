@@ -23,9 +23,7 @@ _SITES_AT_MOST = 4
 
 
 def tell_half(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - one half of the site in force; while that is incomplete, the stored half. Raises Fault if there is
-    none.
-    """
+    """:Gt :Gg - one half of the site in force; while that is incomplete, the stored half. Raises Fault if none."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()

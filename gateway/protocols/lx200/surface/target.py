@@ -16,9 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, values: op.Values) -> None:
-    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so a refused half must not leave a
-    stale target.
-    """
+    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so a refused half is cleared."""
     session.client.deselect()
     _set(session, values, "ra", "dec")
 
@@ -117,9 +115,7 @@ def _own_idle() -> Handling:
 
 
 def distance_bars(session: LxSession) -> Handling:
-    """:D - a bar while a goto is under way, none when it has ended; in the telescope's form if it is
-    presented itself.
-    """
+    """:D - a bar while a goto is under way, none when it has ended; in the form of a telescope that is presented."""
     slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):
         idle = yield from _own_idle()

@@ -117,9 +117,7 @@ def send_rates(mount: NexStar, first: int) -> Steps:
 
 
 def _read_direction(mount: NexStar) -> Steps:
-    """Read and return azimuth and altitude; store the tracking rates of both axes at that direction in
-    ``mount.tracking_rates``.
-    """
+    """Read and return azimuth and altitude; store both axes' tracking rates there in ``mount.tracking_rates``."""
     answer = yield axis_readings(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None

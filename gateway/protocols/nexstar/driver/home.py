@@ -34,9 +34,7 @@ def set_home(mount: NexStar, _: op.SetHome) -> Steps:
 
 
 def home(mount: NexStar, _: op.Home) -> Steps:
-    """Slew to the stored home position, or seek the motors' home switches if the mount has them and the settings ask
-    for it.
-    """
+    """Slew to the stored home position, or seek the motors' home switches if the settings ask for that."""
     if mount.settings.aux_home and mount.has("home"):
         yield from _seek_switches(mount)
         return

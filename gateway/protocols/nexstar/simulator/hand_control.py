@@ -64,9 +64,7 @@ class SimulatedHandControl(SimulatedMount):
         return b"" if form is None else form.encode(values)
 
     def _pass(self, frame: bytes) -> bytes:
-        """``P``: return the device's answer, cut or padded to the requested length; without an answer, one
-        byte more.
-        """
+        """``P``: return the device's answer, cut or padded to the requested length; without one, one byte more."""
         count, device, number, asked = frame[1], frame[2], frame[3], frame[7]
         table = self._pass_through
         rows = table.get((count, device, number)) or table.get((count, None, number))
