@@ -225,8 +225,7 @@ def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambd
 
     A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS
     rebinding). So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and every
-    action needs the token that only the served page has. The port is not compared, because an SSH tunnel may use
-    another port.
+    action needs the token that only the served page has. Ports are not compared: an SSH tunnel may use another.
     """
 
     async def guarded(request: web.Request) -> web.StreamResponse:

@@ -3,8 +3,7 @@
 Every angle is in degrees. Azimuth counts from north through east, hour angle is positive west of the
 meridian, longitude is positive EAST. Right ascension is in degrees too, never in hours.
 No function raises for finite arguments: latitudes and declinations beyond a pole are folded back, and if an
-angle is undefined (the azimuth of the zenith, the right ascension of the pole) the result is some finite
-number in range.
+angle is undefined (the azimuth of the zenith, the right ascension of the pole) the result is any number in range.
 """
 
 from __future__ import annotations

@@ -43,7 +43,9 @@ def main(argv: list[str] | None = None) -> int:
         arguments = _parsed(typed)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
-        streams.warn(_shortened(str(error)), streams.ERROR)
+        text = str(error)  # a user may have typed a thousand digits
+        short = text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
+        streams.warn(short, streams.ERROR)
         code = error.exit_code
     except KeyboardInterrupt:
         code = 0
@@ -83,11 +85,6 @@ def _stdout_failed(failed: Exception, code: int) -> int:
     why = explain_os_error(failed) if isinstance(failed, OSError) else str(failed)
     streams.warn(f"cannot write to stdout: {why}", streams.ERROR)
     return 2
-
-
-def _shortened(text: str) -> str:
-    """Return a message without its middle if it is too long, because a user typed a thousand digits."""
-    return text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
 
 
 def _protected(argv: list[str]) -> list[str]:

@@ -106,8 +106,7 @@ class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
     When the user asks for help, ``late`` makes the text below the flags, and ``more`` what ``--help all`` adds to it.
-    Only ``--help all`` shows the ``hidden`` flags; the help of this command never shows those that are ``elsewhere``,
-    in the help of another command.
+    Only ``--help all`` shows the ``hidden`` flags; those ``elsewhere`` are in the help of another command.
     """
 
     def __init__(

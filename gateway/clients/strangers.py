@@ -65,13 +65,8 @@ def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
     return tuple(octets)
 
 
-@cache
-def _of_strangers() -> tuple[Greeting, ...]:
-    """Return the greetings of the table. Read at the first connection, to keep the start fast."""
-    return tuple(_greetings())
-
-
-def _greetings() -> Iterator[Greeting]:
+def _of_strangers() -> Iterator[Greeting]:
+    """Yield the greetings of the table. Read at the first connection, to keep the start fast."""
     table = read_table("strangers.toml")
     for description, methods in table["methods"].items():
         for method in methods:
@@ -147,8 +142,7 @@ class OwnMethod:
 class Recogniser:
     """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
 
-    ``served`` is the protocol of the surface. Only the progress of each greeting is stored, which limits the memory
-    used.
+    ``served`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
     """
 
     def __init__(self, served: str = "") -> None:

@@ -20,8 +20,7 @@ from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyReques
 class HeldKey(NamedTuple):
     """An arrow that is held down: the number of the press and of its request, its rate, and the loop time.
 
-    ``ends`` are the numbers of stops and gotos at that time: after the next stop or goto, the arrow moves nothing any
-    more.
+    ``ends`` are the numbers of stops and gotos at that time: after the next of them the arrow moves nothing.
     """
 
     press: int

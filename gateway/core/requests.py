@@ -207,8 +207,7 @@ DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
 
 
 class Answer(NamedTuple):
-    """The outcome of a request, and its text for the person who made it; for ``StateRequest`` the text is a ``State``
-    as JSON.
+    """The outcome of a request, and its text for the person who made it; for ``StateRequest`` a ``State`` as JSON.
 
     ``fault`` is the class of the error, if the request failed with an error of ``core/errors.py``.
     """

@@ -43,8 +43,7 @@ class MountKind(NamedTuple):
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
     """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model, if it matters.
 
-    It is the ``outcome`` of the row, or if that is *translated*, of the row by which the mount carries out the first
-    operation.
+    It is the ``outcome`` of the row; if *translated*, of the row by which the mount does the first operation.
     """
     if row is None:
         return MISSING_OUTCOME

@@ -138,7 +138,8 @@ class BrokerLink:
             except Exception as error:  # of three libraries; try again after any of them
                 if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # the broker refuses
                     pause = LONG_PAUSE
-                self._report_lost(_reason(error))
+                if not self._ending.is_set():
+                    self._on_home_loop(self._on_connection, False, _reason(error))
             await self._pause(pause * random.uniform(0.8, 1.2))
 
     async def _pause(self, seconds: float) -> None:
@@ -158,10 +159,6 @@ class BrokerLink:
         if self._ending.is_set():
             for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
                 await _send(client, message)
-
-    def _report_lost(self, why: str) -> None:
-        if not self._ending.is_set():
-            self._on_home_loop(self._on_connection, False, why)
 
     async def _read(self, client: Client) -> None:
         loop = asyncio.get_running_loop()

@@ -57,14 +57,10 @@ def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> boo
         address = ip_address(host.partition("%")[0])
     except ValueError:
         return host in own_names()
-    return address.is_loopback or plain_address(local) == plain_address(str(address)) or str(address) in own_addresses()
+    own = {plain_address(local), *(str(address) for _, address in interface_addresses())}
+    return address.is_loopback or plain_address(str(address)) in own
 
 
 def plain_address(address: str) -> str:
     """Remove the IPv6 zone and the prefix of an IPv4-mapped address."""
     return address.partition("%")[0].removeprefix("::ffff:")
-
-
-def own_addresses() -> frozenset[str]:
-    """Return the present addresses of this computer."""
-    return frozenset(str(address) for _, address in interface_addresses())

@@ -61,8 +61,7 @@ class BaudTrial:
     """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
     ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
-    way back, a client that did not follow would be lost for good. ``change`` sets the rate and returns the previous
-    one.
+    way back, a client that did not follow would be lost. ``change`` sets the rate and returns the last one.
     """
 
     def __init__(self, change: Callable[[int], int]) -> None:

@@ -21,8 +21,7 @@ class Connected(Struct, frozen=True):
     """A new connection, and the actions that its handler has.
 
     ``hang_up`` ends the connection; it is only set for a connection from the network, where anyone may be at the other
-    end. ``hand_over``, if possible, gives it to another owner. ``change_rate`` sets the baud rate of a serial port and
-    returns the previous rate.
+    end. ``hand_over``, if possible, gives it to another owner. ``change_rate`` sets and returns a port's baud rate.
     """
 
     name: str

@@ -48,8 +48,7 @@ class HttpRequest(NamedTuple):
 class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first`` is requested when the wire opens; ``opened`` raises OSError if an answer shows that it is the wrong
-    server.
+    ``first`` is requested when the wire opens; ``opened`` raises OSError if its answer is of the wrong server.
     """
 
     @property

@@ -174,8 +174,7 @@ class TcpPort:
 
     @classmethod
     async def open(cls, where: str, accept: Accept) -> TcpPort:
-        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0 means any free port. Raises
-        UserError.
+        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0: any free port. Raises UserError.
 
         The address ``[::]`` means every address of this computer, IPv4 and IPv6.
         """

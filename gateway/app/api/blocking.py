@@ -46,8 +46,7 @@ def _waits(
 
 
 class BlockingMount:
-    """A mount whose methods wait; they are those of ``Mount``. Made by ``open_blocking_gateway`` and
-    ``connect_blocking``.
+    """A mount whose methods wait; they are those of ``Mount``. By ``open_blocking_gateway``, ``connect_blocking``.
 
     Ctrl-C ends the wait. When it also leaves the block of ``open_blocking_gateway``, the mount is stopped.
     """

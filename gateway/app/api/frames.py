@@ -29,8 +29,7 @@ class Frame(Struct, frozen=True):
     """A command of a program, or a reply of a mount.
 
     ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the bytes, and ``help`` says
-    what the command is for. In a reply that refuses the command, ``fault`` is the name of the error, such as
-    ``BelowHorizon``.
+    what the command is for. In a reply that refuses the command, ``fault`` is the error's name (``BelowHorizon``).
     """
 
     protocol: str

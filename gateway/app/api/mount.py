@@ -105,8 +105,7 @@ class Mount:
     async def goto(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Slew to a position and track it; return when the mount has accepted the goto. All limits apply.
 
-        ``j2000``: the position is of the equinox J2000, as in catalogues. Raises Invalid for a bad number or
-        declination.
+        ``j2000``: the position is of the equinox J2000, as in catalogues. Raises Invalid for a bad number.
         """
         await self._ask(requests.GotoRequest(_spot(op.Goto(ra, dec), j2000)))
 

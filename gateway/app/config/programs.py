@@ -31,8 +31,7 @@ class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A program. ``first``: the first bytes of a connection that only this program sends; ``evidence``: how that is
-    known.
+    """A program. ``first``: first bytes that only this program sends; ``evidence``: how that is known.
 
     ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
     """
@@ -110,8 +109,7 @@ def stops_arrows(protocol: str, program: str) -> bool:
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     """Return first bytes -> program, for the programs that need other settings than those of the surface.
 
-    Only for network surfaces, where every program has its own connection: on a serial line another program may take
-    over unnoticed.
+    Only for network surfaces: on a serial line another program may take over unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(NETWORK_SCHEMES):

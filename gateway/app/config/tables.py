@@ -50,8 +50,7 @@ class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
 class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     """``[mqtt]``: the broker to which this gateway publishes its mounts, and over which they can be stopped.
 
-    The password is neither here nor in a flag, where other users and backups would see it. It is in a file of its own,
-    or in the environment.
+    The password is in a file of its own or in the environment: here or in a flag others would see it.
     """
 
     at: Annotated[

@@ -1,8 +1,7 @@
 """Carries out requests of people, from every source, under the same limits and rules as the commands of programs.
 
 A motion belongs to the request that began it: cancelling the request ends that motion, and no other that a program or
-another request has begun since. A timer in the gateway ends a ``move``, even if the command that requested it was
-killed.
+another request has begun since. A timer in the gateway ends a ``move``, even if its command was killed.
 """
 
 from __future__ import annotations

@@ -50,8 +50,7 @@ class StopReport(Struct):
 async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
-    All mounts are served at once, so that a gateway that does not answer, or a doubt, does not keep another mount
-    moving.
+    All mounts are served at once: no silent gateway and no doubt keeps another mount moving.
     """
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
@@ -68,7 +67,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
         markers = {
             mark.mount: (folder, mark)
             for folder, mark in scan.markers
-            if _matches(mark.mount, only) or mark.mount in meant
+            if only in (None, mark.mount, mark.mount.partition("@")[2]) or mark.mount in ("", *meant)
         }
         report.others |= {
             names.get(mount, mount)
@@ -111,21 +110,10 @@ async def _order_mount(
         folder, mark = left
         answers = [await _stop_directly(mark, folder)]
     for (path, endpoint), answer in zip(gateways, asked, strict=True):
-        if answer is None and not left_moving(endpoint):
-            _delete(path)
+        if answer is None and not left_moving(endpoint) and belongs_to_user(path.parent):
+            with contextlib.suppress(OSError):  # it has ended, and has left its endpoint file
+                path.unlink()
     return answers
-
-
-def _matches(mount: str, only: str | None) -> bool:
-    """Whether ``only`` names this mount, by its endpoint or only its port; an unknown mount ("") may be any."""
-    return only is None or not mount or only in (mount, mount.partition("@")[2])
-
-
-def _delete(path: Path) -> None:
-    """Delete the endpoint file of a gateway that has ended, unless the folder belongs to another user."""
-    with contextlib.suppress(OSError):
-        if belongs_to_user(path.parent):
-            path.unlink()
 
 
 async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:

@@ -1,5 +1,4 @@
-"""Messages for the user, one line each: when the mount has identified itself (the most serious one last), and at the
-end.
+"""Messages for the user, one line each: when the mount is identified (the most serious one last), and at the end.
 
 The first messages say what was found, and whose site and clock are in use. Then follows everything that does not fit: a
 different model than the user named, a mount that is not aligned, sites and clocks that contradict each other.

@@ -1,8 +1,7 @@
 """The files of a state folder: the state that a real hand control keeps when switched off, motion markers, the hold.
 
 A file is always complete, because a new file is written beside the old file, flushed to the disk, and renamed. A file
-that cannot be read is moved aside and never prevents a start. Nothing here uses an event loop; ``store.py`` decides
-when to write.
+that cannot be read is moved aside and never prevents a start. No event loop here; ``store.py`` decides when to write.
 """
 
 from __future__ import annotations

@@ -163,12 +163,12 @@ class StateStore:
             )
         if self._uses_marker:
             if (left := self.previous_run.left) is not None:
-                self._warn(
-                    f"{self._marker_base.mount}: "
-                    + ("the last run ended while the mount was moving: " if left.mount else f"{self._unreadable()}: ")
-                    + ("the mount is" if controller.reconciler.wanted.owed else "what still moves so is")
-                    + " stopped first"
-                )
+                why = "the last run ended while the mount was moving"
+                if not left.mount:
+                    unreadable = f"the motion marker {self._marker_path} cannot be read"
+                    why = f"{unreadable}, as if the last run had ended during a motion"
+                what = "the mount is" if controller.reconciler.wanted.owed else "what still moves so is"
+                self._warn(f"{self._marker_base.mount}: {why}: {what} stopped first")
             self._marker = MotionMarker(
                 self._marker_path,
                 self._content,
@@ -182,9 +182,6 @@ class StateStore:
         """Write the marker of the motion that is about to begin, if this mount has a marker."""
         if self._marker is not None:
             await self._marker.before_motion()
-
-    def _unreadable(self) -> str:
-        return f"the motion marker {self._marker_path} cannot be read, as if the last run had ended during a motion"
 
     def _content(self) -> MarkerContent:
         base, motion = self._marker_base, self._motion()

@@ -180,8 +180,7 @@ class WatchedMount:
 
     ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``stopped`` is
     called when the process has stopped the mount because heartbeats were missing; ``clear`` returns whether all that
-    moves is a goto on a path within the limits. ``lock`` is the file whose content changes when another gateway takes
-    the mount.
+    moves is a goto on a path within the limits. ``lock`` is the file that changes when another gateway takes over.
     """
 
     def __init__(

@@ -71,8 +71,7 @@ class GuardedMount:
 
 class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
-    a connection after an answer. The first connection is opened in advance if the server answers others ``beside`` an
-    idle one.
+    a connection after an answer. The first is opened in advance if the server answers ``beside`` an idle one.
     """
 
     def __init__(self, title: str, lock: str, host: str, port: str, when: str) -> None:

@@ -33,7 +33,8 @@ def decide(sent: bytes) -> Decision | None:
     spoken = streams()
     whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, sent)) and match.end()]
     if whole:
-        return Decision(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
+        titles = " and ".join(PROTOCOLS[name].title for name in whole)
+        return Decision(whole[0], f"because {titles} programs may begin like this" if len(whole) > 1 else "")
     if any(method.startswith(sent) for method in _methods()):
         return None
     begun = [name for name in spoken if load(name).may_begin(sent)]
@@ -61,10 +62,6 @@ def may_change(protocol: str, sent: bytes) -> bool:
 def protocol_that_waits() -> str | None:
     """Return the protocol whose clients wait for a greeting before they send anything."""
     return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
-
-
-def _ambiguous(protocols: list[str]) -> str:
-    return f"because {' and '.join(PROTOCOLS[name].title for name in protocols)} programs may begin like this"
 
 
 @cache

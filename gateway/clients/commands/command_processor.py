@@ -175,8 +175,7 @@ class CommandProcessor:
         """Process received bytes.
 
         If they were sent earlier, ``stops`` is the controller's count of stops at that time. If they were held back,
-        ``arrived`` is the loop time of their arrival. Without bytes, bytes that the framer has held back are processed,
-        if the line is quiet.
+        ``arrived`` is the loop time of their arrival. Without bytes, those that the framer held back are processed.
         """
         self.activity.sent_data |= stops != NO_DEADLINE
         if self.log.sinks and data:
@@ -330,8 +329,8 @@ class CommandProcessor:
             if self.unread.hold and read is not None:
                 reply = self.unread.read_part(reply, read, bool(self._inbox))
             self._send(reply)
-        elif self.log.sinks:
-            self._log_silence(frame)
+        elif self.log.sinks and (why := self.surface.silence(self.session, frame)):
+            self.log.note_once(f"no reply to {show(frame)}: {why}")
         if turn.baud is not None and self._rate is not None:
             self._rate.begin(turn.baud)
 
@@ -352,11 +351,6 @@ class CommandProcessor:
             why, self.session.refused = self.session.refused, ""
             sent = show(frame.removesuffix(b"\n"))
             self.log.refused_once(f"`{sent}` refused: {why}")
-
-    def _log_silence(self, frame: bytes) -> None:
-        """Log why there is no reply, once for every command of every host."""
-        if why := self.surface.silence(self.session, frame):
-            self.log.note_once(f"no reply to {show(frame)}: {why}")
 
     def _send(self, data: bytes) -> None:
         if data:

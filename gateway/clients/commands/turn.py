@@ -1,5 +1,4 @@
-"""The commands of a connection, and how each is carried out: answered from the cache, started, refused, or waited
-for.
+"""The commands of a connection, and how each is carried out: answered from the cache, started, refused, awaited.
 
 A command is answered within a limited time or never. A reply that was made only of cached readings is valid until one
 of them is renewed, which increments ``version``, or expires. ``advance`` runs a command until it must wait, ``finish``
@@ -114,8 +113,7 @@ class Inbox(deque[Turn]):
         return count
 
     def release(self, presses: frozenset[bytes], now: float) -> bool:
-        """Note the release of the newest of these presses, and remove the earlier presses. Return whether a press
-        waits.
+        """Note the release of the newest of these presses, and remove the earlier ones. Return whether one waits.
 
         A press that has waited for too long does not count.
         """
@@ -307,9 +305,8 @@ class TurnRunner:
     def _refusal(self, operation: Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
-        if late > MAX_START_DELAY and (
-            isinstance(operation, HAND_MOTIONS) or (late > MOUNT_TIMEOUT and _never_late(operation))
-        ):
+        moves = begins_motion(operation) or isinstance(operation, Sync)  # never after its reply is too late
+        if late > MAX_START_DELAY and (isinstance(operation, HAND_MOTIONS) or (late > MOUNT_TIMEOUT and moves)):
             self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
             return Busy(STARTED_TOO_LATE)
         refusal = self.rights.refusal(operation)
@@ -384,8 +381,3 @@ class TurnRunner:
         self._log.note(f"internal error at {show(frame)}, please report it: {error!r}")
         if self._controller.reconciler.busy:
             self._controller.begin_stop()
-
-
-def _never_late(operation: Operation) -> bool:
-    """Whether the operation must not be carried out after its reply is too late: a motion or a sync."""
-    return begins_motion(operation) or isinstance(operation, Sync)

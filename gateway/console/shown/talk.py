@@ -13,7 +13,6 @@ from typing import Any
 
 from gateway.app.gateway import Gateway
 from gateway.core.wire_log import MOUNT_SIDE, Entry, show
-from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows
 from gateway.protocols.registry import ANY
 
@@ -63,7 +62,11 @@ class ConversationView:
             entry = self._entries.popleft()
             pair, surface = self._pair(entry), kind(self._surface(entry))
             for row in self._rows.take(entry):
-                yield as_row(row, self._index, pair, surface)
+                yield {  # bytes as printable text, which the page shows as text, never as markup
+                    "mount": self._index, "time": round(row.time, 3), "side": show(row.side.encode()),
+                    "arrow": row.arrow, "data": show(row.data), "words": row.text, "kind": row.kind, "pair": pair,
+                    "surface": surface,
+                }  # fmt: skip
 
     def _surface(self, entry: Entry) -> str:
         """Return the surface of a connection; that for any protocol is looked up again once the protocol is known."""
@@ -108,11 +111,3 @@ def surface_spoken(surface: str, protocol: str) -> str:
 def kind(surface: str) -> str:
     """Return protocol and model of a surface, without its port: ``lx200:autostar``."""
     return surface.partition("@")[0]
-
-
-def as_row(row: Row, index: int, pair: int | None, surface: str = "") -> dict[str, Any]:
-    """Return a row for the page, with bytes as printable text; the page shows it as text, never as markup."""
-    return {
-        "mount": index, "time": round(row.time, 3), "side": show(row.side.encode()), "arrow": row.arrow,
-        "data": show(row.data), "words": row.text, "kind": row.kind, "pair": pair, "surface": surface,
-    }  # fmt: skip

@@ -155,8 +155,7 @@ class Tracking(Enum):
 class Rate(Struct, frozen=True):
     """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
 
-    ``max`` together with ``degrees`` is the fastest rate, limited to that many degrees/s. Raises Invalid for any other
-    name or key.
+    ``max`` with ``degrees`` is the fastest rate up to that many degrees/s. Raises Invalid for another name or key.
     """
 
     name: str | None = None

@@ -68,8 +68,7 @@ def questions(named: str | None) -> list[Question]:
     0x06, which a Meade answers with one letter and which is no command of a hand control; the ``#`` is for controllers
     that take the ``K`` for the beginning of a command. Nothing that begins with ``:`` is sent unless the user has named
     the protocol, because a hand control would take parts of it for commands: ``:GR#`` contains an ``R``, which is a
-    goto. A user who names a protocol may be wrong, so the queries before that protocol's are sent as well; later ones
-    are not.
+    goto. A user who names a protocol may be wrong: the queries before that protocol's are sent as well.
     """
     every = sorted(
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),

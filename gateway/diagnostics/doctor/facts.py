@@ -51,8 +51,7 @@ class Port(Struct, frozen=True):
 class Running(Struct, frozen=True):
     """A running gateway and its mount; ``mount`` is empty if the gateway does not answer this user.
 
-    ``foreign``: it belongs to another user. ``served``: its present addresses for programs; ``folder``: its state
-    folder.
+    ``foreign``: another user's. ``served``: its present addresses for programs; ``folder``: its state folder.
     """
 
     process: int

@@ -115,10 +115,6 @@ def _turn(degrees: float) -> str:
     return _angle(round(degrees * 3600.0) % 1296000 / 3600.0)
 
 
-def _north(degrees: float) -> str:
-    return f"{_angle(degrees)} {'S' if degrees < 0 else 'N'}"
-
-
 def _east(degrees: float) -> str:
     degrees = (degrees + 180.0) % 360.0 - 180.0
     return f"{_angle(degrees)} {'W' if degrees < 0 else 'E'}"
@@ -133,7 +129,7 @@ FORMATS: dict[str, Callable[[Any], str]] = {
     "hours": sexagesimal.hours,
     "signed": _signed,
     "turn": _turn,
-    "north": _north,
+    "north": lambda degrees: f"{_angle(degrees)} {'S' if degrees < 0 else 'N'}",
     "east": _east,
     "west": lambda degrees: _east(-degrees),
     "clock": _clock,

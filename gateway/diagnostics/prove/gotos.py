@@ -1,8 +1,7 @@
 """The gotos: to a place where the small motions have room, if the mount is not at such a place; then 5° and back, and
 one that is cancelled.
 
-Before each goto, the gateway's rules are asked whether they allow its goal. By day, goals here are at least 40° from
-the Sun.
+Before each goto, the gateway's rules are asked. By day, goals here are at least 40° from the Sun.
 """
 
 from __future__ import annotations

@@ -118,7 +118,8 @@ class GuidedCheck:
                 if refused:
                     person.say(f"{title}: not now{' either' if refused == before else f': {refused}'}.")
                     break
-                again = " It continues after the last measurement." * self._resumes(stage)
+                resumes = any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
+                again = " It continues after the last measurement." * resumes
                 person.say(f"{title}: {stage.will}{again}{self._where() * stage.moves}")
                 key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
                 if key in ("y", "a"):
@@ -126,10 +127,6 @@ class GuidedCheck:
             if key == "q":
                 break
         return self._findings
-
-    def _resumes(self, stage: Stage) -> bool:
-        """Whether a stage has been ended behind rates that are not measured again."""
-        return any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
 
     def _where(self) -> str:
         """Return the mount's position as text; empty if it is not known."""

@@ -59,8 +59,7 @@ class StoppedByOthers(Ended):
 class Motion(NamedTuple):
     """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
 
-    ``places`` are the positions during the motion, ``before`` and ``after`` those at rest. ``refused`` is the reason if
-    the mount did not move.
+    ``places`` are the positions during the motion, ``before`` and ``after`` those at rest. ``refused``: why it did not.
     """
 
     began: float = 0.0

@@ -29,8 +29,7 @@ DEFAULT_SURFACE, DEFAULT_MOUNT = pairs()[0]
 
 
 class RehearsalMount:
-    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. It needs a running
-    event loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. In an event loop.
 
     ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an ended stage whose
     mount is used again. ``simulated`` are further settings of the simulator. The driver identifies the mount, unless a

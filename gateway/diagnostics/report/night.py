@@ -48,11 +48,6 @@ class ProgramConnections:
     def sent(self) -> int:
         return self.commands.total()
 
-    @property
-    def per_minute(self) -> float:
-        """Commands per minute, from its first connection to its last command."""
-        return self.sent / max((self.last - self.first) / 60.0, 1.0)
-
 
 @dataclass
 class Night:

@@ -89,12 +89,13 @@ def table_of_programs(night: Night) -> str:
     for program in sorted(night.programs.values(), key=lambda listed: -listed.sent):
         named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(MAX_COMMANDS)]
         more = len(program.commands) - MAX_COMMANDS
-        share = program.sent / busiest * 100.0
+        share, minutes = program.sent / busiest * 100.0, max((program.last - program.first) / 60.0, 1.0)
         rows.append([
             html.escape(program.host), html.escape(program.surface),
             f"{clock(program.first)}–{clock(program.last)}", f"{program.connections:,}",
-            f'<span class="share" style="--share:{share:.1f}%">{program.sent:,}</span>', f"{program.per_minute:,.0f}",
-            f"{program.refused:,}", " · ".join(named) + (f" · {more} others" if more > 0 else ""),
+            f'<span class="share" style="--share:{share:.1f}%">{program.sent:,}</span>',
+            f"{program.sent / minutes:,.0f}", f"{program.refused:,}",
+            " · ".join(named) + (f" · {more} others" if more > 0 else ""),
         ])  # fmt: skip
     heads = ("host", "surface", "time", "connections", "commands", "a minute", "refused", "which ones")
     return table(heads, rows) if rows else "<p>No program was connected.</p>"

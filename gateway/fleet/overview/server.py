@@ -132,8 +132,7 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Overview:
-    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected, and when it is
-    lost.
+    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected, and when lost.
 
     ``look`` is the folder of the console's page, whose style this page shares.
     """

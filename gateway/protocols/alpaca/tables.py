@@ -73,8 +73,7 @@ def is_refusal(reply: bytes) -> bool:
 
 class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``members.toml``. ``always``: also for programs that are not connected. ``unparked``: not while parked.
-    ``tracking``: only while the mount tracks (or does not). ``arrival``: answered when its goto has ended. ``list``:
-    its value is a list.
+    ``tracking``: only while the mount tracks (or not). ``arrival``: answered after its goto. ``list``: a list.
     """
 
     always: bool = False

@@ -107,8 +107,7 @@ class GotoUnderWay(Struct):
 class Driver:
     """Carries out operations by the rows of ``driver.toml``, and owns the known state of the mount.
 
-    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``; their modules import the driver's
-    state.
+    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``; they import the driver's state.
     """
 
     #: Whether site and time can be set on an aligned mount without consequences, or whether that costs the alignment.
@@ -233,11 +232,9 @@ class Driver:
         self.goto = None
 
     def begin_goto(self, state: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
-        """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so that a stop knows
-        of it.
+        """Begin a goto with the steps of ``order``. It counts as under way before they are sent: a stop must know.
 
-        If the acknowledgement is lost, ``is_slewing`` finds out whether the mount slews. Raises NoAnswer if it does
-        not.
+        If the acknowledgement is lost, ``is_slewing`` finds out whether it slews. Raises NoAnswer if not.
         """
         self.parked, self.goto = False, state
         try:

@@ -50,8 +50,7 @@ class Subscription(NamedTuple):
     """Read ``operation`` every ``every`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
 
     With ``changes`` the same bytes are not sent twice in a row. A client that reads slowly gets the newest message, not
-    a backlog. Nothing is sent while the mount does not answer. The first message is sent ``after`` seconds of the
-    connection.
+    a backlog. Nothing is sent while the mount is silent. The first comes ``after`` seconds of the connection.
     """
 
     operation: Read

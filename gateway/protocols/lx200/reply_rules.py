@@ -168,8 +168,7 @@ class Lx200ReplyRules:
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply at the start of the buffer and its length, or None while it is incomplete.
 
-        The values include ``length``, by which the driver tells low precision from high. Raises ValueError for a field
-        that is out of range.
+        The values include ``length``, which tells low precision from high. Raises ValueError for one out of range.
         """
         replies = self.protocol.commands[ask.command].replies
         if buffer[:1] == bytes((NAK,)):

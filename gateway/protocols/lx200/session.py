@@ -20,8 +20,7 @@ class Draft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
-    ``stamped``: a single command has set date and time. ``carried``: parts (``time``, ``day``) kept from an earlier
-    clock.
+    ``stamped``: a single command has set date and time. ``carried``: parts (``time``, ``day``) of an earlier clock.
     """
 
     time: tuple[float, float] | None = None

@@ -111,8 +111,7 @@ def _phases(distance: float, fast: float, slow: float, acceleration: float) -> l
 class Axis(Struct):
     """One motor: its position and speed at ``since``, and its orders since then.
 
-    ``position`` includes the distance that the motor still runs on (``ramp``): it is the position as if the speed had
-    changed at once.
+    ``position`` includes the way that the motor still runs on (``ramp``), as if it changed speed at once.
     """
 
     position: float

@@ -39,8 +39,7 @@ class Truth(Struct, frozen=True):
     which has no pier. ``sun_distance``: from the centre of the field of view to the centre of the Sun, degrees, above
     and below the horizon; accurate to 0.02 degrees. ``rate1``, ``rate2``: present speeds of the axes, degrees a second,
     positive if ``axis1`` and ``axis2`` increase. ``moving``: whether a motor turns for anything but tracking: a goto,
-    hand motion, guiding, or running on afterwards. ``tracking``: whether the motors follow the sky, by the site and
-    clock of the mount.
+    hand motion, guiding, or running on. ``tracking``: whether the motors follow the sky, by the mount's site and clock.
     """
 
     t: float

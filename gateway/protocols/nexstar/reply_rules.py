@@ -31,8 +31,7 @@ PROTOCOL = load("nexstar")
 
 
 class _Reply(NamedTuple):
-    """The reply to a command: its template, its usual and its longest length, and whether it comes from a device behind
-    the hand control.
+    """The reply to a command: its template, usual and longest length, and whether a device behind it answers.
 
     ``other`` is the longer form of another maker's hand controls.
     """

@@ -29,8 +29,7 @@ WELL, REFUSED, ENDED_SHORT = 0, -1, -2
 class StellariumFramer(LengthFramer):
     """Cuts messages by their length, also messages of an unknown type, which the tables decide about.
 
-    Bytes with an impossible length are dropped with all that arrive with them; after half a message, bytes are dropped
-    until the next pause.
+    Bytes with an impossible length drop all that arrive with them; after half a message, all until a pause.
     """
 
     noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"

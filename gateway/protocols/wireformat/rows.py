@@ -144,8 +144,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``own.toml``: the mount itself answers programs of its protocol, if the user configured no model to
-    present.
+    """A row of ``own.toml``: the mount itself answers programs of its protocol, if no model to present is configured.
 
     ``keep`` says how (``KEEPS``); without it the gateway answers, and ``why`` gives the reason.
     """

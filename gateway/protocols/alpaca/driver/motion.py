@@ -199,8 +199,7 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     """End everything. A parked mount stands still, whatever its server answers, and so may a mount that refuses the
-    stop: the driver then reads whether it slews. An axis that is moved by hand is stopped first, because ``AbortSlew``
-    may be answered late.
+    stop: the driver then reads whether it slews. An axis moved by hand stops first: ``AbortSlew`` may take long.
     """
     slewed = mount.goto is not None
     mount.give_up_goto()

@@ -27,7 +27,7 @@ from gateway.transport.handler import ConnectionRefused
 from gateway.transport.http_requests import READ_ONLY, Handler, local_address
 from gateway.transport.web_server import WebDevice
 
-#: The UUID namespace of the devices' identifiers.
+#: The UUID namespace of the devices' identifiers, which last as long as the endpoint of a mount on a computer.
 _SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
 
 
@@ -113,7 +113,7 @@ class AlpacaServer:
         }  # fmt: skip
         devices = [
             {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": _unique_id(device.web.title)}
+             "UniqueID": str(uuid.uuid5(_SPACE, f"{socket.gethostname()} {device.web.title}"))}
             for number, device in enumerate(self._devices(request))
         ]  # fmt: skip
         values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
@@ -136,11 +136,6 @@ class AlpacaServer:
             "<p>It is configured by its command line or its configuration file.\n"
         )
         return web.Response(text=page, content_type="text/html")
-
-
-def _unique_id(title: str) -> str:
-    """Return an identifier that stays the same while the mount is at the same endpoint of the same computer."""
-    return str(uuid.uuid5(_SPACE, f"{socket.gethostname()} {title}"))
 
 
 async def _parameters(request: web.Request) -> Pairs:

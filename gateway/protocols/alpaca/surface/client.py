@@ -22,8 +22,7 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 class AlpacaClientState(ClientState):
     """The settings of a program. ``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in
-    metres. ``connected`` is None until the program connects or disconnects. ``no_tracking``: the mount did not track
-    after an order to track.
+    metres. ``connected``: None until the program (dis)connects. ``no_tracking``: an order to track had no effect.
     """
 
     connected: bool | None = None

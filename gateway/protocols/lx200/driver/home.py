@@ -34,8 +34,7 @@ def park(mount: Lx200Driver, _: op.Park) -> Steps:
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     """:hF, or :hS, which stores the positions of the home switches.
 
-    A nameless mount is first asked for its name again: an OnStep, whose name may have been lost, takes :hF as "this is
-    home".
+    A nameless mount is first asked for its name again: an OnStep takes :hF as "this is home".
     """
     nameless = not mount.product and mount.named_model is None
     if nameless and (yield from ask_repeatedly(mount, "GVP", 2)) is not None:

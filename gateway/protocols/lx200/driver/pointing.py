@@ -54,8 +54,7 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    The controller then computes it. A single missing reply may have been lost: after GIVEN_UP of them, the driver stops
-    asking.
+    The controller then computes it. A reply may have been lost: only after GIVEN_UP of them it is not asked again.
     """
     if mount.mute.intersection(("GZ", "GA")):
         return None
@@ -91,8 +90,7 @@ def _read_pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
 
-    Without a pending goto, the driver asks only while the telescope moves, because a key of its hand control may move
-    it.
+    Without a pending goto, the driver asks only while the telescope moves: a key may move it.
     """
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -126,8 +124,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    The bars of a mount that reports its state are always right: a goto of an OnStep may wait for a person at the
-    meridian.
+    The bars of a mount that reports its state are right: an OnStep's goto may wait for a person at the meridian.
     """
     reports = mount.dialect and mount.tells_status
     return state.then is None and not reports and state.read - state.moved > STANDS

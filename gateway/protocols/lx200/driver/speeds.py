@@ -47,8 +47,7 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The rate commands of a model (:Rg, :RA and :RE, :Sw), its default fastest rate and the range, and its drive
-    rates, hertz.
+    """The rate commands of a model (:Rg, :RA and :RE, :Sw), its fastest rates, and its drive rates, hertz.
 
     ``keys`` are the speeds of another maker's rate commands, degrees per second; they are added to tracking.
     """

@@ -262,11 +262,9 @@ class Lx200Driver(Driver):
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return the values that no command can read: parked, a changed drive rate, and the mounting while tracking is
-        off.
+        """Return the values that no command can read: parked, a changed drive rate, and the mounting without tracking.
 
-        (Some telescopes do not report the mounting then.) The telescope stores its home, and all models stop by the
-        same command.
+        (Some do not report the mounting then.) The telescope stores its home, and all models stop alike.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         driven = {"driven": True} if self.drive_changed else {}

@@ -137,11 +137,9 @@ def _motor_rates(axis: int, rate: float) -> Pair:
 
 
 def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = None) -> Steps:
-    """Add a rate and send the sums. Return the loop time at which the first motor was sent its rate, and how late that
-    was.
+    """Add a rate and send the sums. Return when the first motor was sent its rate (loop time), and how late.
 
-    If tracking was on until now, and the rates are wanted for ``lasts`` seconds, they make up for the tracking that
-    each motor has lost by then.
+    If tracking was on, and the rates are wanted for ``lasts`` seconds, they make up for the tracking lost by then.
     """
     before = mount.added_rates.get(axis)
     mount.added_rates[axis] = added

@@ -48,8 +48,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
 def _variant(mount: NexStar) -> Steps:
     """Find out whether this is a StarSense, whose versions begin at 1.18 though it has all modern commands.
 
-    No other hand control used those numbers. So a hand control with such a number that does not answer ``v`` is a
-    hibernating StarSense.
+    No other hand control used those numbers: one with such a number that is silent on ``v`` is hibernating.
     """
     try:
         mount.starsense = (yield Send("v"))["variant"] == STARSENSE_VARIANT

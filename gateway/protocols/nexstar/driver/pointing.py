@@ -249,8 +249,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already, or somebody
     has ended the goto on its way.
 
-    Tracking at the park position would carry the tube away, so the command that turns it off is repeated if the mount
-    did not answer.
+    Tracking at the park position would carry the tube away: turning it off is repeated without an answer.
     """
     again = operation.left < OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):

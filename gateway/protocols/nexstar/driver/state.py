@@ -225,8 +225,7 @@ class NexStar(Driver):
     def variable(self, rate: op.Rate) -> float | None:
         """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
 
-        A fastest rate that a client has set is also sent as a variable rate, if it is below the mount's and no key has
-        that speed.
+        A client's fastest rate is sent as a variable rate, too, if below the mount's and no key has that speed.
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL

@@ -75,8 +75,7 @@ def mode(session: NexStarSession) -> Handling:
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
 
-    For a SynScan its equatorial modes are the mount's own mode. If the mount itself is presented, it gets the same
-    byte.
+    For a SynScan its equatorial modes are the mount's own mode. A mount presented itself gets the same byte.
     """
     known = modes(session.model, session.model["counts_as"])
     if values["mode"] not in known:
