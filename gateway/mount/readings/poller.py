@@ -1,7 +1,8 @@
 """Keeps readings fresh: renews what clients poll and what the limits need before it becomes stale.
 
 Each kind of read has its own task, so that none delays another: while anything moves, the position is read at least
-twice a second if the line is fast enough. Without clients there is one heartbeat every few seconds.
+twice a second if the line is fast enough, and so it is at rest if motion at the mount's own keys ends at a limit.
+Otherwise, without clients, there is one heartbeat every few seconds.
 """
 
 from __future__ import annotations
@@ -128,9 +129,9 @@ class Poller:
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
-        if kind is op.Position and self._watched:
+        if kind is op.Position and (self._watched or self._watch.ends_owners_motion):
             return True
-        if kind is op.AxisPosition and now - self._failed[kind] > AXES_AGAIN and self._watch.axes_interval is not None:
+        if kind is op.AxisPosition and now - self._failed[kind] > AXES_AGAIN and self._watch.hour_angle.interval:
             return True
         if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
             return True
@@ -155,7 +156,7 @@ class Poller:
         if kind is op.Position and self._watch.found_moving:
             every = FOUND_MOVING
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
-            every = self._watch.axes_interval or every
+            every = self._watch.hour_angle.interval or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
     def _status_pause(self, now: float) -> float:

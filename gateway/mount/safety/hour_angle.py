@@ -27,8 +27,8 @@ from gateway.mount.safety.allow import PastNow
 LEVEL = 90.0
 #: Degrees between two positions up to which the second continues the first.
 CONTINUES = 45.0
-#: Seconds between two readings of the axes: while the mount moves, and while it tracks or rests.
-IN_MOTION, AT_REST = 0.45, 5.0
+#: Seconds between two readings of the axes, also at rest: the next motion may begin at the mount's own keys.
+INTERVAL = 0.45
 #: Seconds for which a pier side is trusted at rest.
 SIDE_AGE = 5.0
 #: What the user is told where nothing shows how far the tube is past the meridian.
@@ -107,11 +107,11 @@ class HourAngleWatch:
         limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
         return limited and can_enforce_hour_angle(mount)
 
-    def interval(self, moves: bool) -> float | None:
-        """Return how often to read the axes, seconds; None if that is not needed."""
-        if not (self.watched and reports_axes(self._mount)) or self._mount.movement.slewing:
-            return None
-        return IN_MOTION if moves else AT_REST
+    @property
+    def interval(self) -> float | None:
+        """How often to read the axes, seconds; None if that is not needed."""
+        needed = self.watched and reports_axes(self._mount) and not self._mount.movement.slewing
+        return INTERVAL if needed else None
 
     def forget(self) -> None:
         """Forget the followed angle: positions before and after now cannot be compared."""

@@ -128,9 +128,11 @@ class LimitWatch:
         return self.others.begins
 
     @property
-    def axes_interval(self) -> float | None:
-        """How often to read the axes for the limits, seconds; None if that is not needed."""
-        return self.hour_angle.interval(self._moves)
+    def ends_owners_motion(self) -> bool:
+        """Whether motion at the mount's own keys ends at a limit, which somebody wrote, or near the risen Sun."""
+        limits = self._mount.policy.limits
+        written = limits.at_keys != (-90.0, 90.0) or limits.hour_angle is not None
+        return written or bool(self._mount.suns.to_avoid())
 
     @property
     def fastest(self) -> float:

@@ -1,7 +1,7 @@
 """Motion at the mount's own keys: what the limits leave alone, and what they end. Judged by the true axes.
 
 The owner is a second connection to the simulated mount. A program polls the position, with or without the state of a
-goto. 2026-01-15 22:00 UTC.
+goto, or nobody does. 2026-01-15 22:00 UTC.
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ NORTH, SOUTH = (45.0, 10.0), (-33.0, 150.0)
 #: Degrees that a mount runs on after a stop if both axes turn at full speed, and a degree to see and to stop it.
 RUN_ON = {"lx200": 5.7 + 1.0, "nexstar": 3.2 + 1.0}
 POLLS = [b":GR#:GD#", b":GR#:GD#:D#"]
+NOBODY = b""
+#: 2026-03-20 11:27 UTC: in the north the Sun is at the meridian, 45 degrees high.
+EQUINOX_NOON = 1774006020.0
 GERMAN = [("cge", None), ("cgem", "5.31"), ("avx", "5.24"), ("cge", "4.10")]
 FORKS = [("cpc", "nexstar"), ("6-8se", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200"), ("lx200", "lx200")]
 
 
 async def _poll(client: Visitor, words: bytes) -> None:
-    while True:
+    while words:
         client.tell(words)
         await asyncio.sleep(0.7)
 
@@ -105,7 +108,7 @@ async def test_owners_arrow_ends_at_the_hour_angle_limit(
         south = 180.0 if site[0] > 0 else 0.0
         assert await goes(bridge, owner, wrap360(south - 20.0), 50.0) < 0.3
         assert abs(truth_of(bridge.sim).axis1 - 90.0) > 30.0
-        owner.keys("first on" if truth_of(bridge.sim).axis1 > 90.0 else "first back")  # towards the pier
+        owner.keys(pier_key(bridge))
         await rests(bridge)
         past = [one.past_meridian for one in seen if one.past_meridian is not None]
         assert owner.ended()
@@ -183,3 +186,53 @@ async def test_configured_limits_end_the_owners_arrows_and_gotos(
         owner.keys(sinking_key(bridge, driven))
         await rests(bridge)
         assert owner.ended() and min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]
+
+
+#: Seconds at rest after which an owner presses a key: whenever the position was read last.
+RESTED = (15.0, 16.3, 17.6, 18.9)
+
+
+@pytest.mark.parametrize("site", [NORTH, SOUTH])
+@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
+async def test_arrows_of_the_owner_s_end_at_a_written_altitude_without_a_program(
+    mount: str, driven: str, site: tuple[float, float]
+) -> None:
+    async with owned(mount, driven=driven, site=site, config={"lowest": 20.0}, polls=NOBODY) as (bridge, owner, seen):
+        for rested in RESTED:
+            await goes(bridge, owner, 110.0, 22.0)
+            await asyncio.sleep(rested)
+            owner.keys("down")
+            await rests(bridge)
+            assert owner.ended() and min(one.altitude for one in seen) > 20.0 - RUN_ON[driven]
+
+
+@pytest.mark.parametrize("site", [NORTH, SOUTH])
+async def test_arrows_of_the_owner_s_end_at_the_hour_angle_limit_without_a_program(site: tuple[float, float]) -> None:
+    async with owned("cge", site=site, config={"hour_angle_limit": 0.5}, polls=NOBODY) as (bridge, owner, seen):
+        south = 180.0 if site[0] > 0 else 0.0
+        for rested in RESTED:
+            for az in (south - 10.0, south + 3.0):
+                await goes(bridge, owner, wrap360(az), 50.0)
+            await asyncio.sleep(rested)
+            seen.clear()  # a flip is no arrow
+            owner.keys(pier_key(bridge))
+            await rests(bridge)
+            assert owner.ended() and max(one.past_meridian for one in seen) < 7.5 + RUN_ON["nexstar"]
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
+async def test_arrows_of_the_owner_s_end_at_the_sun_without_a_program(mount: str, driven: str) -> None:
+    settings = {"driven": driven, "start": EQUINOX_NOON, "site": NORTH, "config": {"sun": 20.0}}
+    async with owned(mount, polls=NOBODY, **settings) as (bridge, owner, seen):
+        for rested in RESTED:
+            await goes(bridge, owner, 180.0, 67.0)  # 22 degrees above the Sun
+            await asyncio.sleep(rested)
+            seen.clear()
+            owner.keys("down")
+            await rests(bridge)
+            assert owner.ended() and min(one.sun_distance for one in seen) > 20.0 - RUN_ON[driven]
+
+
+def pier_key(bridge: Any) -> str:
+    """Return the key that turns the tube of a German mount towards its pier."""
+    return "first on" if truth_of(bridge.sim).axis1 > 90.0 else "first back"
