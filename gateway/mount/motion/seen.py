@@ -68,8 +68,8 @@ class Observed(Struct, frozen=True):
 
     before: PositionSample | None = None
     last: PositionSample | None = None
-    changes: Changes | None = None
-    earlier: Changes | None = None
+    changes: Changes = Changes()
+    earlier: Changes = Changes()
     began: float = NEVER
     ordered_speed: float = 0.0
     across: float = 0.0
@@ -85,7 +85,7 @@ class Observed(Struct, frozen=True):
 def begin_motion(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -> Observed:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
     last = replace(observed.last, at=now) if observed.last is not None and at_rest else observed.last
-    return replace(observed, last=last, changes=None, earlier=None, began=now, ordered_speed=ordered_speed)
+    return replace(observed, last=last, changes=Changes(), earlier=Changes(), began=now, ordered_speed=ordered_speed)
 
 
 def add_first_position(observed: Observed, sample: PositionSample) -> Observed:

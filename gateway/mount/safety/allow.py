@@ -1,14 +1,18 @@
 """Whether the observed motion may continue: pure rules over the positions, the orders and the limits.
 
-A rule is a pure function from a ``View`` to a ``Verdict``, evaluated at every position. It may only restrict motion,
-and it never forbids a motion that leads out of a forbidden region. A moving mount must not pass an altitude limit, come
-near the Sun, or go past the meridian, where the tube of an equatorial mount meets its pier. Gotos are also checked
-before they begin, without a margin for their speed (``admission/motions.py``). A motion must be stopped early enough to
-end before the limit (``StopTiming``), which depends on the exchanges of this line, the inertia of motors, and rates
-that may still grow.
+A rule is a pure function from a ``View`` to the rooms that are left up to limits, which are judged alike, at every
+position. A verdict may only restrict motion, and it never forbids one that leads out of a forbidden region. A moving
+mount must not pass an altitude limit, come near the Sun, or go past the meridian, where the tube of an equatorial mount
+meets its pier. Gotos are also checked before they begin, without a margin for their speed (``admission/motions.py``). A
+motion must be stopped early enough to end before the limit (``StopTiming``), which depends on the exchanges of this
+line, the inertia of motors, and rates that may still grow.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf
+from typing import NamedTuple
 
 from msgspec import Struct
 
@@ -205,26 +209,51 @@ class View(Struct, frozen=True):
             return 0.0
         return rate * self.timing.overdue(self.observed.elapsed) + self._second_axis_alone
 
-    def allowed_within(self, room: float, rate: float, limit: str) -> Verdict:
-        """Return a verdict that allows the motion while a stop can still end it within ``room`` degrees.
+    def rates(self, changes: tuple[float, ...], earlier: tuple[float, ...]) -> list[float]:
+        """How fast the mount may approach limits from now on, after the rates ``earlier`` and ``changes``."""
+        known = len(earlier) == len(changes)
+        return [self.ahead(rate, earlier[number] if known else None) for number, rate in enumerate(changes)]
+
+    def judge(self, room: Room) -> Verdict:
+        """Forbid a motion that a stop at the next position could not end within ``room``; or allow it for a while.
 
         The mount's own goto may brake and end just before the limit: it is stopped only at the limit.
         """
+        left, rate = room.left, room.rate
+        if left >= room.before:
+            return ALLOWED
+        if left < self.margin(rate) - room.beyond:
+            return Verdict(room.reason)
         if rate <= FASTER_THAN_TRACKING or self.on_checked_path:
             return ALLOWED
         if self.moving.slews_by_itself:
-            return Verdict(within=(room + BRAKED) / rate - self.timing.exchange, limit=limit)
-        return Verdict(within=(room - self._second_axis_alone) / rate - self.timing.to_stop, limit=limit)
+            return Verdict(within=(left + BRAKED) / rate - self.timing.exchange, limit=room.limit)
+        return Verdict(within=(left - self._second_axis_alone) / rate - self.timing.to_stop, limit=room.limit)
+
+
+class Room(NamedTuple):
+    """The degrees up to a ``limit`` that are ``left``, and that were left ``before``; they may shrink at this ``rate``
+    a second. A motion that would get farther than ``beyond`` the limit must end for this ``reason``.
+    """
+
+    left: float
+    before: float
+    rate: float
+    reason: str
+    limit: str
+    beyond: float = 0.0
 
 
 def allow(view: View) -> Verdict:
     """Return the verdict that forbids the motion, else the verdict with the earliest deadline for the next position."""
     soonest = ALLOWED
     for rule in (altitude, near_sun, meridian):
-        verdict = rule(view)
-        if verdict.reason:
-            return verdict
-        soonest = _sooner(soonest, verdict)
+        for room in rule(view):
+            verdict = view.judge(room)
+            if verdict.reason:
+                return verdict
+            if verdict.within is not None and (soonest.within is None or verdict.within < soonest.within):
+                soonest = verdict
     return soonest
 
 
@@ -234,120 +263,93 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     The mount must have reported a position before it can reach any limit. ``speed`` is that of all axes together,
     degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
-    last, limits, timing = view.observed.last, view.limits, view.timing
+    last, timing = view.observed.last, view.timing
     if last is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
         return Verdict()
     rooms = [distance - view.sun for distance in last.suns]
-    rooms += [altitude - limits.lowest for altitude in last.altitudes if limits.lowest > -90.0]
-    rooms += [limits.highest - altitude for altitude in last.altitudes if limits.highest < 90.0]
-    nearest = min((room for room in rooms if room > 0.0), default=180.0)
+    rooms += [room for altitude in last.altitudes for room in inside(view.limits, altitude)]
+    nearest = min(room for room in (180.0, *rooms) if room > 0.0)
     seconds = nearest / speed - timing.to_stop - (now - last.at)
     return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
 
 
-# --- altitude ---------------------------------------------------------------------------------------------------------
-
-
-def leaving(limits: Limits, before: float, after: float, margin: float = 0.0) -> bool:
-    """Whether an altitude is outside the limits, or within ``margin`` degrees of them, and is getting worse.
+def inside(limits: Limits, altitude: float) -> Pair:
+    """Return how far an altitude is above the lowest and below the highest one, degrees.
 
     Limits of -90 and 90 degrees are off, because nothing lies beyond them.
     """
-    sinking = limits.lowest > -90.0 and after < limits.lowest + margin and after < before
-    rising = limits.highest < 90.0 and after > limits.highest - margin and after > before
-    return sinking or rising
+    return (
+        altitude - limits.lowest if limits.lowest > -90.0 else inf,
+        limits.highest - altitude if limits.highest < 90.0 else inf,
+    )
 
 
-def altitude(view: View) -> Verdict:
-    """End a motion before it passes an altitude limit, by the mount's coordinates or by those before its syncs.
+def leaving(limits: Limits, before: float, after: float) -> bool:
+    """Whether an altitude is outside the limits, and is getting worse."""
+    rooms = zip(inside(limits, before), inside(limits, after), strict=True)
+    return any(now < min(0.0, then) for then, now in rooms)
+
+
+def altitude(view: View) -> Iterator[Room]:
+    """Yield the altitudes left up to the limits, by the mount's coordinates or by those before its syncs.
 
     For the arrows of programs, written limits also count by other sources of site and time, as in ``near_sun``. A goto
     may pass the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
     written limits count.
     """
-    before, last, changes = view.observed.before, view.observed.last, view.observed.changes
-    if before is None or last is None or changes is None:
-        return ALLOWED
-    earlier, soonest = view.observed.earlier, ALLOWED
+    observed, before, last = view.observed, view.observed.before, view.observed.last
+    if before is None or last is None:
+        return
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
-    beyond = (OVERSHOOT + APART * view.observed.across) * view.on_checked_path
+    beyond = (OVERSHOOT + APART * observed.across) * view.on_checked_path
     own, count = last.own, None if view.moving.by_hand else last.own
-    for number, (then, now) in enumerate(zip(before.altitudes[:count], last.altitudes[:count], strict=False)):
+    rates = view.rates(observed.changes.altitudes, observed.earlier.altitudes)[:count]
+    for number, (then, now, rate) in enumerate(zip(before.altitudes, last.altitudes, rates, strict=False)):
         limits = view.limits.written() if goes or number else view.limits
-        grew = _earlier(changes.altitudes, None if earlier is None else earlier.altitudes, number)
-        rate = view.ahead(changes.altitudes[number], grew)
-        if goes and now < min(view.floor, then):
-            return Verdict(f"the altitude limit ({now:.1f} degrees, far below its way)")
-        if leaving(limits, then, now, view.margin(rate) - beyond):
-            by = ", by another site or clock" if number >= own else ", if the syncs were wrong" if number else ""
-            return Verdict(f"the altitude limit ({now:.1f} degrees{by})")
-        if now < then and limits.lowest > -90.0:
-            soonest = _sooner(soonest, view.allowed_within(now - limits.lowest, rate, "the altitude limit"))
-        elif now > then and limits.highest < 90.0:
-            soonest = _sooner(soonest, view.allowed_within(limits.highest - now, rate, "the altitude limit"))
-    return soonest
+        if goes:
+            reason = f"the altitude limit ({now:.1f} degrees, far below its way)"
+            yield Room(now - view.floor, then - view.floor, 0.0, reason, "")
+        by = ", by another site or clock" if number >= own else ", if the syncs were wrong" if number else ""
+        reason = f"the altitude limit ({now:.1f} degrees{by})"
+        for were, left in zip(inside(limits, then), inside(limits, now), strict=True):
+            yield Room(left, were, rate, reason, "the altitude limit", beyond)
 
 
-def _earlier(changes: tuple[float, ...], before: tuple[float, ...] | None, number: int) -> float | None:
-    """Return the speed with this number in ``before``; None if the number of speeds was different then."""
-    return before[number] if before is not None and len(before) == len(changes) else None
-
-
-def _sooner(first: Verdict, other: Verdict) -> Verdict:
-    """Return the verdict with the earlier deadline."""
-    return min(first, other, key=lambda verdict: float("inf") if verdict.within is None else verdict.within)
-
-
-# --- the Sun ----------------------------------------------------------------------------------------------------------
-
-
-def near_sun(view: View) -> Verdict:
-    """Forbid coming nearer to a Sun than the limit, measured from ``farthest``, so that slow approaches count too.
+def near_sun(view: View) -> Iterator[Room]:
+    """Yield the distances left up to the circles round the Suns, measured from ``farthest``, so that slow approaches
+    count too.
 
     Suns of other sources end only the arrows of programs, because a wrong source must not end a motion that is right.
     """
-    before, last, soonest = view.observed.before, view.observed.last, ALLOWED
-    if before is None or last is None:
-        return ALLOWED
-    count = len(last.suns) if view.moving.by_hand else view.own_suns
-    for number, (then, now) in enumerate(zip(before.suns[:count], last.suns[:count], strict=True)):
-        rate = _rate(view, number)
-        if now >= view.sun + view.margin(rate):
-            soonest = _sooner(soonest, view.allowed_within(now - view.sun, rate, "the Sun") if now < then else ALLOWED)
-        elif now < view.observed.farthest[number] - NEARER:
-            return Verdict(f"the Sun ({now:.0f} degrees from it)")
-    return soonest
+    observed, last = view.observed, view.observed.last
+    if observed.before is None or last is None:
+        return
+    count = None if view.moving.by_hand else view.own_suns
+    rates = view.rates(observed.changes.suns, observed.earlier.suns)[:count]
+    for now, far, rate in zip(last.suns, observed.farthest, rates, strict=False):
+        reason = f"the Sun ({now:.0f} degrees from it)"
+        yield Room(now - view.sun, far - NEARER - view.sun, rate, reason, "the Sun")
 
 
 def farthest(view: View) -> tuple[float, ...]:
     """Return, for each Sun, the greatest distance since the tube came near it, or the present distance if it is not
     near.
     """
-    if view.observed.last is None:
+    observed = view.observed
+    if observed.last is None:
         return ()
+    rates = view.rates(observed.changes.suns, observed.earlier.suns)
     return tuple(
-        now if now >= view.sun + view.margin(_rate(view, number)) or now < before - NEARER else max(now, before)
-        for number, (now, before) in enumerate(zip(view.observed.last.suns, view.observed.farthest, strict=True))
+        now if now >= view.sun + view.margin(rate) or now < before - NEARER else max(now, before)
+        for now, before, rate in zip(observed.last.suns, observed.farthest, rates, strict=True)
     )
 
 
-def _rate(view: View, number: int) -> float:
-    """How fast the tube may approach a Sun, degrees a second."""
-    changes, earlier = view.observed.changes, view.observed.earlier
-    assert changes is not None
-    grew = _earlier(changes.suns, None if earlier is None else earlier.suns, number)
-    return view.ahead(changes.suns[number], grew)
-
-
-# --- the meridian -----------------------------------------------------------------------------------------------------
-
-
-def meridian(view: View) -> Verdict:
-    """End a motion at the limit of the hour angle. Gotos are exempt, because they may change the pier side."""
+def meridian(view: View) -> Iterator[Room]:
+    """Yield the hour angle left up to its limit. Gotos are exempt, because they may change the pier side."""
     limit, past = view.limits.hour_angle, view.past
     if limit is None or past is None or past.rate <= 0.0 or view.observed.before is None or view.moving.slewing:
-        return ALLOWED
+        return
+    reason = f"the hour angle limit ({past.degrees / 15.0:.2f} hours past the meridian)"
     rate = view.ahead(past.rate, past.earlier)
-    if past.degrees > limit - view.margin(rate):
-        return Verdict(f"the hour angle limit ({past.degrees / 15.0:.2f} hours past the meridian)")
-    return view.allowed_within(limit - past.degrees, rate, "the hour angle limit")
+    yield Room(limit - past.degrees, inf, rate, reason, "the hour angle limit")

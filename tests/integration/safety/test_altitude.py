@@ -203,7 +203,7 @@ async def test_goto_whose_path_leads_below_the_horizon_is_stopped() -> None:
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
 async def test_motion_ended_above_the_limit_by_its_user_triggers_nothing(driven: str, mount: str) -> None:
-    async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
+    async with Bridge(mount, driven=driven, config={"lowest": 38.0}, latency=0.1) as bridge:
         client = bridge.client()
         for _ in range(6):
             client.tell(b":GR#:RM#:Ms#")

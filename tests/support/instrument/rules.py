@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from gateway.mount.safety.admission import slew_paths
-from gateway.mount.safety.allow import ALLOWED
 from gateway.mount.site.astrometry import SunAvoidance
 from gateway.mount.site.site_clock import BestSources
 
@@ -53,9 +52,9 @@ suns, zeniths = SunAvoidance.suns, slew_paths.zeniths
 #: The first whose words fit a refusal is behind it.
 RULES = {
     "altitude, watched": Rule(("stopped at the altitude",), "D2", "safety/allow.py", "arrows", (
-        (f"{WATCH}.altitude", lambda view: ALLOWED),)),
+        (f"{WATCH}.altitude", lambda view: ()),)),
     "the Sun, watched": Rule(("stopped at the Sun",), "D1", "safety/allow.py", "arrows at the Sun", (
-        (f"{WATCH}.near_sun", lambda view: ALLOWED),)),
+        (f"{WATCH}.near_sun", lambda view: ()),)),
     "altitude after syncs": Rule(("syncs",), "D2", "safety/admission/altitudes.py", "a sync of", (
         (f"{ALTITUDES}.by_syncs", lambda *_: ()), ("gateway.mount.safety.watch.by_syncs", lambda *_: ()))),
     "altitude by other sources": Rule(("Too low",), "D2", "safety/admission/altitudes.py", "low gotos", (

@@ -87,7 +87,7 @@ def test_the_rules(n: list[float], suns: int, slewing: bool) -> None:
             for step, at in enumerate((n[5], n[6]))
         )
         changes = Changes((n[0], n[1]), tuple(n[:suns]))
-        seen = add_position(Observed(before, before, changes, None, n[3], n[4], n[5], tuple(n[:suns])), last)
+        seen = add_position(Observed(before, before, changes, Changes(), n[3], n[4], n[5], tuple(n[:suns])), last)
         view = View(seen, limits, timing, Moving(slewing, {}), n[0], op.Status(True, False, op.Tracking.OFF))
         allow(view), farthest(view), first_stretch(view, n[1], n[2])
         at_one_time(n[3], op.Equatorial(n[4], n[5]), before, n[6])

@@ -6,21 +6,11 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.mount.motion.seen import Observed, PositionSample, add_first_position, add_position, begin_motion
+from gateway.mount.motion.seen import Changes, Observed, PositionSample, add_first_position, add_position, begin_motion
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.motions import needs_alignment
-from gateway.mount.safety.allow import (
-    PastNow,
-    StopTiming,
-    View,
-    allow,
-    altitude,
-    farthest,
-    first_stretch,
-    meridian,
-    near_sun,
-)
+from gateway.mount.safety.allow import PastNow, StopTiming, View, allow, farthest, first_stretch
 from gateway.mount.safety.watch import why_blind
 from tests.support.each import each
 
@@ -51,7 +41,7 @@ def view(now: Observed, limits: Limits, moving: Moving = Moving(False, {2: DOWN}
 @each(("lowest", "stops"), [(20.0, True), (10.0, False)])
 def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: float, stops: bool) -> None:
     """4 degrees a second from 23 degrees: 1.15 s at least until it rests, so 4.6 degrees and more are needed."""
-    verdict = altitude(view(sinking(25.0, 4.0), Limits(lowest=lowest)))
+    verdict = allow(view(sinking(25.0, 4.0), Limits(lowest=lowest)))
     assert bool(verdict.reason) is stops
     if not stops:
         assert verdict.within == pytest.approx((23.0 - 10.0) / 4.0 - TIMING.to_stop)
@@ -60,29 +50,29 @@ def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: flo
 @each(("moving", "ends"), [(Moving(False, {2: DOWN}), True), (Moving(True, {}), False), (Moving(False, {}), False)])
 def test_by_another_clock_only_an_arrow_ends_at_a_written_limit(moving: Moving, ends: bool) -> None:
     sunk = seen(PositionSample(0.0, HERE, 60.0, further=(23.0,)), PositionSample(0.5, HERE, 59.0, further=(22.0,)))
-    assert bool(altitude(view(sunk, Limits(lowest=20.0), moving)).reason) is ends
+    assert bool(allow(view(sunk, Limits(lowest=20.0), moving)).reason) is ends
 
 
 def test_what_leads_out_of_a_forbidden_place_is_allowed() -> None:
-    assert not altitude(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
+    assert not allow(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
 
 
 def test_a_goto_knows_where_it_ends() -> None:
-    assert not altitude(view(sinking(22.0, 4.0), Limits(lowest=19.99), Moving(True, {}))).reason
+    assert not allow(view(sinking(22.0, 4.0), Limits(lowest=19.99), Moving(True, {}))).reason
 
 
 def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> None:
     far = seen(PositionSample(0.0, HERE, suns=(60.0,)), PositionSample(1.0, HERE, suns=(59.0,)))
-    assert not near_sun(view(far, Limits())).reason
+    assert not allow(view(far, Limits())).reason
     assert farthest(view(far, Limits())) == (59.0,)
     near = replace(
         seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))), farthest=(19.0,)
     )
-    assert not near_sun(view(near, Limits())).reason
+    assert not allow(view(near, Limits())).reason
     creeping = add_position(
         replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,))
     )
-    assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
+    assert allow(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
 
 @each(("distance", "stops"), [(24.0, True), (25.0, False)])
@@ -91,7 +81,7 @@ def test_a_fast_approach_to_the_sun_ends_before_the_next_position_would_be_too_l
 ) -> None:
     """4 degrees a second: 4.2 degrees until it rests, if the next position is waited for."""
     fast = seen(PositionSample(0.0, HERE, suns=(distance + 2.0,)), PositionSample(0.5, HERE, suns=(distance,)))
-    verdict = near_sun(view(fast, Limits()))
+    verdict = allow(view(fast, Limits()))
     assert bool(verdict.reason) is stops
     if not stops:
         assert verdict.within == pytest.approx((distance - 20.0) / 4.0 - TIMING.to_stop)
@@ -103,21 +93,21 @@ def test_a_fast_approach_to_the_sun_ends_before_the_next_position_would_be_too_l
 )
 def test_past_the_meridian_only_what_turns_towards_the_pier_is_stopped(past: PastNow | None, reason: bool) -> None:
     moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
-    assert bool(meridian(replace(view(moved, Limits(hour_angle=30.0)), past=past)).reason) is reason
+    assert bool(allow(replace(view(moved, Limits(hour_angle=30.0)), past=past)).reason) is reason
 
 
 @each("moving", [Moving(True, {}), Moving(True, {}, ordered=False)])
 def test_no_goto_is_judged_by_its_hour_angle(moving: Moving) -> None:
     moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
-    assert not meridian(replace(view(moved, Limits(hour_angle=30.0), moving), past=PastNow(60.0, 4.0))).reason
+    assert not allow(replace(view(moved, Limits(hour_angle=30.0), moving), past=PastNow(60.0, 4.0))).reason
 
 
 def test_a_goto_of_the_mount_s_own_may_end_just_before_a_limit() -> None:
     """At 4 degrees a second it may brake in the remaining 2; it is stopped when it gets there."""
     by_itself = Moving(True, {}, ordered=False)
-    verdict = altitude(view(sinking(24.0, 4.0), Limits(lowest=20.0), by_itself))
+    verdict = allow(view(sinking(24.0, 4.0), Limits(lowest=20.0), by_itself))
     assert not verdict.reason and verdict.within == pytest.approx(2.75 / 4.0 - TIMING.exchange)
-    assert altitude(view(sinking(21.9, 4.0), Limits(lowest=20.0), by_itself)).reason
+    assert allow(view(sinking(21.9, 4.0), Limits(lowest=20.0), by_itself)).reason
 
 
 @each(
@@ -150,7 +140,7 @@ def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_t
     before = sinking(40.0, 1.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=True).last == replace(before.last, at=130.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=False).last == before.last
-    assert begin_motion(before, 130.0, 4.0, at_rest=False).changes is None
+    assert begin_motion(before, 130.0, 4.0, at_rest=False).changes == Changes()
 
 
 @each(
