@@ -46,7 +46,7 @@ async def test_tracking_below_the_limit_is_allowed_only_where_it_leads_out(azimu
         bridge.client().tell(b":AA#")
         await asyncio.sleep(5.0)
         assert truth_of(bridge.sim).tracking is tracks
-        assert any("Tracking stays off" in note for note in notes(bridge)) is not tracks
+        assert any("off at the altitude limit" in note for note in notes(bridge)) is not tracks
 
 
 async def test_nexstar_program_reads_refused_tracking_as_off() -> None:

@@ -1,9 +1,8 @@
-"""Admission of motion by hand, guide pulses and tracking: refuses them if they would soon lead beyond a limit.
+"""Admission of motion by hand and of guide pulses: refuses them if they would soon lead beyond a limit.
 
 A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
 checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
-mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too, and so is tracking, of
-a minute.
+mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too.
 """
 
 from __future__ import annotations
@@ -11,8 +10,6 @@ from __future__ import annotations
 from itertools import product
 from math import ceil
 from typing import NamedTuple
-
-from msgspec.structs import replace
 
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
@@ -33,8 +30,6 @@ from gateway.protocols.base.driver import BY_HAND
 STEP = 2.0
 #: Seconds; an older position does not say where a motion begins.
 OLD_POSITION = 6.0
-#: Seconds for which the effect of tracking is calculated.
-TRACKING_AHEAD = 60.0
 
 
 class Start(NamedTuple):
@@ -114,7 +109,7 @@ def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Eq
 
 
 class HandAdmission:
-    """Admits motions by hand, guide pulses, and turning on tracking."""
+    """Admits motions by hand, and guide pulses."""
 
     def __init__(self, mount: Context, ask: Readings, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
@@ -146,18 +141,6 @@ class HandAdmission:
             motion, degrees = as_motion(pulse)
             start = start._replace(suns=tuple(sun for sun in start.suns if sun.confirmed))
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
-
-    async def check_tracking(self) -> None:
-        """Raises BelowHorizon, TooHigh or PastMeridian if turning on tracking would lead (farther) beyond a limit."""
-        mount, start = self._mount, await self._start()
-        if start is None or start.status.tracking is not op.Tracking.OFF or mount.movement.anything:
-            return
-        # over the horizon it goes west, whatever turns the tube, and no Sun is nearer on the sky
-        start = start._replace(status=replace(start.status, equatorial=True), suns=())
-        try:
-            check_turns(mount, mount.policy.limits, start, {1: SIDEREAL_RATE * TRACKING_AHEAD})
-        except Fault as fault:
-            raise type(fault)(f"{fault} Tracking stays off, because it would lead further beyond the limit.") from None
 
     async def _check(
         self, limits: Limits, start: Start, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]

@@ -1,7 +1,7 @@
 """Admission: decides before a motion whether it is allowed, and in which form this mount can carry it out.
 
 A held mount may not be moved at all. Otherwise this checks the target of every goto, park and home, and the paths to it
-(``slew_paths.py``); motion by hand, guide pulses and tracking (``by_hand.py``); and syncs (``syncs.py``). ``watch.py``
+(``slew_paths.py``); motion by hand and guide pulses (``by_hand.py``); and syncs (``syncs.py``). ``watch.py``
 watches motion that has begun.
 """
 
@@ -90,8 +90,6 @@ class MotionAdmission:
             await self._by_hand.check(operation)
         elif isinstance(operation, op.Pulse | op.PulseAxis):
             await self._by_hand.check_pulse(operation)
-        elif isinstance(operation, op.SetTracking) and operation.on:
-            await self._by_hand.check_tracking()
         elif isinstance(operation, op.Park | op.Home):
             try:
                 await self._check_park_or_home(operation)
