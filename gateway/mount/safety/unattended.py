@@ -200,16 +200,11 @@ class SunAhead:
         before, self.warning = self.warning, ""
         if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
             return
-        resting, tracking = self._find(position, tracks=False), self._find(position, tracks=True)
-        if not (resting or tracking):
-            return
-        status, age = mount.cache.value(op.GetStatus), mount.cache.age(op.GetStatus, now)
-        if status is None or age > AGAIN:  # without programs nobody asks whether it tracks
-            self._reader.shared(op.GetStatus())
+        status = mount.cache.value(op.GetStatus)
         if status is None or not status.aligned:
             self._next_check = now + SOON
             return
-        self.warning = resting if status.tracking is op.Tracking.OFF else tracking
+        self.warning = self._find(position, tracks=status.tracking is not op.Tracking.OFF)
         if self.warning and not before:
             mount.note(f"WARNING: {self.warning}")
 

@@ -212,7 +212,6 @@ async def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         assert bridge.sim.high
         bridge.sim.high = False  # off and on between two questions
-        await asyncio.sleep(1)
         await bridge.client().ask(b"e")
         await asyncio.sleep(1)
         assert bridge.sim.high
