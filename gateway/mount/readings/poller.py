@@ -1,8 +1,8 @@
 """Keeps readings fresh: renews what clients poll and what the limits need before it becomes stale.
 
 Each kind of read has its own task, so that none delays another: while anything moves, the position is read at least
-twice a second if the line is fast enough, and so it is at rest if motion at the mount's own keys ends at a limit.
-Otherwise, without clients, there is one heartbeat every few seconds.
+twice a second if the line is fast enough. Without clients there is one heartbeat every few seconds, and more where the
+mount's own keys could turn it to a limit meanwhile.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
 
-#: Seconds between two position reads that no client asked for.
+#: Seconds between two position reads that no client asked for, at most.
 HEARTBEAT = 5.0
 #: Seconds between reads of the mount's own clock and site, in turn: a person may change them at its keys. Without
 #: clients they are read less often, but they are: the limits, and the next client, depend on them.
@@ -97,14 +97,14 @@ class Poller:
             if kind is op.Position:
                 await self._heartbeat(self._context.now())
                 pause = min(
-                    self._pause(kind, self._context.now()), HEARTBEAT - self._cache.age(kind, self._context.now())
+                    self._pause(kind, self._context.now()), self._period - self._cache.age(kind, self._context.now())
                 )
             self._cache.due[kind].clear()
             await self._cache.due[kind].within(max(0.005, pause))
 
     async def _heartbeat(self, now: float) -> None:
         """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
-        if self._cache.age(op.Position, now) >= HEARTBEAT:
+        if self._cache.age(op.Position, now) >= self._period:
             await self.renew(op.Position)
         self._renew_site(now)
         clock = self._context.site_clock.mount_clock
@@ -118,6 +118,11 @@ class Poller:
             if known is not None:
                 self._read_task = self._context.tasks.spawn(self.renew(self._next_kinds[0]))
 
+    @property
+    def _period(self) -> float:
+        """Seconds between two positions that no client asked for."""
+        return min(HEARTBEAT, max(POLL_PERIOD[op.Position], self._watch.look_within))
+
     def _renew_site(self, now: float) -> None:
         """Read the site of a mount that keeps its own often: its owner may set it and continue at once."""
         keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
@@ -129,7 +134,7 @@ class Poller:
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
-        if kind is op.Position and (self._watched or self._watch.ends_owners_motion):
+        if kind is op.Position and self._watched:
             return True
         if kind is op.AxisPosition and now - self._failed[kind] > AXES_AGAIN and self._watch.hour_angle.interval:
             return True

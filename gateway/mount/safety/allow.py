@@ -19,7 +19,7 @@ from msgspec import Struct
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.mount.motion.seen import Observed
+from gateway.mount.motion.seen import Observed, PositionSample
 from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 
@@ -266,11 +266,15 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     last, timing = view.observed.last, view.timing
     if last is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
         return Verdict()
-    rooms = [distance - view.sun for distance in last.suns]
-    rooms += [room for altitude in last.altitudes for room in inside(view.limits, altitude)]
-    nearest = min(room for room in (180.0, *rooms) if room > 0.0)
+    nearest = min(room for room in rooms_around(last, view.limits, view.sun) if room > 0.0)
     seconds = nearest / speed - timing.to_stop - (now - last.at)
     return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
+
+
+def rooms_around(last: PositionSample, limits: Limits, sun: float) -> list[float]:
+    """Return the degrees from a position up to each altitude limit, and up to the circle round each Sun."""
+    rooms = [room for altitude in last.altitudes for room in inside(limits, altitude)]
+    return [180.0, *rooms, *(distance - sun for distance in last.suns)]
 
 
 def inside(limits: Limits, altitude: float) -> Pair:

@@ -35,6 +35,7 @@ from gateway.mount.safety.allow import (
     allow,
     farthest,
     first_stretch,
+    rooms_around,
 )
 from gateway.mount.safety.hour_angle import HourAngleWatch
 from gateway.mount.site.pending_settings import SKY
@@ -57,6 +58,8 @@ WATCH_CLOSELY = 3.0
 ASTRAY = 3.0 + APART / 2.0
 #: Degrees a second on the sky: guide pulses move the tube less, also at the pole, where right ascension changes fast.
 GUIDES = 0.01
+#: The speed at which two axes together move the tube, as a multiple of that of one.
+BOTH_AXES = 1.42
 #: Seconds after a goto in which the mount may still settle.
 SETTLES = 2.0
 #: Seconds; setting the clock by more than this changes the sky.
@@ -128,11 +131,15 @@ class LimitWatch:
         return self.others.begins
 
     @property
-    def ends_owners_motion(self) -> bool:
-        """Whether motion at the mount's own keys ends at a limit, which somebody wrote, or near the risen Sun."""
-        limits = self._mount.policy.limits
-        written = limits.at_keys != (-90.0, 90.0) or limits.hour_angle is not None
-        return written or bool(self._mount.suns.to_avoid())
+    def look_within(self) -> float:
+        """Seconds after which a position is needed: from rest, the mount's own keys may turn it to a limit that ends
+        their motion, and the mount must be seen first.
+        """
+        mount, last = self._mount, self.observed.last
+        if last is None or self.hour_angle.watched:
+            return 0.0
+        nearest = min(rooms_around(last, mount.policy.limits.for_keys(), mount.suns.limit))
+        return nearest / (BOTH_AXES * mount.fastest) - mount.timing.reaction
 
     @property
     def fastest(self) -> float:
