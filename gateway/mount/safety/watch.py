@@ -139,7 +139,7 @@ class LimitWatch:
         if last is None or self.hour_angle.watched:
             return 0.0
         nearest = min(rooms_around(last, mount.policy.limits.for_keys(), mount.suns.limit))
-        return nearest / (BOTH_AXES * mount.fastest) - mount.timing.reaction
+        return nearest / (BOTH_AXES * mount.driver.speed(FASTEST)) - mount.timing.reaction
 
     @property
     def fastest(self) -> float:
