@@ -39,8 +39,7 @@ class Geometry(NamedTuple):
     A fork on a wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
     counterweight down and its tube at that pole. The motors turn the same way in both hemispheres: positive on axis 1
     is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount towards
-    the elevated pole. ``flipped`` is the second way to point in the same direction: the tube has been driven through
-    the pole, or through the zenith.
+    the elevated pole. ``flipped`` is the second way to point in the same direction: through the pole or the zenith.
     """
 
     build: Build

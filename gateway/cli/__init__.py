@@ -17,8 +17,7 @@ from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
 INFORMATION_FLAGS = ("-h", "--help", "--version")
-#: Flags that may have no value -> the values that may also follow as a word of their own; their meaning without a
-#: value.
+#: Flags that may have no value -> the values that may follow as a word; their meaning without a value.
 _LOG_FILTERS = ("program", "mount", "changes", "refusals")
 LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
 CHOICES_OF_BARE_FLAGS = {"--log": LOG_VALUES, "--read-only": ("all", "true")}

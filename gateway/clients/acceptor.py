@@ -24,8 +24,7 @@ from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Connected
 
 INHERIT_TIME = 60.0
-#: Seconds for which a client on a serial line, or a client that connects for each command, counts as present when
-#: silent.
+#: Seconds for which a silent client counts as present on a serial line, or if it connects for each command.
 PRESENCE_TIME = 10.0
 
 

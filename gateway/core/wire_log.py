@@ -102,9 +102,7 @@ class WireLog:
             self.note(side, text)
 
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
-        """Record that a client's command was refused; with ``once_of`` (a host), only the first of several texts that
-        differ only by numbers.
-        """
+        """Record a refusal; with ``once_of`` (a host), only the first of several texts that differ by numbers."""
         self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
         if self.on_refusal is not None and text != self._refused_last:

@@ -44,7 +44,7 @@ class RecordedSides:
                 waiting.append(line)
                 continue
             elif waiting is not None and line.arrow == "~":
-                protocol = self._speaks(side, line.data)
+                self.protocols[side] = protocol = line.data.split(b",")[0].decode()  # as in ``nexstar, and why``
                 yield line
                 yield from waiting
                 held[side] = []
@@ -57,11 +57,6 @@ class RecordedSides:
             yield line
         for waiting in held.values():
             yield from waiting
-
-    def _speaks(self, side: str, data: bytes) -> str:
-        """Register the recognised protocol of a connection, as in ``nexstar, and why``, and return it."""
-        self.protocols[side] = protocol = data.split(b",")[0].decode()
-        return protocol
 
     def protocol(self, side: str) -> str:
         """Return a connection's protocol; the mount's if it was connected before the recording began."""

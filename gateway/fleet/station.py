@@ -46,8 +46,7 @@ class Orders:
     """The orders for one mount, of the ``allowed`` kinds, under the same limits and rules as those of any user.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``doubt`` returns the reason why only stops are obeyed now; empty if all
-    orders are.
+    be carried out again at every connection. ``doubt`` returns why only stops are obeyed now; empty if all orders are.
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:

@@ -1,7 +1,6 @@
 """The only list of protocols: a protocol is a folder here, a folder under ``mappings/``, and one entry in the list.
 
-All other code reads this list and names no protocol. By default the first protocol is presented to clients and the
-second one is driven.
+All other code reads this list and names no protocol. By default clients get the first, and the second is driven.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Room for a limited number of connections, shared among the addresses that they come from.
 
-One address gets at most three quarters of the places, this computer all. The last places are for an address that has
-none, so that a stop gets in.
+One address gets at most three quarters of the places, this computer all. The last are for an address without any.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """``BlockingMount``: the methods of ``Mount`` for programs without an event loop. Each method waits for its result.
 
 The gateway runs on an event loop in a thread of its own, so it serves other programs while this one waits or
-calculates. The signatures are derived from ``Mount``, so that type checkers know them. Several threads may use one
-mount.
+calculates. The signatures are derived from ``Mount``, for type checkers. Several threads may use one mount.
 """
 
 from __future__ import annotations

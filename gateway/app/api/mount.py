@@ -26,8 +26,7 @@ from gateway.core.operations import AnswerT
 Send = Callable[[requests.Request, float], Awaitable[requests.Answer]]
 #: Seconds between two questions whether a motion has ended, and whether the mount has answered.
 PROGRESS_PERIOD, STATE_RETRY_PERIOD = 0.25, 0.1
-#: Seconds that a mount may take to identify itself, and without an answer of it after which its motion is not waited
-#: for any longer.
+#: Seconds that a mount may take to identify itself, and without an answer after which its motion is given up.
 IDENTIFY_TIMEOUT, SILENCE_TIMEOUT = 20.0, 10.0
 #: What to look at if a mount is silent.
 CABLE_ADVICE = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."

@@ -1,8 +1,7 @@
 """The user's settings: on the command line or in ``gateway.toml``, under the same names.
 
 A key is declared and described once, in ``keys.py`` or ``tables.py``: the parser, the flag, ``--help``, the example and
-the table of docs/configuration.md are all derived from that. Every mistake is reported in one line that says where it
-is and what would be right.
+the table of docs/configuration.md are derived from that. Mistakes are reported in one line: where, and what is right.
 """
 
 from __future__ import annotations

@@ -118,9 +118,7 @@ def shown(protocol: str, model: str | None = None, version: str | None = None) -
 
 
 def parse_endpoint(text: str, of: str = "") -> Endpoint:
-    """Parse an endpoint, ``of`` a ``mount`` or a ``surface`` if that is known. Raises UserError for an unknown
-    protocol, model or version.
-    """
+    """Parse an endpoint, ``of`` a ``mount`` or a ``surface`` if known. Raises UserError for what does not exist."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
@@ -270,9 +268,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
 
 def _angle(text: str, sides: str) -> float | None:
-    """Return the degrees of an angle written as on maps, with one of two ``sides`` (the positive one first); None if it
-    is not an angle.
-    """
+    """Return the degrees of an angle as on maps, with one of two ``sides`` (positive first); None for no angle."""
     match = _MAP_COORDINATE.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None

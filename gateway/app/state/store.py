@@ -76,8 +76,7 @@ class StateStore:
         self._simulated = where == "sim"
         self._marker_base, self.in_thread = marker_base, in_thread
         self._warn, self._warned = warn, False
-        #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if there is
-        #: none.
+        #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if none.
         self.other_gateway = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""

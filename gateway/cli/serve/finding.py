@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 #: Seconds until the first bytes (a hand control's worst case), until the first valid reply once bytes came, and until
 #: the mount is identified.
 REPLY_WAIT, VALID_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
-#: Seconds from the start until the gateway gives up a port that opens and stays silent: some hand controls take 25 s to
-#: start.
+#: Seconds from the start until a silent port is given up: some hand controls take 25 s to start.
 SEARCH_TIMEOUT = 40.0
 #: Seconds after which a mount that has reported its position is served though it is not identified yet: one whose model
 #: the user has named, and any other.

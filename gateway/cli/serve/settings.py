@@ -47,8 +47,7 @@ _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
 KEY_SURFACES = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
-#: Tables with flags of their own: the title of the group, and the key of each flag. Their other keys can only be set in
-#: the file.
+#: Tables with flags of their own: the title of the group, and the key of each flag. Other keys are in the file only.
 TABLE_FLAGS = {
     "console": ("the console, a page in the browser", {"console": "at"}),
     "mqtt": (

@@ -17,8 +17,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from typing import TypeVar
 
 _T = TypeVar("_T")
-#: Two SIGINTs within this time (seconds) count as one: a wrapper that passes Ctrl-C on delivers it twice, a user is
-#: slower.
+#: Two SIGINTs within this time (seconds) count as one: a wrapper that passes Ctrl-C on delivers it twice.
 DOUBLE_PRESS_TIME = 0.1
 #: What Windows reports: the terminal's window is closed, the user logs off, the computer shuts down.
 WINDOWS_CLOSE_EVENTS = (2, 5, 6)

@@ -17,19 +17,9 @@ from msgspec import Struct
 
 from gateway.clients.access import Rights
 from gateway.clients.profiles import SurfaceBinding
+from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import HAND_MOTIONS, MOVERS, begins_motion, ends_focus
-from gateway.core.operations import (
-    AbortSlew,
-    ClockFromGps,
-    Move,
-    MoveAxis,
-    NativeRequest,
-    Operation,
-    Read,
-    StopAxis,
-    Sync,
-)
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
@@ -48,8 +38,7 @@ from gateway.protocols.base.wants import (
     ReuseLastReading,
 )
 
-#: Used as a count of stops: sent before all of them, by a client that may be gone. Such a command begins no motion and
-#: keeps none alive.
+#: Used as a count of stops: sent before all of them. Such a command begins no motion and keeps none alive.
 NO_DEADLINE = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
@@ -75,7 +64,7 @@ class Turn(Struct, eq=False):
     stops: int
     ending: UrgentEnd | None
     arrived: float
-    readings: list[type[Operation]] = []
+    readings: list[type[op.Operation]] = []
     reusable: bool = True
     ended_motion: bool = False
     lasting: bool = False
@@ -134,7 +123,7 @@ class Inbox(deque[Turn]):
             self._log.put("x", turn.frame, f"cancelled by {by!r}, which arrived before its turn")
 
 
-Kinds = list[type[Operation]]
+Kinds = list[type[op.Operation]]
 
 #: Different commands whose replies are cached.
 MAX_CACHED_REPLIES = 32
@@ -178,17 +167,17 @@ class BackgroundOperations:
 
     def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
         self._controller, self._log, self._activity = controller, log, activity
-        self._operations: dict[asyncio.Future[None], Operation] = {}
+        self._operations: dict[asyncio.Future[None], op.Operation] = {}
 
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def start(self, operation: Operation, stops: int, asked: float) -> None:
+    def start(self, operation: op.Operation, stops: int, asked: float) -> None:
         """Start an operation without a reply, which the client ``asked`` for then; a failure goes to the wire log."""
         controller = self._controller
         if isinstance(operation, MOVERS) and stops != controller.stops:  # a stop came since, or the client is gone
             return
-        halts = isinstance(operation, StopAxis | AbortSlew)
+        halts = isinstance(operation, op.StopAxis | op.AbortSlew)
         if halts and controller.reconciler.halt_is_pending(operation):
             return
         ends = halts or ends_focus(operation)
@@ -201,12 +190,12 @@ class BackgroundOperations:
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
-    def _failed(self, operation: Operation, fault: Fault) -> None:
+    def _failed(self, operation: op.Operation, fault: Fault) -> None:
         self._log.refused(fault.of(operation.title()))
 
 
 #: An operation that takes minutes by its manual and ends with the next command: its reply may take until then.
-LASTING = ClockFromGps
+LASTING = op.ClockFromGps
 
 
 class TurnRunner:
@@ -227,9 +216,9 @@ class TurnRunner:
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
         #: By kind: the last reading as it was sent, when, and the version at that time.
-        self._sent: dict[type[Operation], tuple[object, float, int]] = {}
+        self._sent: dict[type[op.Operation], tuple[object, float, int]] = {}
 
-    def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> Operation:
+    def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> op.Operation:
         """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
         while True:
             if fault is not None:
@@ -254,7 +243,7 @@ class TurnRunner:
                     answer = self._recent_reading(wanted, turn)
                     if answer is not None:
                         continue
-                if not isinstance(wanted, Read):
+                if not isinstance(wanted, op.Read):
                     fault = self._refusal(wanted, turn.arrived)
                     if fault is None:
                         return wanted
@@ -265,11 +254,11 @@ class TurnRunner:
                     return wanted
                 if type(wanted) in MAX_AGE:
                     turn.readings.append(type(wanted))
-                elif not (isinstance(wanted, NativeRequest) and wanted.keep == "fixed"):
+                elif not (isinstance(wanted, op.NativeRequest) and wanted.keep == "fixed"):
                     turn.reusable = False
                 answer = self._to_client(wanted, value)
 
-    async def finish(self, turn: Turn, wanted: Operation) -> bytes | None:
+    async def finish(self, turn: Turn, wanted: op.Operation) -> bytes | None:
         """Wait for each operation of the command until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
@@ -281,7 +270,7 @@ class TurnRunner:
                 answer = self._to_client(wanted, value)
             except Fault as error:
                 text = error.of(wanted.title())
-                (self._log.note if isinstance(wanted, Read) else self._log.refused)(text)
+                (self._log.note if isinstance(wanted, op.Read) else self._log.refused)(text)
                 fault = error
             try:
                 wanted = self.advance(turn, answer, fault)
@@ -291,21 +280,21 @@ class TurnRunner:
 
     # --- requested operations ----------------------------------------------------------------------------------------
 
-    def _start(self, turn: Turn, operation: Operation) -> None:
+    def _start(self, turn: Turn, operation: op.Operation) -> None:
         """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
         turn.reusable = False
         if self._refusal(operation, turn.arrived):
             return
-        turn.ended_motion = isinstance(operation, StopAxis | AbortSlew)
+        turn.ended_motion = isinstance(operation, op.StopAxis | op.AbortSlew)
         if turn.ending is None or operation != turn.ending.operation:
             self.background.start(self._to_internal(operation), turn.stops, turn.arrived)
-        if turn.held is not None and isinstance(operation, Move | MoveAxis):
-            self.background.start(StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
+        if turn.held is not None and isinstance(operation, op.Move | op.MoveAxis):
+            self.background.start(op.StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
 
-    def _refusal(self, operation: Operation, arrived: float) -> Fault | None:
+    def _refusal(self, operation: op.Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
-        moves = begins_motion(operation) or isinstance(operation, Sync)  # never after its reply is too late
+        moves = begins_motion(operation) or isinstance(operation, op.Sync)  # never after its reply is too late
         if late > MAX_START_DELAY and (isinstance(operation, HAND_MOTIONS) or (late > MOUNT_TIMEOUT and moves)):
             self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
             return Busy(STARTED_TOO_LATE)
@@ -314,7 +303,7 @@ class TurnRunner:
             self._log.refused_once(f"{operation.title()} refused: {refusal.why}")
         return None if refusal is None else refusal.fault
 
-    def _impossible(self, operation: Operation) -> Fault | None:
+    def _impossible(self, operation: op.Operation) -> Fault | None:
         """Return the fault if the operation is impossible now, and log it."""
         fault = self._controller.impossible(operation)
         if fault is not None:
@@ -323,7 +312,7 @@ class TurnRunner:
 
     # --- answers -----------------------------------------------------------------------------------------------------
 
-    def _recent_reading(self, operation: Operation, turn: Turn) -> object:
+    def _recent_reading(self, operation: op.Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
         value, at, version = self._sent.get(type(operation), (None, -inf, 0))
         if self._controller.now() - at >= COORDINATE_PAIR_WINDOW:
@@ -334,19 +323,19 @@ class TurnRunner:
             turn.reusable = False
         return value
 
-    def _to_client(self, operation: Operation, value: object) -> object:
+    def _to_client(self, operation: op.Operation, value: object) -> object:
         if self.equinox is not None:
             value = self.equinox.to_client(operation, value)
         if type(operation) in MAX_AGE:
             self._sent[type(operation)] = value, self._controller.now(), self._controller.version
         return value
 
-    async def reading(self, operation: Operation) -> object:
+    async def reading(self, operation: op.Operation) -> object:
         """Return a reading in this client's form, for a subscription. Raises Fault."""
         value: object = await self._controller.answer(self._to_internal(operation), self._activity)
         return value if self.equinox is None else self.equinox.to_client(operation, value)
 
-    def _to_internal(self, operation: Operation) -> Operation:
+    def _to_internal(self, operation: op.Operation) -> op.Operation:
         return operation if self.equinox is None else self.equinox.to_internal(operation)
 
     # --- deferred commands -------------------------------------------------------------------------------------------

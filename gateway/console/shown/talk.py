@@ -1,8 +1,7 @@
 """The conversation with clients and mount as rows for the pages: bytes, their meaning, and which rows belong together.
 
 A client's command gets a number; the exchanges with the mount until it is answered, and the reply, have the same
-number. Entries are collected only while a page shows them, and are made into rows later, not in the call that logs
-them.
+number. Entries are collected only while a page shows them, and are made into rows later, not while logging.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Identify a mount with the driver and the mount link that the gateway would use for it.
 
-The commands listed as answered were sent to this mount, and it answered them; the tables list those that its model
-should have.
+The commands listed as answered were sent to this mount, and it answered; the tables list those of its model.
 """
 
 from __future__ import annotations

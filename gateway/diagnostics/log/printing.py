@@ -2,8 +2,7 @@
 
 A query that repeats is shown once, then counted. Only queries are ever left out, and only while their replies bring
 nothing new: positions and clocks may change, any other change is shown. Commands that move or set something, failures
-and notes are always shown, and so is the next query after each of them. A program that reconnects for every query
-counts as one connection.
+and notes are always shown, and so is the next query after each. A program that reconnects counts as one connection.
 """
 
 from __future__ import annotations

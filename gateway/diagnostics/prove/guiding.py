@@ -12,8 +12,7 @@ from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, 
 
 #: Pulses in each direction, seconds of each, and seconds between two.
 PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
-#: Exchanges that a pulse takes on an alt-az mount at most; seconds of an exchange with which pulses are timed well
-#: enough.
+#: Exchanges that a pulse takes on an alt-az mount at most; seconds of an exchange that times pulses well.
 EXCHANGES_PER_PULSE, QUICK_TIME = 16, 0.15
 #: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
 MAX_DELAY = PULSE_SECONDS / 8.0

@@ -28,8 +28,7 @@ from gateway.diagnostics.prove.findings import (
 from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP
 
-#: The keys of the hand control, by whose numbers programs name the rates; of several with the same speed the last is
-#: tried.
+#: The keys of the hand control, by whose numbers programs name the rates; the last of the same speed is tried.
 KEYS: Sequence[int] = range(9, 0, -1)
 #: The parts of a rate by which it may be off: measured between readings, of small gotos one after the other, and by
 #: the whole way of a short motion.
@@ -131,9 +130,7 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 def rate_finding(
     what: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
 ) -> Finding:
-    """Return the finding on a rate; ``distance`` is how far the axis turned, ``least`` the distance below which it
-    shows nothing.
-    """
+    """Return the finding on a rate; ``distance`` is how far the axis turned, which shows nothing below ``least``."""
     measured, assumed = rate_text(rate), rate_text(speed)
     if distance <= least:
         if speed * MAX_SECONDS > 2.0 * least:
@@ -165,9 +162,7 @@ def direction_finding(pair: tuple[Direction, Direction], turned_round: list[bool
 
 
 def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:
-    """Return the finding on how far the tube runs on after a stop, by rates and degrees; the gateway assumes
-    ``run_on_time`` seconds.
-    """
+    """Return the finding on the run-on after a stop, by rates and degrees; ``run_on_time`` seconds are assumed."""
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)

@@ -4,8 +4,7 @@ A frame is ``bytes``, one whole command. Two subclasses carry more: ``Unterminat
 lost, which is never carried out because its argument may be incomplete, and ``Suspect``, a command that arrived
 together with an unterminated command, which is answered but may not begin a motion. A framer receives the time with the
 bytes, because a pause may be all that separates two commands: in a protocol of fixed lengths it drops bytes that begin
-no command, with all that arrive with them, and half a command whose rest is late. It never buffers more than one
-command.
+no command, with all that arrive with them, and half a command whose rest is late. It buffers one command at most.
 """
 
 from __future__ import annotations

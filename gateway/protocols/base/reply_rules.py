@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
 from gateway.core import errors
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
@@ -91,9 +91,18 @@ class ReplyRules(Replies, Protocol):
     closing: bytes
     padding: bytes
 
+    def as_written(self, command: str, reply: bytes) -> bytes:
+        """Return a reply as the mount writes it: by default in the only notation of the protocol."""
+        return reply
+
+    def encode(self, ask: Send) -> bytes:
+        """Return the bytes of a request. Raises Refused for a value that the field cannot hold."""
+        try:
+            return self.protocol.commands[ask.command].request.encode(ask.values)
+        except ValueError as error:
+            raise Refused(str(error)) from None
+
     def expected(self, ask: Send) -> Expected: ...
     def ambiguous_with(self, sent: Send, other: Send) -> bool: ...
-    def as_written(self, command: str, reply: bytes) -> bytes: ...
-    def encode(self, ask: Send) -> bytes: ...
     def resync_commands(self, number: int) -> Iterator[Send]: ...
     def is_resync_reply(self, ask: Send, values: Values) -> bool: ...

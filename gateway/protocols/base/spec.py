@@ -119,9 +119,7 @@ class NightRows(Struct, frozen=True):
 
 
 def part(module: str, name: str) -> Callable[..., Any]:
-    """Return a factory for a part of a protocol. The first call imports its module, because every start reads the
-    specifications of all protocols.
-    """
+    """Return a factory for a part of a protocol, whose module the first call imports: every start reads all specs."""
     return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)
 
 

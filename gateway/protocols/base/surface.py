@@ -26,8 +26,7 @@ from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
 #: The reply that some protocols give whether or not the command was carried out.
 ACKNOWLEDGED = b"#"
-#: What a row's ``call`` names, called with session, command and values: returns the reply's values, or is a generator
-#: that returns them.
+#: What a row's ``call`` names, called with session, command and values: returns or generates the reply's values.
 Handler = Callable[..., object]
 
 
@@ -51,8 +50,7 @@ class Surface:
         self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
         #: The session class of this protocol.
         self.session: type[Session] = Session
-        #: Whether the mount speaks the same protocol: commands that the gateway does not handle are then passed on
-        #: unchanged, if ``passes`` allows it.
+        #: Whether the mount speaks the same protocol: other commands are then passed on, if ``passes`` allows it.
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether the mount's answer would contradict an earlier answer to this client.

@@ -2,8 +2,7 @@
 
 The table holds the length of every opcode of any hand control, even if the presented one lacks it, so that its data
 bytes are never read as commands. Stray bytes that programs are known to send are dropped one by one. Any other byte
-that begins no command drops everything after it until the line has been quiet for 0.1 s. A partial command is dropped
-after one second of quiet.
+that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet.
 
 Bytes that arrive within another three seconds may be the end of that command, which must move nothing, or a new
 command. They wait until the line has been quiet for 0.1 s; then the length decides. Bytes that are exactly the missing
@@ -27,8 +26,7 @@ END_WITHIN = 3.0
 LONGEST = 18
 #: Bytes that programs send around their commands: terminators, line ends, padding, ``?`` to wake the oldest mounts.
 STRAY = frozenset(b"#? \r\n\0")
-#: Lengths of later hand controls' opcodes, as programs send them; the gateway does not answer these. That of ``c`` is
-#: not known.
+#: Lengths of later hand controls' opcodes, which the gateway does not answer. That of ``c`` is not known.
 UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 #: Extra bytes that some programs send right after a command, and at most how many: a number after ``y``, the mode that
 #: belongs to ``T`` after ``t``, and four digits too many after a ``B`` below the horizon.

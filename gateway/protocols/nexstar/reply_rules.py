@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
-from gateway.core.errors import Fault, Garbled, NoDevice, Refused
+from gateway.core.errors import Fault, Garbled, NoDevice
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, answer_kind
+from gateway.protocols.base.reply_rules import Expected, ReplyRules, answer_kind
 from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -55,7 +55,7 @@ def _reply(command: str) -> _Reply:
     return _Reply(template, template.width, longest, passed_through, other)
 
 
-class NexStarReplyRules:
+class NexStarReplyRules(ReplyRules):
     """The reply rules of the NexStar protocol (see ``protocols/base/reply_rules.py``)."""
 
     protocol: CommandSet = PROTOCOL
@@ -69,17 +69,6 @@ class NexStarReplyRules:
         """Whether the replies to two commands could be confused. Only their lengths distinguish them."""
         first, second = _reply(sent.command), _reply(other.command)
         return first.width <= second.longest and second.width <= first.longest
-
-    def as_written(self, command: str, reply: bytes) -> bytes:
-        """Return the reply unchanged: all hand controls use the same format."""
-        return reply
-
-    def encode(self, ask: Send) -> bytes:
-        """Return the request bytes. Raises Refused for a value that the field cannot hold."""
-        try:
-            return self.protocol.commands[ask.command].request.encode(ask.values)
-        except ValueError as error:
-            raise Refused(str(error)) from None
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply (or fault) at the start of the buffer and its length; None while it is incomplete.

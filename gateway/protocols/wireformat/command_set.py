@@ -31,9 +31,7 @@ AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of a protocol, or of a ``dialect`` of it. The commands and models are loaded at once, the other
-    tables when first used.
-    """
+    """The tables of a protocol, or of a ``dialect`` of it: commands and models at once, the others when needed."""
 
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect

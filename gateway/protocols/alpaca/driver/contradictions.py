@@ -17,8 +17,7 @@ from gateway.protocols.base.driver import Remark, Steps
 HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
 #: Degrees by which refraction raises what stands 30 degrees high.
 REFRACTION = 0.03
-#: Degrees by which an arrow must have moved the tube, and the least speed, degrees a second; near a pole it tells
-#: nothing.
+#: Degrees by which an arrow must have moved the tube, and the least speed, degrees a second; not near a pole.
 MOVED, SLOWEST, NEAR_POLE = 0.1, 0.05, 80.0
 WAYS = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
 

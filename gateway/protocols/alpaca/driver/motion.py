@@ -4,8 +4,7 @@ A motor's positive sense is west on the first axis (east in the south) and lifts
 German mount is reversed on the west side of the pier. ``MoveAxis`` is assumed to count the same way until a motion
 shows that it does not. A stop sends rate 0 to both axes besides ``AbortSlew``, which in older servers ends gotos only.
 Some servers also stop tracking then, so the driver reads it after every motion. On some servers the rate of
-``MoveAxis`` replaces tracking, on others it is added to it; so for slow motion tracking is turned off, and each axis
-gets the sum of both.
+``MoveAxis`` replaces tracking, on others it is added; so slow motion is with tracking off, and the sum of both.
 """
 
 from __future__ import annotations

@@ -109,9 +109,7 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
 
 
 def _begin(mount: AlpacaDriver, steps: Steps, then: str | None = None, side: str = "") -> Steps:
-    """Begin a goto, to this side of the pier if that is known. One that is given up is ended as well: the server may
-    only begin it after that.
-    """
+    """Begin a goto, to this side of the pier if known. If given up it is ended as well: it may begin after that."""
     try:
         yield from mount.begin_goto(GotoUnderWay(then=then), steps, _slews)
     except NoAnswer:
@@ -209,9 +207,7 @@ def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
-    """End a goto or a motion by hand before a newer goto begins, and wait until the mount stands still: until then some
-    servers refuse it.
-    """
+    """End a goto or a motion by hand before a newer goto, and wait for the rest that some servers need for it."""
     moves = bool(mount.moving) or mount.goto is not None
     for axis in sorted(mount.moving):
         yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})

@@ -1,8 +1,7 @@
 """How requests to an Alpaca telescope look as lines, and what its answers mean.
 
 HTTP shows which answer belongs to which request and that it is complete, so no answer is verified by a second request.
-If a telescope is no longer connected to its server, the line counts as lost: the telescope is connected again before
-any other request.
+If a telescope is no longer connected to its server, the line counts as lost until it is connected again.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from gateway.core.errors import Fault, Invalid, NoAnswer, Refused
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.tables import NotConnected, Parked, Untold, numbers
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected
+from gateway.protocols.base.reply_rules import Expected, ReplyRules
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.fields import CODECS
@@ -28,8 +27,8 @@ TIMEOUT, ORDER_GIVES_WAY = 5.0, 0.3
 ANYTHING, INVALID = 1, 0x401
 
 
-class AlpacaReplyRules:
-    """The ``ReplyRules`` of an Alpaca telescope. They remember whether its last answer showed it connected."""
+class AlpacaReplyRules(ReplyRules):
+    """The rules of an Alpaca telescope. They remember whether its last answer showed it connected."""
 
     protocol: CommandSet = load("alpaca")
     #: Half a request never arrives: a blank line before an owed stop means nothing, and spares the wait for its end.
@@ -44,16 +43,6 @@ class AlpacaReplyRules:
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
         return False
-
-    def as_written(self, command: str, reply: bytes) -> bytes:
-        return reply
-
-    def encode(self, ask: Send) -> bytes:
-        """Return the line of a request. Raises Refused for a value that the field cannot hold."""
-        try:
-            return self.protocol.commands[ask.command].request.encode(ask.values)
-        except ValueError as error:
-            raise Refused(str(error)) from None
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the answer that begins the buffer and its length; None while it is incomplete.

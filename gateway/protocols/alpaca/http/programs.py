@@ -161,9 +161,7 @@ class Device:
 
 
 async def _arrival(extra: AlpacaClient) -> str:
-    """Wait for the end of the goto; return the reason if it ended before its goal. Other requests of the program are
-    answered meanwhile.
-    """
+    """Wait for the end of a goto, answering its other requests; return the reason if it ended before its goal."""
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST
     try:

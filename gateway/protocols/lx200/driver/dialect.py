@@ -27,9 +27,7 @@ GLANCE = 0.5
 
 
 def read_report(mount: Lx200Driver, status_request: Send | None = None) -> Steps:
-    """Send ``status_request``, by default :GU or :GW, and return the report; a recent report is used again if nothing
-    was ordered since.
-    """
+    """Return the report by ``status_request``, :GU or :GW; a recent one if nothing was ordered since it came."""
     if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
         answer = (yield status_request) if status_request is not None else (yield from ask(mount, form["command"]))

@@ -1,8 +1,7 @@
 """Tracking, drive rates, and accessories: smart drive (PEC), backlash, focuser.
 
 Commands for drive rates have no reply, so the displayed frequency is read back; a guide rate cannot be read back.
-Tracking is only turned off on telescopes that report their status (:GW#), because on others this begins a new
-alignment.
+Tracking is only turned off on telescopes that report it (:GW#): on others this begins a new alignment.
 """
 
 from __future__ import annotations

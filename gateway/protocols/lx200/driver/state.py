@@ -9,21 +9,9 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.motion_kinds import MOVERS
-from gateway.core.operations import (
-    Abilities,
-    Equatorial,
-    Identity,
-    NativeRequest,
-    Operation,
-    Pulse,
-    PulseAxis,
-    Rate,
-    Sync,
-    Tracking,
-    TrackRate,
-)
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, ModelSpeeds, nearest
@@ -54,7 +42,7 @@ class Lx200GotoState(GotoUnderWay):
     quiet: int = 0
     read: float = 0.0
     moved: float = 0.0
-    place: Equatorial | None = None
+    place: op.Equatorial | None = None
 
 
 class ControllerReport(Struct, frozen=True):
@@ -113,9 +101,9 @@ class Lx200Driver(Driver):
         #: Whether it only tells where a telescope points that is pushed by hand.
         self.pushed = False
         self.aligned = True
-        self.tracking = Tracking.ALTAZ
+        self.tracking = op.Tracking.ALTAZ
         #: The drive rate that was requested last; None for the telescope's default.
-        self.rate: TrackRate | None = None
+        self.rate: op.TrackRate | None = None
         # motion
         self.goto: Lx200GotoState | None = None
         self.moving: dict[int, str] = {}  # axis -> letter of the direction of a motion by hand
@@ -214,10 +202,10 @@ class Lx200Driver(Driver):
         if self.pushed:
             raise Refused(PUSHED)
 
-    def impossible(self, operation: Operation) -> Fault | None:
-        if self.pushed and isinstance(operation, (*MOVERS, Sync)):
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        if self.pushed and isinstance(operation, (*MOVERS, op.Sync)):
             return Refused(PUSHED)
-        if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
+        if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
             return Refused(SLEWING)
         return None
 
@@ -239,7 +227,7 @@ class Lx200Driver(Driver):
             "lacking": frozenset(lacking if self.product else lacking | NAMES),
         }
 
-    def reported_model(self, identity: Identity) -> str | None:
+    def reported_model(self, identity: op.Identity) -> str | None:
         rows = self.protocol.models
         fits = [name for name, row in rows.items() if self.product and self.product.startswith(row["product"])]
         if fits:
@@ -249,7 +237,7 @@ class Lx200Driver(Driver):
     def contact(self) -> Steps:
         return (yield from self.handlers["identify.contact"](self, None))
 
-    def native_reply(self, operation: NativeRequest) -> Steps:
+    def native_reply(self, operation: op.NativeRequest) -> Steps:
         """Send a client's command unchanged. Firmware may lack it, so the wait is short, and silence counts as a reply.
 
         Raises Busy while the telescope seeks its home, and Unsupported if the model lacks the command.
@@ -316,7 +304,7 @@ class Lx200Driver(Driver):
             return None
         return {"E": "W", "W": "E"}[reported] if self.southern else reported
 
-    def speed(self, rate: Rate) -> float:
+    def speed(self, rate: op.Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
         if rate.name is None and rate.degrees is not None:
             speed = nearest(self.abilities, rate.degrees).degrees
@@ -330,9 +318,9 @@ class Lx200Driver(Driver):
         known = {name: times * SPEEDS["RG"] for name, times in table.items() if isinstance(times, float)}
         return {**known, **self.own_speeds} or SPEEDS
 
-    def can_do(self, equatorial: bool) -> Abilities:
+    def can_do(self, equatorial: bool) -> op.Abilities:
         can = super().can_do(equatorial)
-        able = can.can - {kind.__name__ for kind in (*MOVERS, Sync)} if self.pushed else can.can
+        able = can.can - {kind.__name__ for kind in (*MOVERS, op.Sync)} if self.pushed else can.can
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 
     @property
@@ -351,7 +339,7 @@ class Lx200Driver(Driver):
         )
 
 
-def rate_command(mount: Lx200Driver, rate: Rate) -> str:
+def rate_command(mount: Lx200Driver, rate: op.Rate) -> str:
     """Return the rate command for the name of a rate or a hand-control key."""
     if keys := mount.dialect.get("keys"):
         command: str = keys[rate.name or str(rate.key or 1)]

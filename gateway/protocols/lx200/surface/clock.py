@@ -96,14 +96,11 @@ def set_piece(session: LxSession, command: Command, values: op.Values) -> Handli
         yield from commit(session)
     else:
         yield Defer(QUIET, "clock.commit_quiet")
-    return _date_reply(session) if command.name == "SC" else None
-
-
-def _date_reply(session: LxSession) -> dict[str, str]:
-    """Return the reply to :SC: the mount's own if the surface presents it, else one as wide as programs expect."""
+    if command.name != "SC":
+        return None
     if session.model.get("own"):
         return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
-    return {"text": _TEXT, "blank": " " * 32}
+    return {"text": _TEXT, "blank": " " * 32}  # as wide as programs expect
 
 
 def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:

@@ -22,9 +22,7 @@ def set_target(session: LxSession, values: op.Values) -> None:
 
 
 def set_horizontal_target(session: LxSession, values: op.Values) -> None:
-    """:Sa :Sz - set one coordinate of the target of :MA. Raises BelowHorizon or TooHigh for an altitude beyond the
-    limits, or Invalid.
-    """
+    """:Sa :Sz - set one coordinate of the target of :MA. Raises BelowHorizon or TooHigh by the limits, or Invalid."""
     if "alt" in values:
         limits = session.limits
         try:
@@ -56,9 +54,7 @@ def _target(session: LxSession) -> Handling:
 
 
 def tell_target(session: LxSession) -> Handling:
-    """:Gr :Gd - one coordinate of the target: zero if none was set, as on a Meade after power-on; for a moving object
-    its present position.
-    """
+    """:Gr :Gd - one coordinate of the target: zero if none was set, as on a Meade; of a moving object the present."""
     if session.client.moving is not None:
         yield from _target(session)
     return {"ra": session.client.ra or 0.0, "dec": session.client.dec or 0.0}

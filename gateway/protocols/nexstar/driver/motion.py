@@ -83,8 +83,9 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         text = f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed"
         yield Remark(text, "speed")
     if mount.moves_by_gotos:
-        yield from _begin_steps(mount, axis, operation.sense, rate)
-        return
+        yield from need_alignment(mount)
+        mount.steps[axis] = Stepping(operation.sense * mount.speed(rate), mount.now())
+        return (yield from step_on(mount, StepOn()))
     tracks = mount.suspended is None and (mount.tracking or op.Tracking.OFF).equatorial
     if rate.name == "guide" and tracks:  # guiding is relative to tracking
         yield from _guide(mount, axis, operation.sense)
@@ -190,12 +191,6 @@ def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
 
 class StepOn(op.Operation, frozen=True):
     """Internal: the next small goto of a motion on a hand control without pass-through."""
-
-
-def _begin_steps(mount: NexStar, axis: int, sign: int, rate: op.Rate) -> Steps:
-    yield from need_alignment(mount)
-    mount.steps[axis] = Stepping(sign * mount.speed(rate), mount.now())
-    yield from step_on(mount, StepOn())
 
 
 def step_on(mount: NexStar, _: StepOn) -> Steps:

@@ -1,8 +1,7 @@
 """The devices behind the hand control's pass-through command: the two motors and a focuser.
 
 A handler returns the values of its reply, or None if the device does not have the command; the hand control then uses
-its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies to gotos only,
-never to hand motion.
+its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies to gotos.
 """
 
 from __future__ import annotations
