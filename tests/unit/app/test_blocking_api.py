@@ -55,7 +55,7 @@ def threads() -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name == "mount-gateway"]
 
 
-def test_it_has_every_method_of_the_other_one_with_the_same_arguments() -> None:
+def test_blocking_api_has_the_methods_and_arguments_of_the_asynchronous_one() -> None:
     for name, offered in vars(Mount).items():
         if not name.startswith("_"):
             waits = vars(BlockingMount)[name]
@@ -66,7 +66,7 @@ def test_it_has_every_method_of_the_other_one_with_the_same_arguments() -> None:
         assert "without an event loop" in (waits.__doc__ or "")
 
 
-def test_a_script_points_a_mount_that_serves_nobody() -> None:
+def test_script_without_surfaces_points_a_mount() -> None:
     seen: list[Entry] = []
     with open_blocking_gateway("nexstar@sim", watch=seen.append, speed=20, **SIM) as gateway:
         gateway.ready()
@@ -85,7 +85,7 @@ def test_a_script_points_a_mount_that_serves_nobody() -> None:
         gateway.position()
 
 
-def test_a_stop_from_another_thread_is_told_to_who_waits() -> None:
+def test_waiting_thread_is_told_of_a_stop_from_another_thread() -> None:
     with open_blocking_gateway("nexstar@sim", **SIM) as gateway:
         gateway.ready()
         gateway.goto(20.0, 80.0)
@@ -96,7 +96,7 @@ def test_a_stop_from_another_thread_is_told_to_who_waits() -> None:
         stopping.join(10)
 
 
-def test_what_is_called_on_the_gateways_thread_cannot_wait_for_it() -> None:
+def test_blocking_call_on_the_gateways_thread_is_refused() -> None:
     opened: list[BlockingMount] = []
     said: list[str] = []
 
@@ -114,7 +114,7 @@ def test_what_is_called_on_the_gateways_thread_cannot_wait_for_it() -> None:
     assert "on its own thread" in said[0]
 
 
-def test_errors_arrive_where_they_belong_and_leave_no_thread() -> None:
+def test_blocking_api_raises_errors_in_the_caller_and_leaves_no_thread() -> None:
     with (
         pytest.raises(UserError, match=r"^open_gateway: \[mount\] lowset: there is no such key"),
         open_blocking_gateway("nexstar@sim", lowset=3),
@@ -127,7 +127,7 @@ def test_errors_arrive_where_they_belong_and_leave_no_thread() -> None:
     assert not threads()
 
 
-def test_the_end_of_a_program_saves_what_it_has_changed_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_end_of_a_script_saves_its_last_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     script = tmp_path / "script.py"
     again = "ra, dec = gateway.position()\nfor away in 1, 2:\n    gateway.sync(ra + away, dec)\n"
@@ -139,7 +139,7 @@ def test_the_end_of_a_program_saves_what_it_has_changed_last(tmp_path: Path, mon
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
-def test_the_end_of_a_program_stops_a_mount_at_a_serial_port_and_leaves_nothing_behind(
+def test_end_of_a_script_stops_a_mount_on_a_serial_port_and_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state, port, script = tmp_path / "state", tmp_path / "mount", tmp_path / "script.py"
@@ -157,7 +157,7 @@ def test_the_end_of_a_program_stops_a_mount_at_a_serial_port_and_leaves_nothing_
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no signals at a chosen moment")
-def test_an_interrupt_at_any_moment_leaves_the_gateway_at_work() -> None:
+def test_interrupt_at_any_moment_leaves_the_blocking_gateway_working() -> None:
     class Struck(Exception):
         pass
 
@@ -188,7 +188,7 @@ def test_an_interrupt_at_any_moment_leaves_the_gateway_at_work() -> None:
 
 
 @pytest.mark.parametrize("ends", ["", "gateway.arrived(60)"])
-def test_the_end_of_a_program_stops_the_mount(ends: str, tmp_path: Path) -> None:
+def test_end_of_a_script_stops_the_mount(ends: str, tmp_path: Path) -> None:
     """One that forgets to leave the block, and one that Ctrl-C ends while it waits."""
     script = tmp_path / "script.py"
     script.write_text(SCRIPT + ends)

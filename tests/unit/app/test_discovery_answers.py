@@ -37,11 +37,11 @@ OTHER_PORT = Offer("nexstar", "tcp", "10.1.2.3", 4040)
         (b"", b""),
     ],
 )
-def test_the_question_and_its_answer(question: bytes, says: bytes) -> None:
+def test_skysafari_discovery_request_gets_its_reply(question: bytes, says: bytes) -> None:
     assert answer(question, [EVERYWHERE], LOCAL) == says
 
 
-def test_the_address_is_that_of_the_surface() -> None:
+def test_discovery_reply_has_the_address_of_the_surface() -> None:
     six = Offer("lx200", "tcp", "fe80::1", 4030)
     assert answer(b"skyfi?", [OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
     assert answer(b"skyfi?", [OTHER_PORT, EVERYWHERE], LOCAL) == b"skyfi@127.0.0.1"  # where SkySafari connects
@@ -49,7 +49,7 @@ def test_the_address_is_that_of_the_surface() -> None:
     assert answer(b"skyfi?", [six], LOCAL) == b""
 
 
-def test_offers_are_what_the_network_can_reach() -> None:
+def test_discovery_offers_only_surfaces_reachable_by_network() -> None:
     names = [
         "lx200:autostar@tcp://0.0.0.0:4030 pier",
         "nexstar:cge@rfc2217://[::1]:4031",
@@ -69,7 +69,7 @@ def test_offers_are_what_the_network_can_reach() -> None:
 
 
 @pytest.mark.real_time
-async def test_skysafari_is_answered_until_the_end() -> None:
+async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
     told: list[str] = []
     answers, second = DiscoveryAnswers(told.append), DiscoveryAnswers(told.append)
     await answers.answer([EVERYWHERE], "127.0.0.1", 0)
@@ -98,7 +98,7 @@ async def test_skysafari_is_answered_until_the_end() -> None:
     (["lx200@tcp://127.0.0.1:0", "lx200@tcp://0.0.0.0:0"], False, []),
     (["lx200@tcp://127.0.0.1:0"], True, []),
 ])  # fmt: skip
-def test_run_announces_what_it_presents(
+def test_run_announces_the_presented_protocol_and_model(
     monkeypatch: pytest.MonkeyPatch, surfaces: list[str], discovery: bool, found: list[str]
 ) -> None:
     done, said = asyncio.Event(), []
@@ -152,17 +152,17 @@ HOME = held(
         ),
     ],
 )
-def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
+def test_run_prints_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
     offer = Offer("lx200", "tcp", host, 4030)
     assert phone_line(offer, reachable_addresses(offer, lambda: own, lambda far: "192.168.1.23")) == says
 
 
-def test_a_port_for_serial_programs_is_for_other_computers() -> None:
+def test_port_for_serial_programs_is_offered_to_other_computers() -> None:
     offer = Offer("lx200", "rfc2217", "0.0.0.0", 4030)
     assert "rfc2217://192.168.1.23:4030" in phone_line(offer, ["192.168.1.23"])
 
 
-def test_it_stands_before_the_ready_lines(started: list[Running]) -> None:
+def test_phone_instructions_are_printed_before_the_ready_lines(started: list[Running]) -> None:
     gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://0.0.0.0:0", "--surface",
                       "lx200@tcp://127.0.0.1:0", "--no-discovery")  # fmt: skip
     started.append(gateway)

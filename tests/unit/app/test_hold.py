@@ -37,7 +37,7 @@ DONE: dict[op.Operation, bool] = {
 MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
 
 
-def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() -> None:
+def test_every_motion_is_known_to_be_allowed_or_refused_on_a_held_mount() -> None:
     assert {type(operation) for operation in DONE} == set(MOTIONS)
     held, free = Hold(), Hold()
     held.on = True
@@ -76,7 +76,7 @@ NEXSTAR = (b"P\2\x10\x24\x09\0\0\0", b"P\2\x11\x25\x09\0\0\0", b"P\3\x10\x06\x40
 
 @pytest.mark.parametrize(("driven", "mount"), MOUNTS)
 @pytest.mark.parametrize(("presented", "said"), [("lx200", LX200), ("nexstar", NEXSTAR)])
-async def test_no_program_moves_a_held_mount(
+async def test_held_mount_is_moved_by_no_program(
     tmp_path: Path, driven: str, mount: str, presented: str, said: tuple[bytes, ...]
 ) -> None:
     async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
@@ -98,7 +98,7 @@ async def test_no_program_moves_a_held_mount(
         assert not await _rests(bridge)
 
 
-async def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
+async def test_goto_to_a_held_mount_is_refused_in_words_while_settings_are_accepted(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as bridge:
         assert await _order(bridge, HoldRequest()) == HELD
         client = bridge.client()
@@ -108,7 +108,7 @@ async def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> 
         assert await client.ask(b":Q#:GVP#") == b"Autostar#"
 
 
-async def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -> None:
+async def test_hold_stops_the_mount_first_and_reports_rest_only_if_observed(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
         client = bridge.client()
         client.tell(b":RS#:Mn#")
@@ -129,7 +129,7 @@ async def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: P
         assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
 
-async def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
+async def test_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as first:
         assert await _order(first, HoldRequest()) == HELD
     async with Bridge(state=tmp_path, on=first) as second:
@@ -144,7 +144,7 @@ async def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: P
         assert not third.controller.hold.on
 
 
-async def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
+async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(folder: Path) -> None:
@@ -160,7 +160,7 @@ async def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
         assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
 
 
-async def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) -> None:
+async def test_hold_catches_a_motion_that_is_being_sent(tmp_path: Path) -> None:
     for step in range(12):
         async with Bridge("cge", state=tmp_path / str(step)) as bridge:
             bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
@@ -175,7 +175,7 @@ async def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: 
     Path.touch, Path.mkdir, lambda path: path.symlink_to("nowhere"),
     *([os.mkfifo] if hasattr(os, "mkfifo") else []),
 ])  # fmt: skip
-def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any]) -> None:
+def test_any_file_of_the_holds_name_holds_the_mount(tmp_path: Path, make: Callable[[Path], Any]) -> None:
     assert not on_disk.is_held(tmp_path)
     make(tmp_path / "hold")
     assert on_disk.is_held(tmp_path)
@@ -183,7 +183,7 @@ def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any
     assert on_disk.is_held(tmp_path)
 
 
-def test_the_file_says_what_it_is_and_goes_with_the_release(tmp_path: Path) -> None:
+def test_hold_file_explains_itself_and_is_removed_by_the_release(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "state"
     on_disk.hold_folder(folder)
     on_disk.hold_folder(folder)

@@ -59,7 +59,7 @@ def near(there: tuple[float, float], ra: float, dec: float) -> bool:
     return abs(wrap180(there[0] - ra)) < 0.05 and abs(there[1] - dec) < 0.05
 
 
-async def test_a_program_points_a_mount(way: str, tmp_path: Path) -> None:
+async def test_python_program_points_a_mount(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, _):
         ra, dec = await mount.position()
         await mount.goto(ra + 20.0 - 360.0, dec)
@@ -74,7 +74,7 @@ async def test_a_program_points_a_mount(way: str, tmp_path: Path) -> None:
         assert isinstance((await mount.time()).unix, float)
 
 
-async def test_a_position_of_a_catalogue_is_taken_as_one_of_j2000(way: str, tmp_path: Path) -> None:
+async def test_catalogue_position_is_taken_as_j2000(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, _):
         there = await mount.perform(op.ToEquinoxOfDate(20.0, 60.0))
         assert abs(there.ra - 20.0) > 0.2
@@ -84,7 +84,7 @@ async def test_a_position_of_a_catalogue_is_taken_as_one_of_j2000(way: str, tmp_
         assert near(await mount.position(), there.ra + 1.0, there.dec + 0.5)
 
 
-async def test_objects_park_arrows_and_hold(way: str, tmp_path: Path) -> None:
+async def test_python_api_goes_to_objects_parks_moves_and_holds(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.goto_object("Polaris")
         polaris = await mount.perform(op.ToEquinoxOfDate(37.95, 89.26))
@@ -107,7 +107,7 @@ async def test_objects_park_arrows_and_hold(way: str, tmp_path: Path) -> None:
         assert not await mount.moving()
 
 
-async def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path) -> None:
+async def test_refused_request_raises_the_matching_error(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path, lowest=20.0) as (mount, _):
         ra, dec = await mount.position()
         refused: list[tuple[Coroutine[Any, Any, None], type[Exception], str]] = [
@@ -146,7 +146,7 @@ async def test_what_is_refused_is_the_error_that_it_is(way: str, tmp_path: Path)
         (op.SetClock(1e30, 0.0), "The clock of this mount takes the years"),
     ],
 )
-async def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, words: str, tmp_path: Path) -> None:
+async def test_unknown_operation_is_refused_in_a_sentence(operation: Any, words: str, tmp_path: Path) -> None:
     for way in WAYS:
         async with opened(way, tmp_path) as (mount, _):
             with pytest.raises(Invalid) as caught:
@@ -164,7 +164,7 @@ async def test_what_is_no_operation_is_refused_in_a_sentence(operation: Any, wor
         ("Pulse", {"direction": "n", "ms": -5}, "must not be negative"),
     ],
 )
-async def test_a_gateway_checks_what_comes_from_other_languages(
+async def test_gateway_checks_values_sent_by_other_languages(
     name: str, fields: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     async with opened(WAYS[1], tmp_path) as (_, bridge):
@@ -172,7 +172,7 @@ async def test_a_gateway_checks_what_comes_from_other_languages(
         assert not answer.done and answer.fault == "Invalid" and words in answer.text
 
 
-def test_every_question_has_the_same_answer_both_ways(tmp_path: Path) -> None:
+def test_every_read_gives_the_same_answer_in_and_across_processes(tmp_path: Path) -> None:
     kinds = [kind for name in dir(op) if (kind := op.named(name)) is not None]
     for kind in kinds:
         msgspec.json.Decoder(answer_type(kind))  # every answer has a type that JSON can carry
@@ -196,7 +196,7 @@ def test_every_question_has_the_same_answer_both_ways(tmp_path: Path) -> None:
     assert all(answers[name][0] == answers[name][1] for name in steady)
 
 
-async def test_numbers_of_other_libraries_are_numbers(way: str, tmp_path: Path) -> None:
+async def test_numbers_of_numpy_and_similar_libraries_are_accepted(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, _):
         await mount.position()
         await mount.goto(numpy.float32(20.0), numpy.int64(10))  # type: ignore[arg-type]
@@ -205,7 +205,7 @@ async def test_numbers_of_other_libraries_are_numbers(way: str, tmp_path: Path) 
         assert await mount.moving()
 
 
-async def test_a_motion_by_hand_lasts_while_the_program_asks_something(way: str, tmp_path: Path) -> None:
+async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
         for _ in range(100):  # so many others come and go meanwhile
@@ -253,7 +253,7 @@ async def _other_goto(mount: Mount, bridge: Bridge) -> None:
         (_other_goto, r"another goto came from 127\.0\.0\.1, at \d"),
     ],
 )
-async def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(
+async def test_goto_that_ended_before_anybody_waited_is_reported(
     end: Callable[[Mount, Bridge], Awaitable[None]], words: str, way: str, tmp_path: Path
 ) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
@@ -266,7 +266,7 @@ async def test_a_goto_that_ended_before_it_was_waited_for_is_told_all_the_same(
                     await mount.arrived()
 
 
-async def test_who_waits_for_the_arrival_is_told_of_a_stop(way: str, tmp_path: Path) -> None:
+async def test_program_waiting_for_arrival_is_told_of_a_stop(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Goto(20.0, 80.0))
         with pytest.raises(TimeoutError, match=r"within 0\.5 s; it goes on"):
@@ -279,7 +279,7 @@ async def test_who_waits_for_the_arrival_is_told_of_a_stop(way: str, tmp_path: P
             await waiting
 
 
-async def test_after_its_arrival_a_program_waits_for_gotos_of_others(way: str, tmp_path: Path) -> None:
+async def test_program_may_wait_for_gotos_of_others_after_its_arrival(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         ra, dec = await mount.position()
         await mount.goto(ra + 1.0, dec)
@@ -290,7 +290,7 @@ async def test_after_its_arrival_a_program_waits_for_gotos_of_others(way: str, t
         assert near(await mount.arrived(), 30.0, 70.0)
 
 
-async def test_a_stop_while_a_name_is_looked_up_leaves_the_goto_unbegun(
+async def test_stop_during_a_name_lookup_cancels_the_goto(
     way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def slowly(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -307,7 +307,7 @@ async def test_a_stop_while_a_name_is_looked_up_leaves_the_goto_unbegun(
         assert not await mount.moving()
 
 
-async def test_a_mount_that_is_lost_is_not_waited_for_to_the_end() -> None:
+async def test_waiting_for_a_goto_ends_early_when_the_mount_is_lost() -> None:
     lost = State(StatusLine("pier", "down", "no such port", unknown=True), "nexstar@sim")
 
     async def send(wish: requests.Request, _: float) -> requests.Answer:

@@ -42,7 +42,9 @@ def faces(gateway: Gateway) -> tuple[State, dict[str, Any], dict[str, Any], str,
         ("down", "gone"),
     ],
 )
-async def test_all_who_show_a_mount_tell_the_same(does: str, order: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_status_page_mqtt_and_api_show_the_same_mount_state(
+    does: str, order: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async with Bridge("cpc", config={"sun": 0.0, "lowest": -90.0}) as bridge:
         controller = bridge.controller
         await asyncio.sleep(5.0)

@@ -59,7 +59,7 @@ def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
 
 
-def test_every_name_that_is_offered_can_be_imported_and_is_documented() -> None:
+def test_every_exported_name_can_be_imported_and_is_documented() -> None:
     page = (ROOT / "docs" / "python.md").read_text()
     for name in gateway.__all__:
         assert getattr(gateway, name).__doc__
@@ -68,7 +68,7 @@ def test_every_name_that_is_offered_can_be_imported_and_is_documented() -> None:
         _ = gateway.nothing_of_this_name
 
 
-def test_the_page_opens_with_a_short_script_that_is_whole() -> None:
+def test_python_page_opens_with_a_complete_short_script() -> None:
     page = (ROOT / "docs" / "python.md").read_text("utf-8")
     assert len(page.splitlines()) <= 120
     opening = page.partition("```python\n")[2].partition("```")[0]
@@ -76,7 +76,7 @@ def test_the_page_opens_with_a_short_script_that_is_whole() -> None:
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_every_program_of_the_pages_runs_as_it_is_pasted(program: str, tmp_path: Path) -> None:
+def test_every_script_of_the_python_page_runs_as_pasted(program: str, tmp_path: Path) -> None:
     (script := tmp_path / "pasted.py").write_text(program)
     by = None if POSSIBLE else [sys.executable, "-W", "error"]
     alone = "connect_blocking()" not in program
@@ -97,7 +97,7 @@ def in_the_table(kind: type[op.Operation]) -> str:
     return f"| `{kind.__name__}({', '.join(fields)})` | {'`' * bool(names)}{', '.join(names)}{'`' * bool(names)} |"
 
 
-def test_the_page_lists_every_operation_with_its_fields_and_its_answer() -> None:
+def test_python_page_lists_every_operation_with_fields_and_answer() -> None:
     page = (ROOT / "docs" / "operations.md").read_text("utf-8")
     listed = re.findall(r"^\| `([A-Z]\w+)\(", page, re.MULTILINE)
     assert len(listed) == len(set(listed)) > 50
@@ -107,20 +107,20 @@ def test_the_page_lists_every_operation_with_its_fields_and_its_answer() -> None
         assert f"\n{in_the_table(kind)} " in page
 
 
-def test_importing_the_package_loads_next_to_nothing() -> None:
+def test_importing_the_package_loads_few_modules() -> None:
     code = "import sys, gateway; print([name for name in sys.modules if name.startswith('gateway.')])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=20)
     assert said.stdout.strip() == "[]"
 
 
-def test_the_examples_of_the_docstrings_are_true() -> None:
+def test_docstring_examples_give_the_shown_results() -> None:
     result = doctest.testmod(frames)
     assert result.attempted >= 6
     assert result.failed == 0
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_example_scripts_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     said = Running(str(example), by=None if POSSIBLE else [sys.executable, "-W", "error"]).finish()
     assert (said.returncode, said.stderr) == (0, "")
@@ -138,7 +138,7 @@ def test_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 
-def test_values_pass_through_a_frame_of_either_protocol() -> None:
+def test_values_survive_encoding_and_decoding_in_both_protocols() -> None:
     assert encode("lx200", "Sd", dec=-5.5) == b":Sd-05*30:00#"
     assert decode("nexstar", encode("nexstar", "r", ra=83.5, dec=-5.5)).values == pytest.approx(
         {"ra": 83.5, "dec": -5.5}, abs=1e-4
@@ -168,14 +168,14 @@ def test_values_pass_through_a_frame_of_either_protocol() -> None:
         (lambda: encode_reply("lx200", "GR", dec=1.0), "no reply with dec; ra or ra"),
     ],
 )
-def test_what_does_not_fit_is_told_in_words(call: object, words: str) -> None:
+def test_frame_functions_explain_values_that_do_not_fit(call: object, words: str) -> None:
     assert callable(call)
     with pytest.raises(FrameError) as caught:
         call()
     assert words in str(caught.value)
 
 
-def test_a_stream_is_cut_into_commands() -> None:
+def test_byte_stream_is_cut_into_commands() -> None:
     clock = [0.0]
     splitter = Splitter("nexstar", lambda: clock[0])
     assert splitter.feed(b"e" + b"r12AB0500,") == [b"e"]
@@ -185,7 +185,7 @@ def test_a_stream_is_cut_into_commands() -> None:
 # --- a gateway inside a program ---------------------------------------------------------------------------------------
 
 
-async def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path) -> None:
+async def test_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path) -> None:
     seen: list[Entry] = []
     settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 20, "name": "pier"}
     async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as inside:
@@ -213,17 +213,17 @@ async def test_a_program_points_a_simulated_mount_and_another_finds_it(tmp_path:
         connect()
 
 
-def test_a_stop_may_take_as_long_as_the_gateway_gives_it() -> None:
+def test_stop_may_take_as_long_as_the_gateway_allows() -> None:
     assert ANSWER_TIMEOUT >= STOP_TIMEOUT
 
 
-async def test_a_port_that_does_not_exist_is_told_at_once() -> None:
+async def test_missing_port_is_reported_at_once() -> None:
     async with open_gateway("nexstar@/dev/ttyNONE", watchdog=False) as running, asyncio.timeout(10):
         with pytest.raises(UserError, match=r"^nexstar@/dev/ttyNONE: .*no such port"):
             await running.ready(60)
 
 
-async def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> None:
+async def test_mount_in_use_is_reported_with_the_gateways_process() -> None:
     port = "nexstar@/dev/ttyNONE"
     async with open_gateway(port, watchdog=False), open_gateway(port, watchdog=False) as second:
         with pytest.raises(
@@ -232,7 +232,7 @@ async def test_a_mount_that_another_gateway_has_is_told_with_its_process() -> No
             await second.ready(10)
 
 
-async def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> None:
+async def test_program_needs_no_surface_and_may_give_one_without_a_list() -> None:
     async with open_gateway(SIM) as alone, open_gateway("lx200@sim", SURFACE) as serving:
         await alone.ready()
         assert await alone.addresses() == []
@@ -254,7 +254,7 @@ async def test_a_program_needs_no_surface_and_may_write_one_without_a_list() -> 
         ("lx200@tcp://256.0.0.1:4030", {}, "256.0.0.1"),
     ],
 )
-def test_a_setting_that_cannot_be_used_is_a_user_error(surface: str, settings: dict[str, object], words: str) -> None:
+def test_unusable_setting_raises_a_user_error(surface: str, settings: dict[str, object], words: str) -> None:
     async def opens() -> None:
         async with open_gateway(SIM, [surface], **settings):
             raise AssertionError("it was opened")
@@ -268,7 +268,7 @@ def test_a_setting_that_cannot_be_used_is_a_user_error(surface: str, settings: d
     ("example", "arguments"),
     [("tiny_client", ["127.0.0.1:4030"]), ("tiny_client", ["127.0.0.1", "lx200"]), ("like_skysafari", ["a", "4030"])],
 )
-def test_an_example_with_wrong_arguments_says_how_it_is_used(
+def test_example_script_explains_wrong_arguments(
     example: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", [example, *arguments])
@@ -280,7 +280,7 @@ def test_an_example_with_wrong_arguments_says_how_it_is_used(
 @pytest.mark.parametrize(
     "path", [path for path in EXAMPLES if "asyncio.run" in path.read_text("utf-8")], ids=lambda path: path.stem
 )
-def test_an_example_that_is_interrupted_ends_in_a_sentence(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_example_script_ends_with_a_sentence(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(program: Coroutine[Any, Any, None]) -> None:
         program.close()
         raise KeyboardInterrupt

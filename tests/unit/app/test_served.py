@@ -39,7 +39,7 @@ def gateway(console: str = "tcp://0.0.0.0:4080") -> Any:
     return SimpleNamespace(names=lambda: NAMES, web=SimpleNamespace(where=console))
 
 
-def test_every_surface_is_named_with_the_addresses_that_reach_it(addresses: list[str]) -> None:
+def test_status_names_every_surface_with_reachable_addresses(addresses: list[str]) -> None:
     addresses[:] = ["192.168.1.77"]
     phone, local, line, other, console = (str(one) for one in served(gateway()))
     assert phone.startswith("lx200:autostar tcp://0.0.0.0:4030") and phone.endswith("192.168.1.77, port 4030")
@@ -52,7 +52,7 @@ def test_every_surface_is_named_with_the_addresses_that_reach_it(addresses: list
     assert len(list(served(gateway("")))) == len(NAMES)
 
 
-def test_they_are_those_of_now(addresses: list[str]) -> None:
+def test_status_shows_current_network_addresses(addresses: list[str]) -> None:
     here = gateway()
     words = "no other computer reaches {}: this one is not in a network yet (in the field: docs/programs/skysafari.md)"
     assert next(served(here)).words == words.format("port 4030")
@@ -61,7 +61,7 @@ def test_they_are_those_of_now(addresses: list[str]) -> None:
     assert next(served(here)).words == "on your phone: 10.0.0.5, port 4030"
 
 
-def test_a_line_is_told_once_and_again_when_it_changes(addresses: list[str]) -> None:
+def test_address_line_is_printed_once_and_again_when_it_changes(addresses: list[str]) -> None:
     phone, offers = (PhoneLines(), [Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("lx200", "tcp", "127.0.0.1", 1)])
     assert len(phone.new_lines(offers)) == 1
     assert phone.new_lines(offers) == []
@@ -70,7 +70,7 @@ def test_a_line_is_told_once_and_again_when_it_changes(addresses: list[str]) -> 
     assert phone.new_lines(offers) == []
 
 
-async def test_the_gateway_says_a_new_address_by_itself(addresses: list[str]) -> None:
+async def test_gateway_prints_a_new_network_address_by_itself(addresses: list[str]) -> None:
     """As after a start before the Wi-Fi, and with a new lease."""
     said, phone = list[str](), PhoneLines()
     offers = [Offer("lx200", "tcp", "0.0.0.0", 4030)]

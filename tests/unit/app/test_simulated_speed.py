@@ -23,7 +23,7 @@ from gateway.mount.link.line import MountLink
         ("nexstar@/dev/ttyUSB9", 1.0, 0),
     ],
 )
-async def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float, told: int) -> None:
+async def test_simulation_speed_is_ignored_with_a_warning_on_a_real_mount(at: str, hurry: float, told: int) -> None:
     warnings: list[str] = []
     gateway = Gateway(MountConfig(at=at, speed=10.0), [], warn=warnings.append)
     gateway.prepare(

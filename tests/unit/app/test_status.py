@@ -54,7 +54,7 @@ def seen(**others: Any) -> StatusLine:
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
     ],
 )  # fmt: skip
-def test_everything_is_on_it(line: StatusLine, text: str) -> None:
+def test_status_line_shows_every_value(line: StatusLine, text: str) -> None:
     assert status_text([line]) == text
 
 
@@ -70,23 +70,23 @@ def test_everything_is_on_it(line: StatusLine, text: str) -> None:
         (0, ""),
     ],
 )
-def test_a_narrow_one_tells_what_matters_most(columns: int, text: str) -> None:
+def test_narrow_status_line_shows_the_most_important_values(columns: int, text: str) -> None:
     assert status_text([seen()], columns) == text
 
 
-def test_it_never_is_longer_than_the_room() -> None:
+def test_status_line_never_exceeds_its_width() -> None:
     both = [seen(name="pier"), seen(name="dome", state="down", reason="cannot open /dev/ttyUSB1: no such port")]
     assert status_text(both).count("|") == 1
     assert all(len(status_text(both, columns)) <= columns for columns in range(160))
 
 
 @pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
-def test_status_tells_the_age_of_a_position_once(age: float, told: str) -> None:
+def test_status_shows_the_age_of_a_position_once(age: float, told: str) -> None:
     [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  now ")]
     assert line.endswith(f"+22°00'{told}")
 
 
-def test_a_rate_is_that_of_the_last_looks() -> None:
+def test_shown_request_rate_is_that_of_the_latest_interval() -> None:
     rate = AverageRate(2)
     counts = [(0, 7), (1, 11), (2, 13), (4, 13), (6, 13)]
     assert [rate.per_second(at, count) for at, count in counts] == [0, 4, 3, 2 / 3, 0]
@@ -99,7 +99,7 @@ def gateway(bridge: Bridge, name: str | None = None) -> Any:
     )
 
 
-async def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
+async def test_reading_the_status_sends_nothing_to_the_mount() -> None:
     async with Bridge(mount="cpc") as bridge:
         pier, rate = gateway(bridge), AverageRate()
         await asyncio.sleep(20)
@@ -131,7 +131,7 @@ async def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
         assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
-async def test_programs_are_counted_as_they_come_and_go() -> None:
+async def test_status_counts_programs_as_they_connect_and_leave() -> None:
     async with Bridge() as bridge:
         acceptor = bridge.acceptor
         one, other, passing, line, serial = (
@@ -160,7 +160,7 @@ async def test_programs_are_counted_as_they_come_and_go() -> None:
         assert len(acceptor.present_hosts()) == 0
 
 
-async def test_a_position_that_no_mount_should_tell_is_survived() -> None:
+async def test_status_survives_an_impossible_position() -> None:
     async with Bridge() as bridge:
         bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
         onlooker = StatusLines([gateway(bridge)])
@@ -168,7 +168,7 @@ async def test_a_position_that_no_mount_should_tell_is_survived() -> None:
         assert onlooker.line(12) == "an altitude,"
 
 
-def test_programs_of_one_computer_are_told_apart_by_their_surface() -> None:
+def test_status_tells_programs_of_one_computer_apart_by_surface() -> None:
     async def program() -> None:
         async with Bridge(config={"sun": 0.0, "lowest": -90.0}) as bridge:
             surfaces = ["lx200 tcp://127.0.0.1:4030", "nexstar tcp://127.0.0.1:4031"]

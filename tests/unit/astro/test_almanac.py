@@ -100,14 +100,14 @@ def exact() -> Almanac:
 
 
 @each("part", PARTS)
-def test_a_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
+def test_almanac_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
     kept = decoded(exact.encoded())
     for moment in (TODAY * DAY, (TODAY + 1.3) * DAY, (TODAY + 2) * DAY - 1.0):
         assert kept.at(part, moment) == exact.at(part, moment) is not None
     assert kept.at(part, (TODAY + 2) * DAY) is None
 
 
-def test_every_damage_is_seen() -> None:
+def test_damaged_almanac_file_is_detected() -> None:
     good = made([TODAY]).encoded()
     assert decoded(good).days == {TODAY: WHOLE_DAY}
     damaged = [good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :] for place in range(0, len(good), 7)]
@@ -117,7 +117,7 @@ def test_every_damage_is_seen() -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no modes")
-def test_a_file_that_another_user_can_write_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_almanac_file_writable_by_another_user_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "almanac"
     path.write_bytes(made([TODAY]).encoded())
     for mode, trusted in [(0o600, True), (0o644, True), (0o664, False), (0o602, False)]:
@@ -136,7 +136,7 @@ def test_a_file_that_another_user_can_write_is_not_trusted(tmp_path: Path, monke
         read(path)
 
 
-def test_the_rehearsals_days_are_in_the_package() -> None:
+def test_package_contains_the_almanac_days_of_the_rehearsal() -> None:
     """Made by ``mount-gateway almanac - --dates 20481,20482,20483``."""
     go_offline()
     from gateway.astro.ephemeris import by_astropy
@@ -154,7 +154,7 @@ def test_the_rehearsals_days_are_in_the_package() -> None:
 # --- storing ----------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_stored_is_not_calculated_again(process: Process, tmp_path: Path) -> None:
+def test_stored_almanac_is_not_calculated_again(process: Process, tmp_path: Path) -> None:
     almanac, trouble = renewed([TODAY, TODAY + 1])
     assert set(almanac.days) == {TODAY, TODAY + 1} and not trouble
     assert stored() == almanac == renewed([TODAY])[0]
@@ -166,7 +166,7 @@ def test_what_is_stored_is_not_calculated_again(process: Process, tmp_path: Path
         assert folder.stat().st_mode & 0o777 == 0o700 and (folder / "almanac").stat().st_mode & 0o777 == 0o600
 
 
-def test_two_that_start_together_both_have_it(process: Process, tmp_path: Path) -> None:
+def test_two_gateways_that_start_together_both_get_the_almanac(process: Process, tmp_path: Path) -> None:
     """While one of them stores it, the other one keeps it in memory."""
     (folder := tmp_path / "cache").mkdir(mode=0o700)
     other = PidLock(folder / "almanac.lock", remove=True)
@@ -178,7 +178,7 @@ def test_two_that_start_together_both_have_it(process: Process, tmp_path: Path) 
     assert set(stored().days) == {TODAY}
 
 
-def test_a_damaged_file_is_calculated_again(process: Process, tmp_path: Path) -> None:
+def test_damaged_almanac_is_calculated_again(process: Process, tmp_path: Path) -> None:
     renewed([TODAY])
     path = tmp_path / "cache" / "almanac"
     path.write_bytes(path.read_bytes()[:-1])
@@ -216,7 +216,7 @@ def _homeless(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [(_no_folder, "File exists"), (_read_only, "Read-only file system"), (_full, "No space left"),
      (_homeless, "no home folder")],
 )  # fmt: skip
-def test_what_cannot_be_stored_is_used_all_the_same_and_told_once(
+def test_almanac_that_cannot_be_stored_is_used_and_reported_once(
     spoil: Callable[[Path, pytest.MonkeyPatch], None], says: str, process: Process, tmp_path: Path
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -243,7 +243,9 @@ def calculates(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return be
 
 
-def test_the_process_calculates_days_and_leaves_nothing_here(exact: Almanac, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_almanac_process_calculates_days_and_loads_nothing_into_the_gateway(
+    exact: Almanac, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(keeper, "gateway_argv", lambda: EAGER)
     almanac = REAL([TODAY, TODAY + 1])
     assert almanac == Almanac(exact.days)
@@ -254,20 +256,20 @@ def test_the_process_calculates_days_and_leaves_nothing_here(exact: Almanac, mon
     [("import nothing_like_this", "No module named 'nothing_like_this'"), ("raise SystemExit(3)", "it ended with 3"),
      ("print('hello')", "not an almanac of this version"), ("import os; os.kill(os.getpid(), 9)", "it ended with -9")],
 )  # fmt: skip
-def test_a_process_that_dies_says_why(program: str, says: str, calculates: Callable[[str], None]) -> None:
+def test_almanac_process_that_dies_reports_why(program: str, says: str, calculates: Callable[[str], None]) -> None:
     calculates(program)
     with pytest.raises(ValueError, match=says):
         REAL([TODAY])
 
 
-def test_the_process_ends_with_the_gateway_that_started_it() -> None:
+def test_almanac_process_ends_with_its_gateway() -> None:
     words = [*keeper.gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, range(TODAY, TODAY + 1000)))]
     left = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=60.0)  # nobody holds its input
     assert (left.returncode, left.stdout) == (1, b"")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no SIGKILL")
-def test_a_process_that_hangs_is_killed(
+def test_hanging_almanac_process_is_killed(
     calculates: Callable[[str], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calculates(f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)")
@@ -286,7 +288,7 @@ def test_a_process_that_hangs_is_killed(
     [(0, False, TODAY), (MIN_DAYS_LEFT, True, TODAY + MIN_DAYS_LEFT), (MIN_DAYS_LEFT, False, None),
      (MIN_DAYS_LEFT + 1, True, None)],
 )  # fmt: skip
-def test_the_next_days_are_calculated_when_few_are_left_and_nothing_moves(
+def test_next_almanac_days_are_calculated_when_few_are_left_and_nothing_moves(
     left: int, quiet: bool, first: int | None, process: Process
 ) -> None:
     if left:
@@ -300,7 +302,7 @@ def test_the_next_days_are_calculated_when_few_are_left_and_nothing_moves(
     assert serving.has(TODAY)
 
 
-def test_another_date_is_calculated_at_once_and_the_next_one_a_minute_later(process: Process) -> None:
+def test_almanac_of_another_date_is_calculated_at_once_and_of_the_next_a_minute_later(process: Process) -> None:
     renewed(range(TODAY, TODAY + AHEAD))
     serving = Serving()
     serving.quiet = False
@@ -314,7 +316,7 @@ def test_another_date_is_calculated_at_once_and_the_next_one_a_minute_later(proc
 
 
 @pytest.mark.parametrize("first", [0.0, 47600.0])
-def test_a_clock_in_a_year_without_tables_asks_for_nothing_until_it_is_set(first: float, process: Process) -> None:
+def test_almanac_is_not_calculated_for_a_clock_in_a_year_without_tables(first: float, process: Process) -> None:
     serving = Serving(first)
     serving.later = [lambda: setattr(serving, "today", TODAY)]
     serving.runs(0.0)
@@ -323,7 +325,7 @@ def test_a_clock_in_a_year_without_tables_asks_for_nothing_until_it_is_set(first
     assert serving.has(TODAY)
 
 
-def test_at_the_end_of_the_last_year_only_its_days_are_asked_for(process: Process) -> None:
+def test_almanac_requests_only_days_before_the_end_of_the_tables(process: Process) -> None:
     Serving(47480).runs(CHECK_PERIOD)
     assert process.asked == [[47480, 47481]]
 
@@ -335,7 +337,7 @@ def _no_thread(thread: threading.Thread) -> None:
 @pytest.mark.parametrize(
     ("start", "says"), [(threading.Thread.run, "No module named 'astropy'"), (_no_thread, "can't start new thread")]
 )
-def test_what_fails_is_tried_again_after_an_hour_and_told_once(
+def test_failed_almanac_is_retried_after_an_hour_and_reported_once(
     start: Callable[[threading.Thread], object], says: str, process: Process
 ) -> None:
     process.fails, serving = "No module named 'astropy'", Serving()
@@ -347,7 +349,7 @@ def test_what_fails_is_tried_again_after_an_hour_and_told_once(
     assert serving.has(TODAY)
 
 
-def test_a_program_that_sets_one_date_after_another_fills_neither_memory_nor_disk(process: Process) -> None:
+def test_program_that_sets_many_dates_fills_neither_memory_nor_disk(process: Process) -> None:
     serving = Serving()
     for day in range(2000, 22000, 500):
         serving.sky.sun(day * DAY)
@@ -358,7 +360,7 @@ def test_a_program_that_sets_one_date_after_another_fills_neither_memory_nor_dis
 # --- from another computer --------------------------------------------------------------------------------------------
 
 
-def test_an_almanac_may_come_from_another_computer(
+def test_almanac_may_come_from_another_computer(
     process: Process, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "year.almanac"
@@ -377,7 +379,7 @@ def test_an_almanac_may_come_from_another_computer(
 
 
 @each(("content", "says"), [(None, "No such file"), (b"something else", "it is not an almanac of this version")])
-def test_a_named_almanac_that_cannot_be_used_ends_the_start(
+def test_unusable_configured_almanac_ends_the_start(
     content: bytes | None, says: str, process: Process, tmp_path: Path
 ) -> None:
     path = tmp_path / "year.almanac"

@@ -76,7 +76,7 @@ BOUNDS = pytest.mark.parametrize(
 
 
 @BOUNDS
-def test_every_answer_agrees_with_skyfield(
+def test_astronomy_agrees_with_skyfield(
     exact: Sky,
     scene: Any,
     loaded: bool,
@@ -105,14 +105,14 @@ def test_every_answer_agrees_with_skyfield(
     assert np.abs(topocentric[2] - scene.moon_here[1]).max() < kilometres
 
 
-def test_every_day_of_the_table_reads_as_skyfield_reads_it(scene: Any) -> None:
+def test_every_almanac_day_matches_skyfield(scene: Any) -> None:
     days, ut1_utc = earth_rotation()
     assert len(days) > 19000
     assert days.tolist() == (scene.rows["utc_mjd"] - 40587.0).tolist()
     assert ut1_utc.tolist() == scene.rows["dut1"].tolist()
 
 
-def test_what_the_hub_derives(exact: Sky, scene: Any) -> None:
+def test_hub_converts_site_and_equinox_as_skyfield_does(exact: Sky, scene: Any) -> None:
     """The same figures through the hub: the site's longitude counts east, a J2000 mount is turned the right way."""
     for index in range(20):
         moment, lat, lon = (float(column[index]) for column in (scene.moments, scene.lat, scene.lon))

@@ -45,7 +45,7 @@ def years(first: float, last: float, count: int) -> judge.Array:
 
 
 @pytest.mark.parametrize(("first", "last"), [(1900.0, 1972.9), (2028.5, 2053.0), (2053.0, 2099.9), (2100.1, 2130.0)])
-def test_sidereal_time_and_axes_outside_the_table_at_equal_ut1(scale: Any, first: float, last: float) -> None:
+def test_sidereal_time_and_axes_stay_accurate_outside_the_tables(scale: Any, first: float, last: float) -> None:
     """Before 1973 and from 2100 on the closed forms answer: 0.05 s and 0.5" there."""
     tables = 1973.0 < first < 2100.0
     count = as_a_rule(24, whole=100)
@@ -61,7 +61,7 @@ def test_sidereal_time_and_axes_outside_the_table_at_equal_ut1(scale: Any, first
 
 
 @pytest.mark.filterwarnings("ignore:ERFA function")  # nobody knows the leap seconds to come
-def test_sun_and_moon_after_the_table_by_another_ephemeris() -> None:
+def test_sun_and_moon_stay_accurate_after_the_tables() -> None:
     """2028 to 2099 at equal TT: how many leap seconds will come, nobody knows."""
     ephem = pytest.importorskip("ephem")
     sun_error, moon_error = [], []
@@ -78,7 +78,7 @@ def test_sun_and_moon_after_the_table_by_another_ephemeris() -> None:
     assert judge.rms(np.array(moon_error)) < 5.0
 
 
-def test_over_a_leap_second_the_earth_turns_on(scale: Any) -> None:
+def test_earth_rotation_continues_over_a_leap_second(scale: Any) -> None:
     """2016-12-31: from 23:59:59.5 to 00:00:00.5 Unix time counts one second where two pass."""
     midnight = 1483228800.0
     before, after = (EXACT.sidereal_time(midnight + s, 0.0) for s in (-0.5, 0.5))
@@ -94,14 +94,14 @@ latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 0.0, 90.0]
 
 @settings(derandomize=True, max_examples=as_a_rule(40, whole=100))
 @given(directions, moments, st.sampled_from([EXACT, Sky()]))
-def test_j2000_to_date_and_back(place: tuple[float, float], moment: float, sky: Sky) -> None:
+def test_j2000_conversion_and_its_inverse_agree(place: tuple[float, float], moment: float, sky: Sky) -> None:
     back = sky.to_j2000(*sky.to_of_date(*place, moment), moment)
     assert separation(*back, *place) < 1e-6 * ARCSECOND
 
 
 @settings(derandomize=True, max_examples=as_a_rule(40, whole=100))
 @given(directions, latitudes, st.floats(-180.0, 180.0), moments, st.sampled_from([EXACT, Sky()]))
-def test_horizon_to_equator_and_back(
+def test_horizon_conversion_and_its_inverse_agree(
     place: tuple[float, float], lat: float, lon: float, moment: float, sky: Sky
 ) -> None:
     back = sky.horizon(*sky.equatorial(*place, lat, lon, moment), lat, lon, moment)

@@ -26,7 +26,9 @@ PLACES = [
 
 
 @each(("catalog", "number", "hours", "minutes", "dec", "kinds"), PLACES)
-def test_a_number_is_a_place(catalog: str, number: int, hours: int, minutes: float, dec: float, kinds: str) -> None:
+def test_catalogue_number_gives_the_objects_position(
+    catalog: str, number: int, hours: int, minutes: float, dec: float, kinds: str
+) -> None:
     entry = deepsky.look_up(catalog, number)
     assert entry is not None
     assert entry.name == f"{catalog}{number}"
@@ -34,7 +36,7 @@ def test_a_number_is_a_place(catalog: str, number: int, hours: int, minutes: flo
     assert separation(entry.ra, entry.dec, 15.0 * (hours + minutes / 60.0), dec) < 0.15  # the Hyades have no edge
 
 
-def test_the_great_catalogues_are_whole() -> None:
+def test_messier_caldwell_ngc_and_ic_catalogues_are_complete() -> None:
     for catalog, last, step in (("M", 110, 4), ("C", 109, 4), ("NGC", 7840, 391), ("IC", 5386, 391)):
         numbers = [*range(1, last, as_a_rule(step, whole=-(-step // 4))), last]
         assert [number for number in numbers if deepsky.look_up(catalog, number) is None] == []
@@ -44,11 +46,11 @@ def test_the_great_catalogues_are_whole() -> None:
     ("catalog", "number"),
     [("M", 0), ("M", 111), ("NGC", 7841), ("IC", 5387), ("C", 110), ("NGC", 999999), ("UGC", 99999)],
 )
-def test_a_number_that_no_catalogue_has(catalog: str, number: int) -> None:
+def test_number_outside_its_catalogue_is_unknown(catalog: str, number: int) -> None:
     assert deepsky.look_up(catalog, number) is None
 
 
-def test_a_duplicate_is_its_original() -> None:
+def test_duplicate_catalogue_entry_gives_its_original() -> None:
     duplicate, original = deepsky.look_up("IC", 11), deepsky.look_up("NGC", 281)
     assert duplicate is not None
     assert original is not None
@@ -56,7 +58,7 @@ def test_a_duplicate_is_its_original() -> None:
     assert duplicate.name == "IC11"
 
 
-def test_stars_stand_where_their_motion_has_brought_them() -> None:
+def test_proper_motion_is_applied_to_stars() -> None:
     barnard = stars.hipparcos(87937, 2000.0)  # J2000: 17 57 48.50 +04 41 36.2, moving 10.36" a year
     later = stars.hipparcos(87937, 2030.0)
     assert barnard is not None
@@ -70,7 +72,7 @@ def test_stars_stand_where_their_motion_has_brought_them() -> None:
 
 
 @each("name", names.HIPPARCOS)
-def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str) -> None:
+def test_named_star_has_its_catalogue_position(name: str) -> None:
     number = names.HIPPARCOS[name]
     found, entry = names.entry_of_star(number, 2026.9), stars.hipparcos(number, 2026.9)
     assert names.star(name.upper()) == number
@@ -80,11 +82,11 @@ def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str) -> None
 
 
 @pytest.mark.parametrize("number", [0, 55203, 120405, 2_000_000])
-def test_a_star_that_is_not_in_the_file(number: int) -> None:
+def test_star_missing_from_the_data_file_is_unknown(number: int) -> None:
     assert stars.hipparcos(number, 2000.0) is None
 
 
-def test_the_first_and_the_last_star() -> None:
+def test_first_and_last_star_of_the_catalogue_are_found() -> None:
     assert all(stars.hipparcos(number, 2000.0) for number in (1, 2, 120403, 120404))
 
 
@@ -92,7 +94,7 @@ def test_the_first_and_the_last_star() -> None:
     ("call"),
     [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
 )
-def test_without_the_packages_it_is_said(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_package_is_reported(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(objects, "find_spec", lambda name: None)
     with pytest.raises(objects.NotInstalled, match="Object library not installed"):
         call()  # type: ignore[operator]
@@ -101,7 +103,7 @@ def test_without_the_packages_it_is_said(call: object, monkeypatch: pytest.Monke
 # --- quality ------------------------------------------------------------------------------------------------------
 
 
-def test_brighter_is_better_and_thinner_is_worse() -> None:
+def test_object_quality_grows_with_brightness_and_shrinks_with_spread() -> None:
     steps = [QUALITIES.index(quality(magnitude / 10.0, 1.0, 1.0)) for magnitude in range(160)]
     assert steps == sorted(steps)
     assert {QUALITIES[step] for step in steps} == set(QUALITIES)
@@ -110,7 +112,7 @@ def test_brighter_is_better_and_thinner_is_worse() -> None:
     assert quality(None, 1.0, 1.0) == "VP"
 
 
-def test_a_description_leaves_out_what_nobody_has_measured() -> None:
+def test_object_description_leaves_out_unmeasured_values() -> None:
     assert describe(CatalogObject("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
 
 
@@ -128,7 +130,7 @@ def test_a_description_leaves_out_what_nobody_has_measured() -> None:
         SearchLimits(-5.5, 20.0, 0, 200, "G", "GD"),
     ],
 )
-def test_a_search_keeps_its_limits(wanted: SearchLimits) -> None:
+def test_object_search_keeps_its_size_and_brightness_limits(wanted: SearchLimits) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000
     assert [deepsky.order(c) for c in found] == sorted(deepsky.order(c) for c in found)
@@ -141,7 +143,7 @@ def test_a_search_keeps_its_limits(wanted: SearchLimits) -> None:
         assert QUALITIES.index(quality(entry.magnitude, entry.size, entry.width)) <= QUALITIES.index(wanted.quality)
 
 
-def test_a_search_by_quality_finds_all_that_have_it() -> None:
+def test_object_search_by_quality_finds_every_match() -> None:
     best = {c[0] for c in deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
     bright = deepsky.matching(SearchLimits(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
     assert best and best <= {c[0] for c in bright}
@@ -150,11 +152,11 @@ def test_a_search_by_quality_finds_all_that_have_it() -> None:
     assert all(found == right for right, found in judged) and len(set(judged)) == 2
 
 
-def test_nothing_wanted_nothing_found() -> None:
+def test_object_search_for_no_kind_finds_nothing() -> None:
     assert deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "", "VP")) == []
 
 
-def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
+def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
     found = deepsky.matching(SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
     start = deepsky.first(found, lambda ra, dec: True, 100.0)
     assert start is not None
@@ -171,7 +173,7 @@ def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
     assert deepsky.neighbour(found, lambda ra, dec: True, here[1], here[2], 1) == start
 
 
-def test_what_may_not_be_gone_to_is_passed_over() -> None:
+def test_object_search_skips_objects_where_gotos_are_forbidden() -> None:
     found = deepsky.matching(EVERYTHING)
     northern = deepsky.first(found, lambda ra, dec: dec > 85.0, 0.0)
     assert northern is not None
@@ -180,7 +182,7 @@ def test_what_may_not_be_gone_to_is_passed_over() -> None:
     assert deepsky.neighbour([], lambda ra, dec: True, 0.0, 0.0, 1) is None
 
 
-def test_the_field_is_round_and_its_middle_comes_first() -> None:
+def test_field_search_is_round_and_lists_the_centre_first() -> None:
     found = deepsky.in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
     assert deepsky.by_row(found[0][0]).name == "M42"
     distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]
@@ -191,7 +193,7 @@ def test_the_field_is_round_and_its_middle_comes_first() -> None:
     assert math.isclose(max(abs(c[2]) for c in wrap), 2.0, abs_tol=0.5)
 
 
-def test_the_data_file_is_found_without_importing_its_package() -> None:
+def test_catalogue_file_is_found_without_importing_its_package() -> None:
     path = objects.data_file("pyongc", "ongc.db")
     assert isinstance(path, Path)
     with pytest.raises(objects.NotInstalled):

@@ -54,7 +54,7 @@ def libration(moon: tuple[float, float, float], unix: float) -> tuple[float, flo
     return wrap180(longitude), latitude, wrap360(math.degrees(math.atan2(east, north)))
 
 
-def test_meeus_example_53a() -> None:
+def test_lunar_orientation_matches_meeus_example_53a() -> None:
     """1992 April 12, 0h TD: l' = -1.206, b' = +4.194; his Moon is at 133.167265, -3.229127, 368409.7 km."""
     unix = calendar.timegm((1992, 4, 12, 0, 0, 0)) - 69.184
     longitude, latitude, tilt = math.radians(133.167265), math.radians(-3.229127), math.radians(23.440636)
@@ -66,7 +66,7 @@ def test_meeus_example_53a() -> None:
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_a_feature_stands_where_an_orthographic_map_has_it(sky: Sky, site: tuple[float, float]) -> None:
+def test_lunar_feature_is_where_an_orthographic_map_shows_it(sky: Sky, site: tuple[float, float]) -> None:
     """The textbook's map of the disc, turned by the axis' angle, laid around PyEphem's topocentric Moon."""
     observer = ephem.Observer()
     observer.lat, observer.lon, observer.pressure = str(site[0]), str(site[1]), 0
@@ -94,7 +94,7 @@ def test_a_feature_stands_where_an_orthographic_map_has_it(sky: Sky, site: tuple
 
 
 @pytest.mark.parametrize("name", ["Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"])
-def test_planets_against_pyephem(sky: Sky, name: str) -> None:
+def test_planet_positions_match_pyephem(sky: Sky, name: str) -> None:
     for unix in _moments(as_a_rule(4, whole=60)):
         body = getattr(ephem, name)(_ephem(unix), epoch="2000")
         wanted = sky.to_of_date(math.degrees(body.a_ra), math.degrees(body.a_dec), unix)

@@ -49,14 +49,14 @@ def spot(*words: str) -> Spot:
 
 
 @each(("name", "hours", "minutes", "degrees", "arcminutes"), PLACES)
-def test_a_name_is_a_place(name: str, hours: int, minutes: float, degrees: int, arcminutes: int) -> None:
+def test_object_name_gives_its_position(name: str, hours: int, minutes: float, degrees: int, arcminutes: int) -> None:
     found = spot(*name.split())
     assert found.j2000
     dec = math.copysign(abs(degrees) + arcminutes / 60.0, degrees)
     assert separation(found.ra, found.dec, 15.0 * (hours + minutes / 60.0), dec) < 0.03
 
 
-def test_every_name_is_a_star_of_the_catalogue() -> None:
+def test_every_star_name_is_a_star_of_the_catalogue() -> None:
     entries = {name: stars.hipparcos(number, 2000.0) for name, number in HIPPARCOS.items()}
     assert len(entries) >= 150
     for name, entry in entries.items():
@@ -67,7 +67,7 @@ def test_every_name_is_a_star_of_the_catalogue() -> None:
         assert names.star(name) == HIPPARCOS[OTHER_NAMES.get(name, name)], name
 
 
-def test_the_names_mean_what_they_mean_elsewhere() -> None:
+def test_star_names_mean_the_same_as_in_other_lists() -> None:
     """Two lists that were made by others."""
     from ephem.stars import stars as ephems
     from skyfield.named_stars import named_star_dict as skyfields
@@ -100,7 +100,7 @@ def test_the_names_mean_what_they_mean_elsewhere() -> None:
     (("coathanger",), ("Coathanger", "Asterism")), (("epsilon", "lyr"), ("Double", "Double")),
     (("Veil",), ("ngc-6960",)), (("pleiades",), ("Messier", "45")), (("Caldwell", "14"), ("double", "cluster")),
 ])  # fmt: skip
-def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...]) -> None:
+def test_name_lookup_ignores_spelling_variants(typed: tuple[str, ...], same: tuple[str, ...]) -> None:
     first, second = spot(*typed), spot(*same)
     assert separation(first.ra, first.dec, second.ra, second.dec) < 1e-6
 
@@ -118,13 +118,13 @@ def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...])
     ("HIP0", "HIP0: the library has no such object"),
     ("the Sun", "no goto to the Sun"),
 ])  # fmt: skip
-def test_what_nobody_knows_is_answered_with_what_was_meant(typed: str, told: str) -> None:
+def test_unknown_name_is_answered_with_similar_names(typed: str, told: str) -> None:
     with pytest.raises(UserError) as refused:
         spot(typed)
     assert told in str(refused.value)
 
 
-def test_without_the_library_names_are_still_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_common_names_are_known_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(*_: object) -> None:
         raise NotInstalled
 
@@ -144,6 +144,6 @@ def test_without_the_library_names_are_still_known(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_shell_completes_names(shell: str) -> None:
+def test_shell_completes_object_names(shell: str) -> None:
     words = script(shell)
     assert "Betelgeuse" in words and "Jupiter" in words

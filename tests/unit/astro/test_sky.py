@@ -41,7 +41,7 @@ GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1
 UT1_UTC_1987 = -0.2910912  # the IERS, that day
 
 
-def test_sidereal_time(exact: Sky, closed: Sky) -> None:
+def test_sidereal_time_matches_the_almanac(exact: Sky, closed: Sky) -> None:
     moment = unix(1987, 4, 10) - UT1_UTC_1987
     assert exact.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
     assert closed.sidereal_time(moment + UT1_UTC_1987, 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240)
@@ -49,7 +49,7 @@ def test_sidereal_time(exact: Sky, closed: Sky) -> None:
     assert east == pytest.approx(GREENWICH_1987 + 170.0 - 360.0, abs=0.005 / 240)
 
 
-def test_horizon(exact: Sky, closed: Sky) -> None:
+def test_horizon_coordinates_match_meeus_example_13b(exact: Sky, closed: Sky) -> None:
     """Meeus 13.b: Venus from Washington, 1987 April 10, 19h21m UT."""
     ra, dec = (23 + 9 / 60 + 16.641 / 3600) * 15, -(6 + 43 / 60 + 11.61 / 3600)
     site = 38 + 55 / 60 + 17 / 3600, -(5 + 8 / 60 + 15.7 / 3600) * 15
@@ -60,7 +60,7 @@ def test_horizon(exact: Sky, closed: Sky) -> None:
         assert sky.equatorial(az, alt, *site, moment - ut1_utc) == pytest.approx((ra, dec), abs=1e-9)
 
 
-def test_equinox_of_date(exact: Sky, closed: Sky) -> None:
+def test_equinox_of_date_matches_meeus_example_21b(exact: Sky, closed: Sky) -> None:
     """Meeus 21.b and 23.a: theta Persei on 2028 November 13.19, precession and nutation."""
     j2000 = 41.054063, 49.227750
     of_date = 41.547214 + 15.843 * ARCSECOND, 49.348483 + 6.218 * ARCSECOND
@@ -70,7 +70,7 @@ def test_equinox_of_date(exact: Sky, closed: Sky) -> None:
         assert separation(*sky.to_j2000(*of_date, moment), *j2000) < error * ARCSECOND
 
 
-def test_sun(exact: Sky, closed: Sky) -> None:
+def test_sun_position_matches_meeus_example_25b(exact: Sky, closed: Sky) -> None:
     """Meeus 25.b: 1992 October 13, 0h TD, the value of the full theory."""
     place = (13 + 13 / 60 + 30.749 / 3600) * 15, -(7 + 47 / 60 + 1.74 / 3600)
     moment = unix(1992, 10, 13) - 59.184
@@ -78,7 +78,7 @@ def test_sun(exact: Sky, closed: Sky) -> None:
     assert separation(*closed.sun(moment), *place) < 0.01
 
 
-def test_moon_from_the_centre_of_the_earth(exact: Sky, closed: Sky) -> None:
+def test_moon_position_matches_meeus_example_47a(exact: Sky, closed: Sky) -> None:
     """Meeus 47.a: 1992 April 12, 0h TD, seen from where the Earth's centre lies straight behind the site."""
     moment = unix(1992, 4, 12) - 58.184
     lat = math.degrees(math.atan(math.tan(math.radians(13.768368)) * 1.00673950))  # geocentric to geodetic

@@ -37,7 +37,7 @@ def almanac() -> Almanac:
     return importlib.import_module("gateway.astro.ephemeris.by_astropy").almanac([DAY_OF_1987, DAY_OF_1987 + 1])
 
 
-def test_answers_before_there_is_an_almanac_and_notes_the_day(almanac: Almanac) -> None:
+def test_sky_answers_without_an_almanac_and_requests_the_day(almanac: Almanac) -> None:
     sky, asked = Sky(), list[int]()
     sky.ask = lambda: asked.append(1)
     moment = unix(1987, 4, 10) - UT1_UTC_1987
@@ -51,7 +51,7 @@ def test_answers_before_there_is_an_almanac_and_notes_the_day(almanac: Almanac) 
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
 
 
-def test_at_the_midnight_of_the_last_day_closed_forms_go_on(almanac: Almanac) -> None:
+def test_sky_continues_with_closed_forms_after_the_last_almanac_day(almanac: Almanac) -> None:
     sky, midnight = Sky(), unix(1987, 4, 12)
     sky.use(almanac)
     before = sky.sidereal_time(midnight - 0.001, 0.0)
@@ -65,13 +65,13 @@ def test_at_the_midnight_of_the_last_day_closed_forms_go_on(almanac: Almanac) ->
 
 
 @each("moment", [94780799.5, 4102444800.0])
-def test_a_year_without_tables_is_not_asked_for(moment: float) -> None:
+def test_sky_requests_no_almanac_for_a_year_without_tables(moment: float) -> None:
     sky = Sky()
     assert sky.source(moment) == "closed form" and sky.missing is None
 
 
 @each(("body", "middle", "ends"), [("Sun", 0.0002, 0.0002), ("Moon", 0.0017, 0.004)])
-def test_between_the_rows_stands_what_astropy_says(body: str, middle: float, ends: float) -> None:
+def test_interpolated_almanac_matches_astropy_between_rows(body: str, middle: float, ends: float) -> None:
     """Half-way between rows, which are nearest on both sides in the middle of a day; in arcseconds."""
     go_offline()
     by_astropy = importlib.import_module("gateway.astro.ephemeris.by_astropy")
@@ -91,7 +91,7 @@ def loaded() -> Sky:
 
 @each("moment", [-1e300, -1e11, -2208988800.5, 0.0, 4102444800.0, 1e11, 1e300])
 @each(("lat", "lon"), [(90.0, 0.0), (-90.0, 180.0), (0.0, -540.0), (1e9, 1e9)])
-def test_no_date_and_no_site_fails(loaded: Sky, moment: float, lat: float, lon: float) -> None:
+def test_no_date_and_no_site_makes_the_sky_fail(loaded: Sky, moment: float, lat: float, lon: float) -> None:
     for sky in (loaded, Sky()):
         places = [
             sky.horizon(10.0, 90.0, lat, lon, moment),
@@ -106,7 +106,7 @@ def test_no_date_and_no_site_fails(loaded: Sky, moment: float, lat: float, lon: 
         assert 0.0 <= sky.sidereal_time(moment, lon) < 360.0
 
 
-def test_a_frame_serves_a_whole_minute_of_several_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_sky_frame_serves_a_minute_of_several_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
     original = closed_forms.frame
 
@@ -132,7 +132,7 @@ def run(program: str) -> str:
     return done.stdout.strip()
 
 
-def test_importing_loads_nothing_heavy() -> None:
+def test_importing_the_sky_loads_no_heavy_module() -> None:
     heavy = "{'numpy', 'erfa', 'astropy', 'astropy_iers_data', 'threading', 'typing', 'socket', 'asyncio'}"
     assert run(f"import sys, gateway.astro.ephemeris; print(sorted({heavy} & set(sys.modules)))") == "[]"
 
@@ -198,7 +198,7 @@ GO_OFFLINE = "from gateway.astro.offline import go_offline\n"
     [("/proc", GO_OFFLINE, NO_HOME), ("", "", ""), ("", "", OLD)],
     ids=["no home", "as it is", "in 2045"],
 )
-def test_nothing_touches_the_network_or_the_disk_and_memory_stays_small(
+def test_sky_uses_neither_network_nor_disk_and_little_memory(
     home: str, before: str, first: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor is anything printed: `run` makes every warning an error, and what is printed must be this."""

@@ -43,7 +43,7 @@ latitudes = st.floats(-90.0, 90.0)
         (765.0, 45.0, 45.0),
     ],
 )
-def test_wrapping(angle: float, positive: float, signed: float) -> None:
+def test_angles_wrap_into_their_range(angle: float, positive: float, signed: float) -> None:
     assert wrap360(angle) == positive
     assert wrap180(angle) == signed
     assert math.copysign(1.0, wrap360(angle)) == 1.0
@@ -62,12 +62,12 @@ def test_wrapping(angle: float, positive: float, signed: float) -> None:
         (-5.0, 0.0, (355.0, 0.0)),
     ],
 )
-def test_a_declination_past_the_pole_folds_back(ra: float, dec: float, folded: tuple[float, float]) -> None:
+def test_declination_past_the_pole_folds_back(ra: float, dec: float, folded: tuple[float, float]) -> None:
     assert fold_declination(ra, dec) == folded
 
 
 @given(turns, turns)
-def test_folding_keeps_the_direction(ra: float, dec: float) -> None:
+def test_folding_a_declination_keeps_the_direction(ra: float, dec: float) -> None:
     assert to_vector(*fold_declination(ra, dec)) == pytest.approx(to_vector(ra, dec), abs=1e-12)
 
 
@@ -84,19 +84,21 @@ def test_folding_keeps_the_direction(ra: float, dec: float) -> None:
         (30.0, -20.0, -90.0, 330.0, 20.0),
     ],
 )
-def test_hour_angle_to_horizon(hour_angle: float, dec: float, lat: float, az: float, alt: float) -> None:
+def test_hour_angle_converts_to_horizon_coordinates(
+    hour_angle: float, dec: float, lat: float, az: float, alt: float
+) -> None:
     found_az, found_alt = hour_angle_to_horizon(hour_angle, dec, lat)
     assert wrap180(found_az - az) == pytest.approx(0.0, abs=1e-4)
     assert found_alt == pytest.approx(alt, abs=1e-4)
 
 
-def test_horizon_to_hour_angle_of_venus() -> None:
+def test_horizon_coordinates_of_venus_convert_to_its_hour_angle() -> None:
     place = horizon_to_hour_angle(248.0337, 15.1249, 38.921389)
     assert place == pytest.approx((64.352133, -6.719892), abs=2e-4)
 
 
 @given(turns, latitudes, latitudes)
-def test_horizon_and_back(hour_angle: float, dec: float, lat: float) -> None:
+def test_horizon_conversion_inverts_itself(hour_angle: float, dec: float, lat: float) -> None:
     back = horizon_to_hour_angle(*hour_angle_to_horizon(hour_angle, dec, lat), lat)
     assert separation(*back, hour_angle, dec) < 1e-11
 
@@ -112,12 +114,14 @@ def test_horizon_and_back(hour_angle: float, dec: float, lat: float) -> None:
         ((50.0, 0.0), (50.0, 1e-9), 1e-9),
     ],
 )
-def test_separation(first: tuple[float, float], second: tuple[float, float], angle: float) -> None:
+def test_separation_of_two_directions_matches_worked_examples(
+    first: tuple[float, float], second: tuple[float, float], angle: float
+) -> None:
     assert separation(*first, *second) == pytest.approx(angle, abs=5e-5, rel=1e-3)
     assert separation(*second, *first) == pytest.approx(separation(*first, *second), abs=1e-12)
 
 
-def test_vectors() -> None:
+def test_direction_vectors_convert_both_ways() -> None:
     assert to_vector(90.0, 0.0) == pytest.approx((0.0, 1.0, 0.0))
     assert from_vector((0.0, -3.0, 0.0)) == (270.0, 0.0)
     quarter = ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -129,7 +133,7 @@ def unix(*date: int) -> float:
     return datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[misc, arg-type]
 
 
-def test_sidereal_time_at_greenwich() -> None:
+def test_sidereal_time_at_greenwich_matches_meeus_example_12a() -> None:
     """Meeus 12.a: 1987 April 10, 0h UT1; apparent 13h10m46.1351s. UTC was 0.291 s ahead of UT1."""
     ahead = 0.2910912
     expected = (13 + 10 / 60 + 46.1351 / 3600) * 15
@@ -139,7 +143,7 @@ def test_sidereal_time_at_greenwich() -> None:
     assert error == pytest.approx(ahead / 240, abs=0.02 / 240)
 
 
-def test_sidereal_time_at_a_site() -> None:
+def test_sidereal_time_at_a_site_matches_meeus_examples() -> None:
     """Meeus 12.b and 13.b: 19h21m UT, mean 8h34m57.0896s (apparent 0.237 s less); 77d03'56" west."""
     expected = (8 + 34 / 60 + (57.0896 - 0.2366) / 3600) * 15
     moment = unix(1987, 4, 10, 19, 21)
@@ -150,7 +154,7 @@ def test_sidereal_time_at_a_site() -> None:
 
 
 @given(finite, finite, finite, finite)
-def test_nothing_finite_raises(a: float, b: float, c: float, d: float) -> None:
+def test_spherical_functions_raise_for_no_finite_input(a: float, b: float, c: float, d: float) -> None:
     assert 0.0 <= wrap360(a) < 360.0
     assert -180.0 <= wrap180(a) < 180.0
     for lon, lat in (fold_declination(a, b), hour_angle_to_horizon(a, b, c)):

@@ -22,13 +22,13 @@ def script() -> ModuleType:
     return scripts.script("docs/tools/make_catalogue.py")
 
 
-def test_the_files_are_what_the_script_writes(script: ModuleType) -> None:
+def test_supplied_catalogue_files_match_the_output_of_their_script(script: ModuleType) -> None:
     for name in ("deepsky", "stars", "doubles"):
         written = supplied.file(f"{name}.json").read_text("utf-8")
         assert written == script.text(name), "python docs/tools/make_catalogue.py makes it anew"
 
 
-def test_all_of_messier_and_caldwell_and_what_has_no_magnitude() -> None:
+def test_supplied_catalogue_has_all_of_messier_and_caldwell_and_large_nebulae() -> None:
     known = supplied.deep_sky()
     assert [number for number in range(1, 111) if f"M{number}" not in known] == []
     assert [number for number in range(1, 110) if f"C{number}" not in known] == []
@@ -40,7 +40,7 @@ def test_all_of_messier_and_caldwell_and_what_has_no_magnitude() -> None:
     assert "ShareAlike 4.0" in supplied.file(supplied.PAGE_FILES[2]).read_text("utf-8")
 
 
-def test_they_stand_where_the_whole_catalogue_has_them() -> None:
+def test_supplied_objects_agree_with_the_full_catalogue() -> None:
     for name, entry in list(supplied.deep_sky().items())[:: as_a_rule(40, whole=1)]:
         catalogue = name.rstrip("0123456789")
         if catalogue in ("M", "NGC", "IC", "C"):
@@ -50,7 +50,7 @@ def test_they_stand_where_the_whole_catalogue_has_them() -> None:
             assert entry.kinds == whole.kinds
 
 
-def test_the_doubles_are_those_of_hipparcos() -> None:
+def test_supplied_double_stars_agree_with_hipparcos() -> None:
     """Their places, and their brightness: of both together, or of the brighter one where they stand apart."""
     rows = json.loads(supplied.file("doubles.json").read_text("utf-8"))["rows"]
     assert len(rows) == 60 == len(supplied.doubles())

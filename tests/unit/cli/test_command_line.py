@@ -32,7 +32,7 @@ def refused(*arguments: str) -> str:
     return line
 
 
-def test_a_mistake_ends_the_process_with_code_2() -> None:
+def test_command_line_mistake_ends_the_process_with_code_2() -> None:
     done = Running("run").finish()
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("mount-gateway: ") and done.stderr.count("\n") == 0
@@ -58,7 +58,7 @@ def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list
     assert not pty.is_symlink()
 
 
-def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None:
+def test_run_obeys_a_config_file(tmp_path: Path, started: list[Running]) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(
         '[mount]\nat = "nexstar:cge@sim"\nsite = [-34.0, 18.5]\n'
@@ -108,14 +108,14 @@ def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_hasty")
-def test_a_meade_behind_a_nexstar_endpoint_is_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_meade_behind_a_nexstar_endpoint_is_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=PATIENCE))
     meade = Stranger({b"\x06": b"P"})
     assert "speaks lx200" in meade.taken_for_a_hand_control()
     assert b":" not in meade.heard
 
 
-def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
+def test_run_finds_a_mount_that_is_switched_on_later(started: list[Running]) -> None:
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
         port = reserved.getsockname()[1]
@@ -143,7 +143,7 @@ def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
 @pytest.mark.parametrize(
     "words", [["explain", "lx200", "cpc", ":Sd+12*00:00#"], ["run", "--surface", "lx200@tcp://0.0.0.0:4030 …"]]
 )
-def test_a_terminal_that_has_few_characters_gets_plain_ones(
+def test_terminal_with_a_small_character_set_gets_plain_characters(
     words: list[str], encoding: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding, errors="strict") for _ in range(2))

@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command_set import load
 from tests.support.process import Running
 
 
-def test_who_gave_a_configuration_is_told_what_to_write_into_it(
+def test_user_of_a_config_file_is_told_what_to_write_into_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "gateway.toml"
@@ -27,7 +27,7 @@ def test_who_gave_a_configuration_is_told_what_to_write_into_it(
     assert "--config FILE" not in shown
 
 
-def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -> None:
+def test_sim_help_lists_every_model(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(["sim", "--help"])
     shown = capsys.readouterr().out
@@ -38,7 +38,7 @@ def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -
             assert line.split()[1:] == row.get("versions", []) + ["starsense-1.20"] * row.get("starsense", False)
 
 
-def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
+def test_signal_ends_the_search_for_a_mute_mount() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.settimeout(60)
         mount = f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"
@@ -53,7 +53,7 @@ def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
     assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
 
 
-async def test_signal_cancels_what_is_under_way() -> None:
+async def test_signal_cancels_pending_work() -> None:
     done, work = asyncio.Event(), asyncio.ensure_future(asyncio.sleep(3600.0))
     asyncio.get_running_loop().call_later(0.01, done.set)
     assert await unless(done, work) is None

@@ -15,11 +15,11 @@ from gateway.transport.listening import in_brackets
 @pytest.mark.parametrize(
     ("host", "wide"), [("127.0.0.1", False), ("::1", False), ("0.0.0.0", True), ("192.0.2.7", True)]
 )
-def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
+def test_run_warns_only_of_a_console_that_other_computers_reach(host: str, wide: bool) -> None:
     page: Any = SimpleNamespace(where=f"tcp://{in_brackets(host)}:4080")
     assert bool(console_offers(page)) is wide and bool(PhoneLines().new_lines(console_offers(page))) is wide
 
 
-def test_its_address_is_told() -> None:
+def test_run_prints_the_console_address() -> None:
     page: Any = SimpleNamespace(where="tcp://192.0.2.7:4080")
     assert b"".join(PhoneLines().new_lines(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"

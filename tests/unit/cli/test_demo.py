@@ -30,7 +30,7 @@ def terminal() -> Iterator[str]:
     os.close(slave)
 
 
-def test_the_live_link_of_another_program_is_left_alone(tmp_path: Path, terminal: str) -> None:
+def test_demo_leaves_the_live_link_of_another_program_alone(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
     path.symlink_to(terminal)
     assert f"link of that name to {terminal}" in refused("demo", "--port", "0", "--pty", str(path))
@@ -38,7 +38,7 @@ def test_the_live_link_of_another_program_is_left_alone(tmp_path: Path, terminal
     assert not is_free(str(path)) and os.readlink(path) == terminal
 
 
-def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: str, started: list[Running]) -> None:
+def test_demo_replaces_the_link_of_a_killed_gateway(tmp_path: Path, terminal: str, started: list[Running]) -> None:
     """Though its pseudo-terminal's number is another program's by now."""
     path = tmp_path / "lx200"
     killed = Running("demo", "--port", "0", "--pty", str(path))
@@ -53,7 +53,7 @@ def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: st
     assert not path.is_symlink()
 
 
-def test_a_folder_that_may_not_be_written_to_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demo_reports_a_folder_that_it_may_not_write_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(target: str, path: str) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 
@@ -64,7 +64,7 @@ def test_a_folder_that_may_not_be_written_to_is_told_so(tmp_path: Path, monkeypa
     link.close()
 
 
-def test_a_name_in_use_is_followed_by_the_next(tmp_path: Path, terminal: str) -> None:
+def test_demo_takes_the_next_free_link_name(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
     assert demo.free_name(str(path)) == str(path)
     path.symlink_to(terminal)
@@ -76,7 +76,7 @@ def test_a_name_in_use_is_followed_by_the_next(tmp_path: Path, terminal: str) ->
         DeviceLink(str(path)).check()
 
 
-def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -84,7 +84,7 @@ def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) 
         assert number < demo.free_port(number) < number + demo.PORTS_TRIED
 
 
-def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demo_prints_the_address_that_it_uses_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     monkeypatch.setattr(demo, "free_port", lambda first: first + 1)
     monkeypatch.setattr(demo, "free_name", lambda path: str(tmp_path / "lx200-2"))
@@ -100,7 +100,7 @@ def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.M
     assert told[1:] == ["any@tcp://127.0.0.1:4042", "lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
 
 
-def test_a_port_that_was_asked_for_is_not_exchanged() -> None:
+def test_demo_does_not_replace_an_explicitly_chosen_port() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

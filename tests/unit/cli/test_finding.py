@@ -46,14 +46,14 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     return found, said, words
 
 
-async def test_only_where_nothing_ever_came_the_cable_is_doubted() -> None:
+async def test_cable_is_suspected_only_where_no_byte_ever_arrived() -> None:
     found, said, words = await met(Bridge("lx200", driven="lx200"), "lx200@/dev/ttyUSB0", b"")
     assert not found
     assert len(said) == 1 and "may take 9 s" in said[0]
     assert words.startswith("lx200@/dev/ttyUSB0: ") and "is it switched on" in words and "--wait" in words
 
 
-async def test_what_was_asked_and_what_came_is_said() -> None:
+async def test_failed_search_says_what_was_sent_and_received() -> None:
     began = asyncio.get_running_loop().time()
     found, _, words = await met(Bridge("lx200", driven="lx200"), "lx200@socket://10.0.0.2:4030", b"hello\r\n")
     assert not found
@@ -74,7 +74,7 @@ async def test_run_says_how_long_the_first_answer_may_take(at: str) -> None:
     assert len(said) == 1 and said[0].startswith(at) and f"may take {seconds} s" in said[0]
 
 
-async def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -> None:
+async def test_push_to_mount_is_waited_for_only_if_named() -> None:
     bridge = Bridge("lx200", driven="lx200")
     bridge.controller.start()
     await asyncio.sleep(2.0)
@@ -83,7 +83,7 @@ async def test_a_mount_that_tells_where_it_points_is_waited_for_by_name_only() -
 
 
 @pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
-async def test_the_first_position_of_a_slow_classic(named: bool, seconds: float) -> None:
+async def test_first_position_of_a_slow_classic_is_waited_for(named: bool, seconds: float) -> None:
     """Half a second for each answer, and no answer to what a classic does not know."""
     now = asyncio.get_running_loop().time
     bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
@@ -120,7 +120,7 @@ async def nobody(where: str, baud: int) -> None:
     await asyncio.sleep(4.5)
 
 
-async def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_slowly_starting_hand_control_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
     bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
     began, slow = now(), Slow(bridge, 25.0)
@@ -136,7 +136,7 @@ async def test_a_hand_control_that_starts_slowly_is_waited_for(monkeypatch: pyte
 @pytest.mark.parametrize(
     ("longest", "least", "most", "hints"), [(finding.SEARCH_TIMEOUT, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
 )
-async def test_a_port_that_stays_silent_is_given_up(
+async def test_silent_port_is_given_up_after_a_while(
     longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
@@ -151,7 +151,7 @@ async def test_a_port_that_stays_silent_is_given_up(
 
 
 @pytest.mark.parametrize("longest", [finding.SEARCH_TIMEOUT, 0.0])
-async def test_an_address_that_is_not_supported_is_looked_at_once(
+async def test_address_of_an_unsupported_protocol_is_refused_without_further_search(
     longest: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
@@ -166,7 +166,7 @@ async def test_an_address_that_is_not_supported_is_looked_at_once(
     await bridge.controller.close()
 
 
-def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_protocol_garbage_or_aux_bytes_are_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     async def program() -> None:
         now = asyncio.get_running_loop().time
 
@@ -191,7 +191,7 @@ def test_another_protocol_garbage_and_aux_are_told_at_once(monkeypatch: pytest.M
     run(program())
 
 
-async def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_port_that_cannot_be_opened_is_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     bridge = Bridge("lx200", driven="lx200")
 
     async def broken(*_: Any) -> None:

@@ -20,7 +20,9 @@ pytest.importorskip("aiomqtt")
         (["--mqtt", "mqtt://pi", "--password-file", "/none/such"], "/none/such: there is no folder"),
     ],
 )
-def test_mistakes(flags: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fleet_command_explains_mistakes_in_its_flags(
+    flags: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["fleet", *flags]) == 2
     told = capsys.readouterr().err
     assert words in told and "secret" not in told and told.count("\n") == 1

@@ -33,7 +33,7 @@ def told(
     return capsys.readouterr().out
 
 
-def test_the_first_page_fits_a_screen_and_names_the_commands_people_need(
+def test_help_fits_a_screen_and_names_the_main_commands(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = told(capsys, monkeypatch, columns="80")
@@ -71,7 +71,7 @@ def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
 
 
 @each("words", [[], *([name] for name in COMMANDS)])
-def test_help_is_plain_text_that_fits_the_terminal_and_has_no_words_of_this_code(
+def test_help_is_plain_text_without_internal_terms_and_fits_the_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: list[str]
 ) -> None:
     """What a surface is, stands where it is first named."""
@@ -85,7 +85,7 @@ def test_help_is_plain_text_that_fits_the_terminal_and_has_no_words_of_this_code
     assert "surface" not in page.replace("--surface", "") or re.search(r"surface[:,] (that is )?where programs", page)
 
 
-def test_a_command_that_is_too_long_for_a_line_can_still_be_copied(
+def test_long_command_in_the_help_can_be_copied(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = told(capsys, monkeypatch, "run", columns="80")
@@ -96,7 +96,7 @@ def test_a_command_that_is_too_long_for_a_line_can_still_be_copied(
     ) in page
 
 
-def test_config_takes_the_flags_of_run_and_does_not_repeat_its_help(
+def test_config_command_takes_the_flags_of_run_without_repeating_their_help(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = " ".join(told(capsys, monkeypatch, "config").split())
@@ -105,7 +105,7 @@ def test_config_takes_the_flags_of_run_and_does_not_repeat_its_help(
     assert "--lowest DEG" in told(capsys, monkeypatch, "run")
 
 
-def test_an_example_of_the_help_is_one_that_works() -> None:
+def test_example_in_the_help_works() -> None:
     page = parser().format_help().replace(" \\\n", " ")
     example = next(line for line in page.splitlines() if "run --mount" in line)
     arguments = parser().parse_args(example.split()[1:])
@@ -113,7 +113,7 @@ def test_an_example_of_the_help_is_one_that_works() -> None:
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_shells_accept_their_script(shell: str, tmp_path: Path) -> None:
+def test_shells_accept_their_completion_script(shell: str, tmp_path: Path) -> None:
     text = script(shell)
     assert all(command in text for command in COMMANDS)
     assert "hour-angle-limit" in text
@@ -125,7 +125,7 @@ def test_shells_accept_their_script(shell: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("bash"), reason="no bash here")
-def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bash_completes_commands_and_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", "bash"]) == 0
     (tmp_path / "script").write_text(capsys.readouterr().out)
     (tmp_path / "night.toml").touch()

@@ -50,7 +50,7 @@ def heard(listener: socket.socket) -> list[str]:
     return datagrams
 
 
-def test_a_run_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
+def test_run_works_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
     master, slave = os.openpty()
     arguments = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--no-console"]
     environment = {**os.environ, "TERM": "xterm", "PYTHONUTF8": "1", "NO_COLOR": "1"}
@@ -93,7 +93,7 @@ def test_a_run_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
     assert any(re.search(r"STATUS=6-8se  \d\d:\d\d:\d\d .*no programs", text) for text in told)
 
 
-async def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
+async def test_systemd_watchdog_is_fed_only_while_the_line_has_its_worker(
     systemd: socket.socket, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async with Bridge() as bridge:
@@ -114,7 +114,7 @@ async def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
     assert capsys.readouterr().err.count("the mount I/O task has ended") == 1
 
 
-def test_systemd_that_does_not_listen_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_systemd_that_does_not_listen_delays_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
     notify("READY=1")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as full:
@@ -131,7 +131,7 @@ def test_systemd_that_does_not_listen_holds_nobody_up(tmp_path: Path, monkeypatc
     ("micros", "pid", "seconds"),
     [("20000000", "", 20.0), ("20000000", "mine", 20.0), ("20000000", "1", None), ("0", "", None), ("", "", None)],
 )
-def test_the_watchdog_waits_for_this_process_only(
+def test_systemd_watchdog_setting_for_another_process_is_ignored(
     monkeypatch: pytest.MonkeyPatch, micros: str, pid: str, seconds: float | None
 ) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", "/run/nobody")
@@ -155,7 +155,7 @@ class Terminal(io.TextIOWrapper):
         return True
 
 
-def test_a_shorter_line_takes_the_longer_one_away(capsys: pytest.CaptureFixture[str]) -> None:
+def test_shorter_status_line_erases_the_longer_one(capsys: pytest.CaptureFixture[str]) -> None:
     terminal = Terminal()
     screen = Screen(terminal)
     screen.clear()
@@ -167,13 +167,13 @@ def test_a_shorter_line_takes_the_longer_one_away(capsys: pytest.CaptureFixture[
     assert capsys.readouterr().err == "mount-gateway: a word\n"
 
 
-def test_a_terminal_that_knows_no_degree_sign_gets_something_else() -> None:
+def test_terminal_without_a_degree_sign_gets_a_substitute() -> None:
     terminal = Terminal("ascii")
     Screen(terminal).show("+22°")
     assert terminal.bytes.getvalue() == b"\r+22?"
 
 
-def test_a_line_needs_a_terminal_that_can_go_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_status_line_is_shown_only_on_a_terminal_that_can_return(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     assert find_terminal() is None  # both are captured
     terminal = Terminal()
@@ -183,7 +183,7 @@ def test_a_line_needs_a_terminal_that_can_go_back(monkeypatch: pytest.MonkeyPatc
     assert find_terminal() is None
 
 
-def test_beside_the_log_for_programs_a_warning_is_an_object_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_warning_beside_a_json_log_is_a_json_object(capsys: pytest.CaptureFixture[str]) -> None:
     Screen(None, as_json=True).warn("the port is gone")
     Screen(None).warn("the port is gone")
     first, second = capsys.readouterr().err.splitlines()

@@ -37,7 +37,7 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
         (["--log=program", "--no-log"], False),
     ],
 )
-def test_flags(flags: list[str], log: Any) -> None:
+def test_log_flags_select_what_is_logged(flags: list[str], log: Any) -> None:
     words = _protected([*RUN, *flags])
     assert settings(parser(words[:1]).parse_args(words))[0].log == log
 
@@ -45,19 +45,19 @@ def test_flags(flags: list[str], log: Any) -> None:
 @pytest.mark.parametrize(
     ("written", "log"), [("true", True), ("false", False), ('"changes"', "changes"), ('"json"', "json")]
 )
-def test_in_a_file(written: str, log: Any, tmp_path: Path) -> None:
+def test_log_settings_in_a_file_select_what_is_logged(written: str, log: Any, tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f'log = {written}\n[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:0"\n')
     assert settings(parser(["run"]).parse_args(["run", "--config", str(path)]))[0].log == log
 
 
-def test_what_it_may_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_log_setting_names_the_allowed_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*RUN, "--log=mounts"]) == 2
     said = capsys.readouterr().err
     assert "--log" in said and "program, mount, changes, refusals, json" in said
 
 
-def test_a_gateway_shows_only_what_is_asked_for() -> None:
+def test_gateway_logs_only_the_selected_kinds() -> None:
     gateway = Running(*RUN, "--sun", "0", "--log=changes")
     try:
         where = gateway.ready()
@@ -73,7 +73,7 @@ KEYS = ["time", "mount", "side", "direction", "kind", "refused", "bytes", "hex",
 
 
 @pytest.mark.parametrize("log", ["json", "json-program", "json-changes"])
-def test_for_programs_every_line_on_stderr_is_an_object(log: str, tmp_path: Path) -> None:
+def test_json_log_makes_every_line_on_stderr_an_object(log: str, tmp_path: Path) -> None:
     gateway = Running(*RUN, "--sun", "0", f"--log={log}", "--site", "50,10")
     try:
         where = gateway.ready()
@@ -91,12 +91,12 @@ def test_for_programs_every_line_on_stderr_is_an_object(log: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("word", [*find_key("", "log").choices, "true", "false"])  # type: ignore[union-attr]
-def test_what_is_logged_may_be_a_word_of_its_own(word: str) -> None:
+def test_log_kind_may_be_given_as_a_separate_word(word: str) -> None:
     assert _protected(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
     assert _protected(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
 
 
-def test_any_other_word_stays_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_word_after_log_that_is_no_kind_stays_the_config_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for word in ("evening.toml", "./evening"):
         assert _protected(["run", "--log", word]) == ["run", "--log=true", word]

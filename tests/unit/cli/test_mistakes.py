@@ -155,7 +155,7 @@ PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
         ),
     ],
 )
-def test_a_mistake_gets_one_line_that_says_what_to_write(
+def test_command_line_mistake_gets_one_line_that_says_what_to_write(
     typed: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In an empty folder; PLAIN are a mount and a surface without a mistake, {} is a folder that there is not."""
@@ -164,7 +164,7 @@ def test_a_mistake_gets_one_line_that_says_what_to_write(
     assert says in refused(*words)
 
 
-def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> None:
+def test_port_used_by_another_gateway_is_reported_with_its_process(tmp_path: Path) -> None:
     first = Running("run", *PLAIN, "--state", str(tmp_path / "first"), by=GATEWAY)
     where = first.ready()
     said = refused("run", *PLAIN[:3], f"lx200@{where}", "--state", str(tmp_path))
@@ -172,7 +172,7 @@ def test_a_port_of_another_gateway_is_told_with_its_process(tmp_path: Path) -> N
     assert f"another mount-gateway (process {first.process.pid})" in said and "write another port" in said
 
 
-def test_a_run_that_fails_does_not_warn_of_what_it_does_not_serve(tmp_path: Path) -> None:
+def test_failed_run_does_not_warn_of_ports_that_it_does_not_serve(tmp_path: Path) -> None:
     at = ("--mount", f"nexstar@{tmp_path / 'none'}", "--surface", "lx200@tcp://0.0.0.0:0", "--no-console")
     failed = run_to_end("run", *at, "--no-discovery", "--state", str(tmp_path))
     assert failed.returncode == 2
@@ -189,13 +189,13 @@ def test_unknown_host_name_is_named_in_words(monkeypatch: pytest.MonkeyPatch) ->
             open_port(url, 9600)
 
 
-def test_what_is_behind_an_address_is_no_port_of_this_computer() -> None:
+def test_advice_for_a_silent_network_port_asks_whether_it_is_switched_on() -> None:
     for where in ("socket://127.0.0.1:9", "rfc2217://pier:4000"):
         assert "is it switched on" in port_advice(where)
     assert "mount-gateway detect" in port_advice("/dev/ttyUSB9")
 
 
-def test_bytes_that_are_no_recording_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bytes_that_are_no_recording_are_not_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     noise = tmp_path / "noise.bin"
     noise.write_bytes(b"\x7fELF" + bytes(range(256)) * 64)
     assert main(["decode", "--protocol", "nexstar", str(noise)]) == 2
@@ -204,7 +204,7 @@ def test_bytes_that_are_no_recording_are_not_shown(tmp_path: Path, capsys: pytes
     assert "noise.bin: this is no recording" in err
 
 
-def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:
+def test_suspended_gateway_is_reported_as_suspended(started: list[Running], tmp_path: Path) -> None:
     gateway = Running("run", *PLAIN, "--state", str(tmp_path))
     started.append(gateway)
     gateway.ready()
@@ -222,7 +222,7 @@ def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_p
     assert gateway.end() == 0
 
 
-def test_a_state_folder_that_is_a_file_is_said_to_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_state_folder_that_is_a_file_is_reported_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").touch()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"lx200@tcp://127.0.0.1:{taken.getsockname()[1]}"

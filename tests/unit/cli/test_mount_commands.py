@@ -47,7 +47,7 @@ def gateway(started: list[Running], state: Path, *more: str) -> Running:
     return running
 
 
-def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
+def test_mount_command_without_a_gateway_says_so(say: Say, tmp_path: Path) -> None:
     for words in (
         ["status"],
         ["status", "--watch"],
@@ -62,7 +62,7 @@ def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
     assert say("status", "--json", "--state", str(tmp_path))[:2] == (1, "[]")
 
 
-def test_a_reader_that_has_had_enough_of_the_status_is_no_fault(
+def test_status_ends_quietly_when_its_reader_closes_the_pipe(
     tmp_path: Path, started: list[Running], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As in ``mount-gateway status | head -1``."""
@@ -76,7 +76,7 @@ def test_a_reader_that_has_had_enough_of_the_status_is_no_fault(
         assert capsys.readouterr().err == ""
 
 
-def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) -> None:
+def test_shell_commands_control_the_mount_through_a_night(say: Say, tmp_path: Path, started: list[Running]) -> None:
     """One gateway, every command; a recording of it shows what was asked."""
     which = ("--state", str(tmp_path))
     running = gateway(started, tmp_path, "--record", str(tmp_path / "night.rec"))
@@ -124,7 +124,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert " ! ends here" in out.splitlines()[-1]
 
 
-def test_ctrl_c_stops_what_was_begun(
+def test_ctrl_c_stops_the_motion_begun_by_the_command(
     tmp_path: Path, started: list[Running], capsys: pytest.CaptureFixture[str]
 ) -> None:
     which = ("--state", str(tmp_path))
@@ -149,7 +149,9 @@ def _wanted(which: tuple[str, ...], said: pytest.CaptureFixture[str]) -> list[st
     return wanted
 
 
-def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Running]) -> None:
+def test_command_requires_a_name_where_there_are_several_mounts(
+    say: Say, tmp_path: Path, started: list[Running]
+) -> None:
     """Two mounts of one gateway, by name."""
     config = tmp_path / "gateway.toml"
     config.write_text(
@@ -184,7 +186,7 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     assert "no gateway runs here for attic" in say("status", "--mount", "attic", *which)[2]
 
 
-def test_of_two_mounts_with_the_same_text_the_processes_are_told(
+def test_command_lists_processes_of_mounts_with_the_same_name(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two demos: no --mount tells them apart."""
@@ -195,7 +197,7 @@ def test_of_two_mounts_with_the_same_text_the_processes_are_told(
     assert "end one of them" in told
 
 
-def test_gateways_of_two_folders_stand_apart(
+def test_gateways_of_two_state_folders_are_separate(
     tmp_path: Path, started: list[Running], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folders = [tmp_path / name for name in ("east", "west")]
@@ -215,7 +217,7 @@ def test_gateways_of_two_folders_stand_apart(
     assert str(folders[1]) not in told and "of the state folder" not in told
 
 
-def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
+def test_status_watch_prints_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
     where = gateway(started, tmp_path).ready()
     command = Running("status", "--watch", "--state", str(tmp_path))
     assert command.process.stdout is not None
@@ -242,11 +244,11 @@ class Typed:
     (("jupiter",), Body("Jupiter")),
     (("Moon",), Body("Moon")),
 ])  # fmt: skip
-def test_a_place_is_understood(words: tuple[str, ...], found: Spot | Body) -> None:
+def test_command_accepts_coordinates_in_usual_notations(words: tuple[str, ...], found: Spot | Body) -> None:
     assert place(Typed(*words)) == found  # type: ignore[arg-type]
 
 
-def test_an_object_is_of_2000() -> None:
+def test_object_name_at_the_shell_means_j2000_coordinates() -> None:
     for words in (("M42",), ("NGC", "1976"), ("ngc1976",), ("messier 42",)):
         spot = place(Typed(*words))  # type: ignore[arg-type]
         assert isinstance(spot, Spot)
@@ -263,13 +265,13 @@ def test_an_object_is_of_2000() -> None:
     (("XYZ12",), "no catalogue is called 'XYZ'"),
     (("Sun",), "no goto to the Sun"),
 ])  # fmt: skip
-def test_what_is_no_place_is_said(words: tuple[str, ...], told: str) -> None:
+def test_invalid_coordinates_are_reported(words: tuple[str, ...], told: str) -> None:
     with pytest.raises(UserError) as refused:
         place(Typed(*words))  # type: ignore[arg-type]
     assert told in str(refused.value)
 
 
-def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_object_library_is_reported_at_the_shell(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(catalogue: str, number: int) -> None:
         raise NotInstalled
 
@@ -278,6 +280,6 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
         place(Typed("NGC1"))  # type: ignore[arg-type]
 
 
-def test_a_declination_below_the_equator_is_no_flag() -> None:
+def test_negative_declination_is_not_taken_for_a_flag() -> None:
     told = Running("goto", "05:00", "-5:30", "--mount", "none").finish()
     assert (told.returncode, "no gateway runs here for none" in told.stderr) == (1, True)

@@ -32,7 +32,7 @@ RATES = Finding(
 )
 
 
-def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_prove_prints_lines_that_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     async def talk() -> None:
         terminal = Terminal()
         terminal.say("  " + "a sentence of many words " * 9)
@@ -48,7 +48,7 @@ def test_lines_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0].startswith("  a sentence") and lines[1].startswith("    ")
 
 
-async def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_in_it() -> None:
+async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
     terminal = Terminal()
     for key in "y ":  # before the question: only the space bar counts
         terminal.pressed(key)
@@ -64,7 +64,7 @@ async def test_a_key_is_an_answer_and_so_is_the_space_bar_before_a_question_or_i
     assert terminal.stop.is_set()
 
 
-async def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
+async def test_q_during_a_prove_stage_stops_and_answers_the_next_question() -> None:
     terminal = Terminal()
     for key in "qy":
         terminal.pressed(key)
@@ -77,7 +77,7 @@ async def test_q_in_a_stage_stops_and_answers_the_next_question() -> None:
     assert await asyncio.wait_for(asking, 60.0) == "y"
 
 
-def test_the_gateway_of_the_check_keeps_far_from_the_sun() -> None:
+def test_prove_configures_its_gateway_to_keep_far_from_the_sun() -> None:
     config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0, record="mine.rec")]))
     [mount] = config.mount
     assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, "mine.rec")
@@ -86,7 +86,7 @@ def test_the_gateway_of_the_check_keeps_far_from_the_sun() -> None:
         checked(Config([mount, mount]))
 
 
-def test_the_summary_names_what_differs() -> None:
+def test_prove_summary_names_each_difference() -> None:
     findings = Findings(
         stages={"reads": [Finding("identity", SAME), Finding("rate 9", DIFFERS, "3°/s", "5°/s", "Slow.")]}
     )
@@ -97,7 +97,7 @@ def test_the_summary_names_what_differs() -> None:
 
 
 @pytest.mark.parametrize("where", ["sim", "/dev/ttyUSB0"])
-def test_after_a_signal_nothing_else_begins(where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_prove_begins_nothing_after_a_signal(where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Ctrl-C ends the whole check, and nobody is asked anything; what was found is told and written."""
     save(tmp_path / "findings.json", Findings("mount", "m", stages={"motions": [RATES]}))
     monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: 0)
@@ -107,13 +107,13 @@ def test_after_a_signal_nothing_else_begins(where: str, monkeypatch: pytest.Monk
     assert written.simulated == (where == "sim")
 
 
-def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_prove_without_a_terminal_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", "--mount", "nexstar@sim"]) == 2
     assert "start it in a terminal" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("where", ["socket://127.0.0.1:4999", "/dev/ttyUSB0"])
-def test_a_mount_that_a_gateway_has_is_not_checked(
+def test_prove_refuses_a_mount_used_by_a_gateway(
     where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def taken(*_: object) -> int:
@@ -126,7 +126,7 @@ def test_a_mount_that_a_gateway_has_is_not_checked(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_in_a_terminal_it_goes_to_its_end(tmp_path: Path) -> None:
+def test_prove_runs_to_its_end_in_a_terminal(tmp_path: Path) -> None:
     """It writes the file for the maintainers, and shows the lines that adapt gateway.toml."""
     import pty
 

@@ -55,7 +55,7 @@ def stop(capsys: pytest.CaptureFixture[str]) -> Stop:
     return run_it
 
 
-def test_a_gateway_is_reached_when_its_folder_is_gone(
+def test_stop_reaches_a_gateway_whose_folder_was_deleted(
     tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process]
 ) -> None:
     state = tmp_path / "state"
@@ -70,7 +70,9 @@ def test_a_gateway_is_reached_when_its_folder_is_gone(
 
 
 @LINUX
-def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], stop: Stop, seen: list[Process]) -> None:
+def test_stop_reaches_a_gateway_that_could_write_no_file(
+    started: list[Running], stop: Stop, seen: list[Process]
+) -> None:
     """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
     moving = Moving(started, Path("/proc"))
     seen.append(Process(moving.gateway.process.pid, os.getuid()))
@@ -86,9 +88,7 @@ def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], s
 
 
 @LINUX
-def test_a_gateway_without_a_descriptor_left_stops_its_mount(
-    tmp_path: Path, started: list[Running], stop: Stop
-) -> None:
+def test_stop_reaches_a_gateway_without_free_descriptors(tmp_path: Path, started: list[Running], stop: Stop) -> None:
     import resource
 
     moving = Moving(started, tmp_path)
@@ -100,7 +100,7 @@ def test_a_gateway_without_a_descriptor_left_stops_its_mount(
     assert not moving.moves()
 
 
-def test_a_frozen_gateway_is_said_to_be_one(
+def test_stop_reports_a_frozen_gateway(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 0.3)
@@ -113,7 +113,7 @@ def test_a_frozen_gateway_is_said_to_be_one(
     assert time.monotonic() - began < 8.0
 
 
-def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[Running], stop: Stop) -> None:
+def test_stop_hold_lasts_over_a_restart_until_released(tmp_path: Path, started: list[Running], stop: Stop) -> None:
     here = ("--state", str(tmp_path))
     moving = Moving(started, tmp_path)
     moving.move()
@@ -137,7 +137,7 @@ def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[
     assert stop(*here)[0] == 0
 
 
-def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+def test_stop_hold_applies_to_a_whole_state_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     assert stop("--hold", "--mount", "x")[0] == 2
     assert stop("--hold", "--release")[0] == 2
     (tmp_path / "file").write_text("")
@@ -145,7 +145,7 @@ def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path:
     assert code == 1 and f"{tmp_path}/file/hold: " in words
 
 
-def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
+def test_stop_names_a_mount_left_moving_by_a_killed_gateway(
     stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def directly(mark: MarkerContent, where: Path) -> Answer:
@@ -164,7 +164,7 @@ def test_a_mount_that_a_killed_gateway_left_moving_is_known_by_its_name(
     assert stop(*here, "--mount", "pier") == (0, "pier: stopped nexstar@sim")
 
 
-def test_what_a_killed_gateway_with_another_state_folder_left_moving_is_stopped(
+def test_stop_stops_a_mount_left_moving_in_another_state_folder(
     stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("XDG_RUNTIME_DIR", "TMPDIR", "XDG_STATE_HOME"):
@@ -198,14 +198,12 @@ def test_what_a_killed_gateway_with_another_state_folder_left_moving_is_stopped(
 # --- what could not be known ------------------------------------------------------------------------------------
 
 
-def test_with_nothing_there_nothing_is_to_stop(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+def test_stop_reports_nothing_to_stop_where_no_gateway_ran(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     assert stop() == (0, NOTHING)
     assert stop("--state", str(tmp_path)) == (0, NOTHING)
 
 
-def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
-    stop: Stop, seen: list[Process], tmp_path: Path
-) -> None:
+def test_stop_reports_a_folder_that_it_cannot_read(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     place = tmp_path / "state"
     place.write_text("")
     code, words = stop("--state", str(place))
@@ -213,7 +211,7 @@ def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
     assert words.startswith(f"{place}: Not a directory") and "cannot tell" in words
 
 
-def test_a_gateway_of_another_user_is_named(
+def test_stop_names_a_gateway_of_another_user(
     stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reach, "user", lambda: os.getuid() + 1000)
@@ -231,7 +229,7 @@ def test_a_gateway_of_another_user_is_named(
     assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
 
 
-def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Process]) -> None:
+def test_stop_names_an_own_gateway_that_does_not_answer(stop: Stop, seen: list[Process]) -> None:
     seen.append(Process(4711, os.getuid()))
     code, words = stop()
     assert code == 1
@@ -239,7 +237,7 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Pr
 
 
 @each(("seconds", "looks"), [(5.0, stop_command.TRIES), (3600.0, 2)])
-def test_one_that_cannot_be_asked_is_waited_for_only_while_it_may_be_starting(
+def test_stop_waits_for_a_silent_gateway_only_while_it_may_be_starting(
     seconds: float, looks: int, stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked, slept = list[int](), list[float]()
@@ -254,7 +252,7 @@ def test_one_that_cannot_be_asked_is_waited_for_only_while_it_may_be_starting(
     assert len(looked) == looks == len(slept) + 1, "nobody waits after the last look"
 
 
-def test_another_users_gateway_is_not_waited_for(
+def test_stop_does_not_wait_for_another_users_gateway(
     stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async def sleep(seconds: float) -> None:
@@ -272,12 +270,12 @@ def test_another_users_gateway_is_not_waited_for(
 
 
 @LINUX
-def test_the_age_of_a_process_is_known() -> None:
+def test_age_of_a_process_is_read_from_the_system() -> None:
     assert processes.age(1) > processes.age(os.getpid()) > 0.0 == processes.age(GONE)
 
 
 @pytest.mark.safety_line(2)
-def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
+def test_stop_without_a_folder_stops_every_gateway_of_the_user(
     tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In folders of its own for what lives as long as a session, so that no other test's gateway is stopped."""
@@ -294,7 +292,7 @@ def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
 
 
 @pytest.mark.skipif(user() != 0, reason="only root looks into folders of others")
-def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_as_root_reaches_gateways_of_other_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     monkeypatch.setattr(runtime, "SESSIONS_FOLDER", tmp_path / "run")
@@ -322,12 +320,12 @@ def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest
     (["sudo", "mount-gateway", "run"], False), (["vi", "mount-gateway", "run"], False),
     (["python", "-m", "pytest", "gateway"], False), ([""], False), ([], False), (["mount-gateway"], False),
 ])  # fmt: skip
-def test_a_gateway_is_known_by_its_command_line(words: list[str], is_one: bool) -> None:
+def test_gateway_process_is_recognised_by_its_command_line(words: list[str], is_one: bool) -> None:
     assert serves([*words, ""]) is is_one
 
 
 @LINUX
-def test_a_gateway_is_seen_among_the_processes(started: list[Running]) -> None:
+def test_gateway_is_found_among_the_running_processes(started: list[Running]) -> None:
     gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
     started.append(gateway)
     gateway.ready()
@@ -339,7 +337,7 @@ def test_a_gateway_is_seen_among_the_processes(started: list[Running]) -> None:
 
 
 @LINUX
-def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
+def test_process_with_an_unfamiliar_name_is_not_taken_for_dead(
     tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Started by another program, for one: it has the port, and it does not answer."""

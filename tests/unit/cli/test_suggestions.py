@@ -44,7 +44,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["-V"], "mount-gateway "),
     ],
 )
-def test_a_page_that_is_asked_for_in_other_words_is_shown(
+def test_help_page_requested_in_other_words_is_shown(
     typed: list[str], page: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
@@ -62,7 +62,7 @@ def test_detect_says_that_a_folder_is_no_serial_port(
     assert f"  cannot be opened: {says}" in capsys.readouterr().out
 
 
-def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_reads_the_config_file_of_the_current_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text(FILE)
     assert main(["config"]) == 0
     told = capsys.readouterr()
@@ -74,14 +74,14 @@ def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixtu
     assert "(gateway.toml of this folder is not" in capsys.readouterr().err
 
 
-def test_flags_that_name_a_mount_leave_the_file_here_unread(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flags_that_name_a_mount_leave_the_local_file_unread(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text("not even TOML")
     assert main(["config", *PLAIN]) == 0
     assert capsys.readouterr().err == ""
     assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
 
 
-def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
+def test_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--client", "stellarium", "--allow", "10.0.0.0/8,127.0.0.1", "--max-clients", "3", "--precision=low"]
     assert main(["config", *PLAIN, *words, "--read-only"]) == 0
     told = capsys.readouterr().out
@@ -97,19 +97,19 @@ def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str])
     assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
 
 
-def test_names_are_for_the_surface_that_speaks_http(capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_flag_applies_to_the_surface_that_speaks_http(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", *PLAIN, "--surface", "any@tcp://:0", "--names", "pier,[2001:db8::7]"]) == 0
     first, second = capsys.readouterr().out.split("[[surface]]")[1:]
     assert "names = []\n" in first and 'names = ["pier", "[2001:db8::7]"]  # --names\n' in second
 
 
-def test_who_may_connect_is_for_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
+def test_allow_flag_applies_to_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "127.0.0.1"]) == 0
     first, second = capsys.readouterr().out.split("[[surface]]")[1:]
     assert "# allow: not set" in first and 'allow = ["127.0.0.1"]  # --allow\n' in second
 
 
-def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flag_changes_the_only_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text(FILE)
     assert main(["config", "--client", "stellarium"]) == 0
     told = capsys.readouterr().out
@@ -153,7 +153,7 @@ def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.Cap
         ("lx200gps", "lx200:lx200gps"),
     ],
 )
-def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None:
+def test_mount_may_be_given_by_its_popular_name(word: str, device: str) -> None:
     assert str(parse_device(word)) == f"{device}@"
     assert parse_endpoint(f"{word}@sim") == parse_endpoint(f"{device}@sim")
 
@@ -169,14 +169,14 @@ def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None
         ("telescope", "write nexstar for a Celestron"),
     ],
 )
-def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> None:
+def test_unknown_word_is_refused_with_a_suggestion(word: str, says: str) -> None:
     with pytest.raises(UserError) as refusal:
         parse_device(word)
     assert says in str(refusal.value)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
+def test_every_popular_name_stands_for_one_existing_mount(protocol: str) -> None:
     names = {*load(protocol).models, endpoints.OPEN_MODEL, *(["starsense"] if protocol == "nexstar" else [])}
     rows = endpoints.names_by_model(protocol)
     assert set(rows) <= names
@@ -192,7 +192,7 @@ def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
 @pytest.mark.parametrize(
     "subcommand", [("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"), ("explain", "etx", "6se", ":GR#")]
 )
-def test_owners_names_are_known_in_every_subcommand(
+def test_popular_names_are_accepted_in_every_subcommand(
     subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(list(subcommand)) == 0
@@ -216,7 +216,7 @@ def test_refusal_of_half_an_endpoint_shows_it_whole(half: str, says: str) -> Non
 # --- ports for detect ------------------------------------------------------------------------------------------------
 
 
-def test_a_port_is_named_as_run_would_have_it() -> None:
+def test_port_is_named_as_run_expects_it() -> None:
     named_as = {
         text: parse_port(text).url for text in ("null", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5", "tcp://pi:4030")
     }
@@ -226,7 +226,7 @@ def test_a_port_is_named_as_run_would_have_it() -> None:
     }  # fmt: skip
 
 
-def test_an_address_is_one_of_the_network() -> None:
+def test_network_address_without_a_scheme_is_taken_for_a_socket() -> None:
     assert parse_port("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
     assert parse_port("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
     assert parse_port("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
@@ -252,7 +252,7 @@ def test_device_without_its_folder_is_suggested_with_it(tmp_path: Path) -> None:
     assert suggest_address("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
 
 
-def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_privileged_port_is_refused_with_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     async def refuse(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "error while attempting to bind on address ('127.0.0.1', 80)")
 
@@ -262,7 +262,7 @@ def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("quotes", ["“”", "„“", "‘’", "«»"])
-def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
+def test_typographic_quotes_are_named(quotes: str, here: Path) -> None:
     (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
     assert "gateway.toml:2: column 6: " in (line := refused("run"))
     assert "write plain ones" in line
@@ -284,7 +284,7 @@ def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
         ("45.5,240.5", (45.5, 240.5)),
     ],
 )
-def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]) -> None:
+def test_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]) -> None:
     assert parse_site(text) == pytest.approx(place, abs=1e-6)
 
 
@@ -310,7 +310,7 @@ def test_text_that_is_no_site_is_refused(text: str) -> None:
         parse_site(text)
 
 
-def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_stop_accepts_a_mounts_popular_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     asked: list[object] = []
 
     async def order_all(scope: object, mount: str | None, word: str) -> StopReport:
@@ -324,7 +324,7 @@ def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, 
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
-def test_a_second_gateway_is_sent_to_the_first(tmp_path: Path, started: list[Running]) -> None:
+def test_second_gateway_on_a_port_is_referred_to_the_first(tmp_path: Path, started: list[Running]) -> None:
     mount = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path / 'mount'}")
     started.append(mount)
     mount.ready()

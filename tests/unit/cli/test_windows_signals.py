@@ -34,7 +34,7 @@ sys.exit(main(sys.argv[1:]))
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this stands in for Windows on another system")
 @pytest.mark.parametrize("name", ["SIGUSR1", "SIGUSR2"])
 @pytest.mark.safety_line(2)
-def test_a_closed_window_and_ctrl_break_stop_the_mount(name: str, tmp_path: Path) -> None:
+def test_closed_window_or_ctrl_break_stops_the_mount(name: str, tmp_path: Path) -> None:
     script = tmp_path / "windows.py"
     script.write_text(WINDOWS)
     at = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--site", "48.1,11.6", "--no-console")

@@ -65,7 +65,7 @@ async def closed(gateway: Gateway, host: str) -> bool:
 
 
 @pytest.mark.real_time
-async def test_only_the_networks_named_may_connect() -> None:
+async def test_only_configured_networks_may_connect() -> None:
     async with serving(allow=["127.0.0.1", "10.0.0.0/8"]) as (gateway, said):
         for _ in range(3):
             assert await closed(gateway, "127.0.0.2")
@@ -78,7 +78,7 @@ async def test_only_the_networks_named_may_connect() -> None:
 
 
 @pytest.mark.real_time
-async def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() -> None:
+async def test_surplus_connection_is_closed_until_another_leaves() -> None:
     async with serving(max_clients=2) as (gateway, said):
         two = [await link(gateway, "127.0.0.1") for _ in range(2)]
         for one in two:
@@ -93,7 +93,7 @@ async def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leave
         two[1][1].close()
 
 
-async def test_one_address_gets_three_quarters_of_the_places_and_this_computer_all() -> None:
+async def test_one_address_gets_three_quarters_of_the_connections_and_this_computer_all() -> None:
     async with AnyBridge(keys={"max_clients": 8}) as bridge:
         first = [bridge.call("10.0.0.1") for _ in range(6)]
         for caller in first[:3]:  # what these speak is known; the others have sent nothing
@@ -109,7 +109,7 @@ async def test_one_address_gets_three_quarters_of_the_places_and_this_computer_a
             bridge.call("10.0.0.1")
 
 
-async def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> None:
+async def test_pending_commands_of_a_closed_connection_count_until_done() -> None:
     """Else whoever closes and comes again could have any number of commands under way."""
     async with Bridge(latency=0.2, access=AccessRules(most=3), presented="nexstar", surface="6-8se") as bridge:
         for _ in range(3):
@@ -135,7 +135,7 @@ async def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() 
     ],
 )
 @pytest.mark.safety_line(9)
-def test_what_others_can_reach(where: str, wide: bool) -> None:
+def test_surface_knows_whether_other_computers_can_reach_it(where: str, wide: bool) -> None:
     assert exposed(where) is wide
 
 
@@ -149,20 +149,20 @@ def test_what_others_can_reach(where: str, wide: bool) -> None:
     ],
 )
 @pytest.mark.real_time
-async def test_a_port_that_anybody_can_reach_is_said_aloud(keys: dict[str, Any], loud: bool) -> None:
+async def test_run_warns_of_a_port_that_anybody_can_reach(keys: dict[str, Any], loud: bool) -> None:
     async with serving(at="tcp://0.0.0.0:0", **keys) as (gateway, said):
         assert any("no password" in line and "allow" in line for line in gateway.cautions()) is loud
         assert not any("password" in line for line in said), "only once it serves"
 
 
 @pytest.mark.real_time
-async def test_without_a_host_only_this_computer_can_connect() -> None:
+async def test_surface_without_a_host_accepts_only_this_computer() -> None:
     async with serving(at="tcp://:0") as (gateway, _):
         assert gateway.ports[0].where.startswith("tcp://127.0.0.1:")
         assert list(gateway.cautions()) == []
 
 
-def test_addresses_of_both_families_and_lines_without_any() -> None:
+def test_allow_list_accepts_ipv4_ipv6_and_serial_clients() -> None:
     access = AccessRules(allow=networks(["192.168.1.0/24", "fd00::/8", "10.1.2.3"]))
     admitted = ["192.168.1.77", "::ffff:192.168.1.77", "fd12::1", "10.1.2.3"]
     assert [access.admits(host) for host in admitted] == [True] * 4
@@ -182,7 +182,7 @@ def test_addresses_of_both_families_and_lines_without_any() -> None:
         ("max-clients = 0", "write a whole number from 1 to 10000"),
     ],
 )
-def test_a_mistake_says_what_would_be_right(line: str, words: str) -> None:
+def test_mistake_in_allow_is_reported_with_a_correct_value(line: str, words: str) -> None:
     import tomli
 
     text = f'[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:4030"\n{line}\n'
@@ -192,7 +192,7 @@ def test_a_mistake_says_what_would_be_right(line: str, words: str) -> None:
 
 
 @pytest.mark.parametrize("key", ["allow", "read-only"])
-def test_nobody_comes_to_a_serial_line_from_a_network(key: str) -> None:
+def test_allow_and_read_only_networks_are_refused_on_a_serial_line(key: str) -> None:
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@pty:/tmp/x", key: ["10.0.0.0/8"]}]}
     with pytest.raises(UserError, match=f"{key}: .*no network"):
         make_config(tables, Source("gateway.toml"))
@@ -201,7 +201,7 @@ def test_nobody_comes_to_a_serial_line_from_a_network(key: str) -> None:
 # --- who may only look ------------------------------------------------------------------------------------------------
 
 
-def test_reading_and_stopping_are_harmless_and_nothing_else_is() -> None:
+def test_only_reads_and_stops_count_as_harmless() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
     allowed = {kind for kind in every if issubclass(kind, op.Read)} | {op.AbortMotion, op.StopAxis, op.AbortSlew}
     examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.PassThrough: [op.PassThrough("x")]}
@@ -248,7 +248,7 @@ LX200_ALLOWED = [
 ]  # fmt: skip
 
 
-async def test_lx200_clients_that_only_look() -> None:
+async def test_look_only_lx200_client_changes_nothing() -> None:
     async with Bridge(access=LOOKS, speed=20) as bridge:
         client = bridge.client()
         for command in LX200_ALLOWED:
@@ -273,7 +273,7 @@ async def test_lx200_clients_that_only_look() -> None:
         assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
 
 
-async def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
+async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
     async with Bridge(access=AccessRules(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
         owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
@@ -294,7 +294,7 @@ async def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
 
 
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
-async def test_whoever_looks_may_stop(stop: bytes) -> None:
+async def test_look_only_client_may_stop(stop: bytes) -> None:
     access = AccessRules(read_only=networks(["10.9.0.0/16"]))
     async with Bridge(access=access) as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
@@ -309,7 +309,7 @@ async def test_whoever_looks_may_stop(stop: bytes) -> None:
         assert bridge.controller.wanted.axes == set()
 
 
-async def test_nexstar_clients_that_only_look() -> None:
+async def test_look_only_nexstar_client_changes_nothing() -> None:
     access = AccessRules(read_only=networks(["10.9.0.0/16"]))
     async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
@@ -381,7 +381,7 @@ async def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
         assert {device for device, command in deadly if command == 0x04} <= {176, RTC}, "there it reads the year"
 
 
-def test_what_is_never_passed_is_no_matter_of_where_a_client_comes_from() -> None:
+def test_forbidden_raw_command_is_blocked_on_every_kind_of_connection() -> None:
     """The surface decides, before it is known how the bytes came: tcp, pty and serial alike."""
     from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, passes
     from gateway.protocols.wireformat.command_set import load

@@ -18,7 +18,7 @@ def shares(data: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("who", ["another program", "mount-gateway stop"])
-async def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -> None:
+async def test_commands_sent_before_a_stop_begin_no_motion_after_it(who: str) -> None:
     async with Bridge("cge") as bridge:
         bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         first, *rest = shares(ARROWS)
@@ -35,7 +35,7 @@ async def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -
         assert bridge.sim.tracking
 
 
-async def test_whoever_has_caught_up_moves_the_mount_again() -> None:
+async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
     async with Bridge("cge") as bridge:
         bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         bully.tell(shares(ARROWS)[0])
@@ -49,7 +49,7 @@ async def test_whoever_has_caught_up_moves_the_mount_again() -> None:
         assert bridge.controller.wanted.axes == {1}
 
 
-async def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
+async def test_long_backlog_is_forgotten_when_its_time_is_over() -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         client.tell(b":GR#" * (READ_BYTES // 4))

@@ -25,7 +25,7 @@ async def flood(visitor: Any, data: bytes, seconds: float) -> None:
         await asyncio.sleep(READ_PAUSE)
 
 
-async def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() -> None:
+async def test_command_read_long_after_it_was_sent_moves_nothing() -> None:
     async with Bridge("cge") as bridge:
         bully = bridge.client("10.0.0.1")
         await flood(bully, ARROWS, 0.9)
@@ -38,7 +38,7 @@ async def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_noth
         assert len(said) == 1
 
 
-async def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
+async def test_backlog_of_a_gone_client_ends_motions_and_is_answered() -> None:
     async with Bridge("cge") as bridge:
         gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         await flood(gone, b":GR#" * 20_000, 2.0)
@@ -55,7 +55,7 @@ async def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
         assert not bridge.controller.moving
 
 
-async def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
+async def test_client_that_has_caught_up_moves_the_mount_and_keeps_its_arrow() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)
@@ -68,7 +68,7 @@ async def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> No
         client.tell(b":Q#")
 
 
-async def test_who_sends_no_more_holds_no_arrow() -> None:
+async def test_client_that_stopped_sending_keeps_no_arrow_alive() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         client.tell(b":RM#:Me#")
@@ -78,7 +78,7 @@ async def test_who_sends_no_more_holds_no_arrow() -> None:
         assert not bridge.controller.moving
 
 
-async def test_what_was_sent_before_the_end_of_a_late_client_holds_no_arrow() -> None:
+async def test_backlog_of_a_late_client_keeps_no_arrow_alive() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)
@@ -94,7 +94,7 @@ async def test_what_was_sent_before_the_end_of_a_late_client_holds_no_arrow() ->
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-async def test_client_that_sends_no_more_is_answered_before_its_connection_closes(scheme: str) -> None:
+async def test_client_that_stopped_sending_is_answered_before_its_connection_closes(scheme: str) -> None:
     mount = MountConfig(at="lx200:autostar@sim", latency=0.1, sun=0.0, lowest=-90.0)
     gateway = Gateway(mount, [SurfaceConfig(at=f"lx200@{scheme}://127.0.0.1:0")])
     await gateway.open()

@@ -44,7 +44,7 @@ class Resource(SimpleNamespace):
         (30, 30, 30, "no more than about 0 programs"),
     ],
 )  # fmt: skip
-def test_room_is_made_as_far_as_the_system_lets(
+def test_gateway_raises_its_file_limit_as_far_as_allowed(
     soft: int, hard: int, after: int, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = Resource(soft=soft, hard=hard)
@@ -55,7 +55,7 @@ def test_room_is_made_as_far_as_the_system_lets(
 
 
 @pytest.mark.real_time
-async def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_let_in(
+async def test_client_without_a_free_descriptor_is_refused_in_one_line_and_admitted_later(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
@@ -84,7 +84,7 @@ async def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_l
         here[1].close()
 
 
-async def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     counting.rate_tables.cache_clear()
 
     async def nothing_opens(function: Any, *arguments: Any) -> Any:
@@ -116,7 +116,7 @@ async def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monk
         assert not any("internal error" in entry.note for entry in bridge.entries)
 
 
-async def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_defect_in_an_abandoned_request_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")

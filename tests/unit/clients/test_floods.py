@@ -66,7 +66,7 @@ async def seconds(client: Visitor, command: bytes, until: bytes = b"#") -> float
 # --- the mount's line -------------------------------------------------------------------------------------------------
 
 
-def test_a_stop_goes_before_everything_that_a_flood_has_asked_for() -> None:
+def test_stop_goes_before_everything_that_a_flood_requested() -> None:
     async def stopped(bridge: Bridge, other: Visitor) -> None:
         for _ in range(3):
             await asyncio.sleep(1.3)
@@ -80,7 +80,7 @@ def test_a_stop_goes_before_everything_that_a_flood_has_asked_for() -> None:
     flooded(COSTLY, stopped)
 
 
-def test_a_stop_goes_before_what_outlives_it() -> None:
+def test_stop_goes_before_pending_orders_that_survive_it() -> None:
     async def stopped(bridge: Bridge, other: Visitor) -> None:
         for _ in range(5):
             await asyncio.sleep(0.7)
@@ -91,7 +91,7 @@ def test_a_stop_goes_before_what_outlives_it() -> None:
     flooded(b":AL#:AP#" * 20, stopped, presented="lx200", surface="autostar")
 
 
-def test_a_hundred_stops_at_once_are_one() -> None:
+def test_hundred_simultaneous_stops_are_sent_as_one() -> None:
     async def stopped(bridge: Bridge, other: Visitor) -> None:
         other.tell(b":RM#:Mn#")
         await asyncio.sleep(2)
@@ -105,7 +105,7 @@ def test_a_hundred_stops_at_once_are_one() -> None:
     flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
 
 
-def test_a_joystick_does_not_get_ahead_of_the_line() -> None:
+def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
     async def steered(bridge: Bridge, other: Visitor) -> None:
         for key in (1, 2, 3, 4, 5, 6, 7, 8, 9, 7):
             other.tell(bytes((80, 2, 17, 36, key, 0, 0, 0)))
@@ -119,7 +119,7 @@ def test_a_joystick_does_not_get_ahead_of_the_line() -> None:
 
 
 @pytest.mark.parametrize("flood", [COSTLY, COSTLY[:320], COSTLY[320:344], COSTLY[344:]], ids=lambda f: str(len(f)))
-def test_the_others_are_told_where_the_mount_is(flood: bytes) -> None:
+def test_flood_leaves_positions_for_other_clients(flood: bytes) -> None:
     async def told(bridge: Bridge, other: Visitor) -> None:
         waits = []
         for command in (b"e", b"z", b"t", b"L", b"J") * 2:
@@ -133,7 +133,7 @@ def test_the_others_are_told_where_the_mount_is(flood: bytes) -> None:
     flooded(flood, told)
 
 
-def test_another_ones_goto_is_begun() -> None:
+def test_flood_leaves_another_clients_goto_alone() -> None:
     async def begun(bridge: Bridge, other: Visitor) -> None:
         ra, dec = up(bridge, 40.0)
         assert await other.ask(precise(b"r", ra, dec)) == b"#"
@@ -143,7 +143,7 @@ def test_another_ones_goto_is_begun() -> None:
     flooded(COSTLY[:344], begun)
 
 
-def test_what_is_under_way_for_one_client_is_bounded() -> None:
+def test_pending_work_of_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
         assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
         assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10
@@ -151,7 +151,7 @@ def test_what_is_under_way_for_one_client_is_bounded() -> None:
     flooded(COSTLY * 4, bounded)
 
 
-def test_a_rate_that_is_let_go_ends_at_once_however_many_came_before() -> None:
+def test_released_rate_ends_at_once_however_many_came_before() -> None:
     async def ended(bridge: Bridge, other: Visitor) -> None:
         other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
@@ -161,7 +161,7 @@ def test_a_rate_that_is_let_go_ends_at_once_however_many_came_before() -> None:
     flooded(b"e", ended)
 
 
-def test_hammered_stops_leave_room_for_reads() -> None:
+def test_repeated_stops_leave_room_for_reads() -> None:
     """Each is several exchanges; a read that waits for all of them is given up after two seconds."""
 
     async def read(bridge: Bridge, other: Visitor) -> None:
@@ -172,7 +172,7 @@ def test_hammered_stops_leave_room_for_reads() -> None:
     flooded(b":Q#", read, presented="lx200", surface="autostar")
 
 
-async def test_the_newer_goto_wins_whatever_the_protocol_and_both_see_it() -> None:
+async def test_newer_goto_wins_in_any_protocol_and_both_programs_see_it() -> None:
     async with Bridge() as bridge, _SecondFace(bridge) as celestron:
         meade = bridge.client("10.0.0.1")
         assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), until=b"110") == b"110"
@@ -217,7 +217,7 @@ class _SecondFace:
 
 
 @pytest.mark.real_time
-async def test_many_connections_and_two_that_send_without_end() -> None:
+async def test_many_connections_and_two_floods_are_all_served() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         links = [await asyncio.open_connection(*address(gateway)) for _ in range(as_a_rule(100, whole=300))]
         loop, done = asyncio.get_running_loop(), asyncio.Event()
@@ -246,7 +246,7 @@ async def test_many_connections_and_two_that_send_without_end() -> None:
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("flood", [b":GR#" * 16384, b":Qe#:Qw#" * 8192, b":RC#:Me#:Qe#" * 87_000, b":GR#", b"x"])
-async def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_are(flood: bytes) -> None:
+async def test_one_flood_leaves_stop_and_position_of_another_client_alone(flood: bytes) -> None:
     """Whole, a megabyte at once, and byte by byte."""
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         loop, done = asyncio.get_running_loop(), asyncio.Event()
@@ -278,7 +278,7 @@ async def test_one_flood_leaves_a_stop_and_the_position_of_another_where_they_ar
 
 
 @pytest.mark.real_time
-async def test_a_burst_is_answered_to_the_last() -> None:
+async def test_every_command_of_a_burst_is_answered() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         await ask(link, b":GR#")
@@ -293,7 +293,7 @@ async def test_a_burst_is_answered_to_the_last() -> None:
 
 
 @pytest.mark.real_time
-async def test_who_does_not_read_is_let_go_without_a_word(
+async def test_client_that_does_not_read_is_dropped_without_a_warning(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
@@ -326,7 +326,7 @@ async def _some(port: Any) -> list[Any]:
 
 
 @pytest.mark.real_time
-async def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> None:
+async def test_operating_system_checks_connections_of_vanished_clients() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         await ask(link, b":GR#")
@@ -339,7 +339,7 @@ async def test_the_system_looks_after_connections_whose_other_side_has_vanished(
         link[1].close()
 
 
-async def test_what_a_client_costs_in_memory_is_bounded() -> None:
+async def test_memory_of_one_client_is_bounded() -> None:
     """Half commands, names, drafts, timers, repeated questions: everything that a connection can leave behind."""
     noise = (
         b":Sr05:3"

@@ -89,12 +89,12 @@ def can_begin(grammar: list[list[Bytes]], first: tuple[Bytes, ...]) -> bool:
 
 
 @pytest.mark.parametrize("grammar", [NEXSTAR, LX200], ids=["nexstar", "lx200"])
-def test_no_greeting_is_the_beginning_of_what_a_program_can_say(grammar: list[list[Bytes]]) -> None:
+def test_no_greeting_of_a_stranger_begins_a_program_command(grammar: list[list[Bytes]]) -> None:
     assert [greeting for greeting in greetings() if can_begin(grammar, greeting.first)] == []
     assert can_begin(NEXSTAR, tuple(letters("EHe")[:1])) and can_begin(LX200, tuple(letters("#:GR#")))
 
 
-def test_the_table_has_a_row_for_every_greeting_and_no_row_that_another_one_swallows() -> None:
+def test_greeting_table_has_a_row_for_every_greeting_and_none_in_vain() -> None:
     for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
         for before in (b"", b"#", b"\r\n", b"\0 ?#"):
             assert isinstance(Recogniser().feed(before + data), Greeting), name
@@ -102,7 +102,7 @@ def test_the_table_has_a_row_for_every_greeting_and_no_row_that_another_one_swal
     assert len(set(texts)) == len(texts)
 
 
-def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
+def test_no_greeting_contains_a_command_that_does_more_than_read() -> None:
     """However it is cut: only these go on before it is known what comes. (Any byte of a row stands for itself here.)"""
     asks = re.compile(rb"(?:[#\r\n\0 ?EeZzVvJLMmtwhipl]|K.)*", re.DOTALL)
     for greeting in greetings():
@@ -138,7 +138,7 @@ def openings() -> Iterator[tuple[str, bytes]]:
     yield "lx200", b"$$$"
 
 
-def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() -> None:
+def test_every_command_of_the_manuals_is_handled_by_its_last_byte() -> None:
     found = list(openings())
     assert len(found) > 190
     for protocol, form in found:
@@ -160,9 +160,7 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
 @pytest.mark.parametrize("apart", [False, True], ids=["one after the other", "each the first of its connection"])
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
-def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(
-    path: Path, transport: str, apart: bool
-) -> None:
+def test_program_on_a_network_is_answered_as_soon_as_on_a_line(path: Path, transport: str, apart: bool) -> None:
     """The first ten packets of every program."""
     lines = [line for line in read(path).lines if line.mark == ">"][:10]
     protocol = path.stem.partition("-")[0]
@@ -187,7 +185,7 @@ def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(
 # --- what is kept -----------------------------------------------------------------------------------------------------
 
 
-def test_what_waits_is_bounded() -> None:
+def test_bytes_held_back_as_a_possible_greeting_are_bounded() -> None:
     """Never-ending beginnings of every kind: idle bytes, greetings that stop short, anything."""
     longest = max(len(greeting.first) for greeting in greetings())
     chance = random.Random(5)
@@ -204,7 +202,7 @@ def test_what_waits_is_bounded() -> None:
                 assert len(beginning._waiting) <= longest
 
 
-async def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
+async def test_held_back_bytes_are_framed_by_their_arrival_time() -> None:
     """Half an ``H`` is dropped after a second of quiet, although it might have become HEAD."""
     async with Bridge(presented="nexstar", surface="6-8se") as bridge:
         caller = Caller(bridge.acceptor)
@@ -213,14 +211,14 @@ async def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
         assert await caller.ask(b"Kx") == b"x#"
 
 
-async def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line() -> None:
+async def test_motion_behind_a_stop_in_one_packet_is_begun_on_a_network() -> None:
     async with Bridge() as bridge:
         Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
         await asyncio.sleep(1.0)
         assert bridge.controller.wanted.axes == {1}
 
 
-async def test_on_a_serial_line_nobody_is_a_stranger() -> None:
+async def test_client_on_a_serial_line_is_never_taken_for_a_stranger() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         assert re.fullmatch(rb"\d\d:\d\d:\d\d#", await client.ask(b"GET / HTTP/1.1\r\nHost: scope\r\n\r\n#:GR#"))

@@ -47,7 +47,7 @@ def told(value: Any) -> bytes:
     return b"%d" % value
 
 
-async def test_at_its_interval_each_for_itself() -> None:
+async def test_surface_pushes_at_the_interval_of_each_client() -> None:
     client = Client(Subscription(Position(), 0.5, told), Subscription(Slewing(), 2.0, lambda value: b"s"))
     await asyncio.sleep(2.1)
     assert [at for at, data in client.heard if data != b"s"] == [0.0, 0.5, 1.0, 1.5, 2.0]
@@ -58,14 +58,14 @@ async def test_at_its_interval_each_for_itself() -> None:
     assert all(task.cancelled() for task in client.tasks)
 
 
-async def test_on_change_alone() -> None:
+async def test_surface_pushes_only_on_change_where_configured() -> None:
     client = Client(Subscription(Position(), 0.25, told, changes=True))
     await asyncio.sleep(2.1)
     assert client.heard == [(0.0, b"0"), (1.0, b"1"), (2.0, b"2")]
     client.pushes.close()
 
 
-async def test_who_does_not_read_gets_the_newest_when_he_does() -> None:
+async def test_client_that_reads_late_gets_only_the_newest_push() -> None:
     client = Client(Subscription(Position(), 0.5, told))
     await asyncio.sleep(0.1)
     client.waiting = 24
@@ -77,7 +77,7 @@ async def test_who_does_not_read_gets_the_newest_when_he_does() -> None:
     client.pushes.close()
 
 
-async def test_what_the_mount_cannot_tell_is_passed_over_and_a_slow_answer_is_not_made_up_for() -> None:
+async def test_push_skips_unknown_values_and_does_not_catch_up_after_a_slow_answer() -> None:
     client = Client(Subscription(Position(), 0.5, told), takes=0.7)
     client.down = True
     await asyncio.sleep(3.0)

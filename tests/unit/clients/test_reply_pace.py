@@ -84,7 +84,7 @@ async def paced_echo(seconds: float) -> tuple[Any, Echo, list[tuple[float, bytes
     return paced(accept, seconds)(connected), made[0], heard, rates
 
 
-async def test_a_reply_waits_and_its_command_does_not() -> None:
+async def test_paced_reply_waits_while_its_command_acts_at_once() -> None:
     port, echo, heard, _ = await paced_echo(0.006)
     now = asyncio.get_running_loop().time
     began = now()
@@ -94,7 +94,7 @@ async def test_a_reply_waits_and_its_command_does_not() -> None:
     assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.answered
 
 
-async def test_a_burst_waits_once_and_a_stream_does_not_starve() -> None:
+async def test_pace_delays_a_burst_once_and_a_stream_does_not_starve() -> None:
     port, _, heard, _ = await paced_echo(0.006)
     began = asyncio.get_running_loop().time()
     for _ in range(20):
@@ -106,7 +106,7 @@ async def test_a_burst_waits_once_and_a_stream_does_not_starve() -> None:
     assert len(heard) < 10
 
 
-async def test_a_baud_rate_changes_after_its_acknowledgement_and_nobody_hears_what_is_left() -> None:
+async def test_baud_rate_changes_after_its_acknowledgement_and_discards_old_bytes() -> None:
     port, _, heard, rates = await paced_echo(0.006)
     port.feed(b"B")
     assert [data for _, data in heard] == [b"1"] and rates == [19200]
@@ -116,7 +116,7 @@ async def test_a_baud_rate_changes_after_its_acknowledgement_and_nobody_hears_wh
     assert len(heard) == 1
 
 
-def test_no_pace_is_no_handler_in_between() -> None:
+def test_reply_without_a_pace_is_written_directly() -> None:
     def accept(connected: Connected) -> Echo:
         return Echo(connected)
 
@@ -125,7 +125,7 @@ def test_no_pace_is_no_handler_in_between() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals and tcflush as on Linux")
-def test_a_program_that_discards_its_input_after_writing_loses_nothing(tmp_path: Path, started: list[Running]) -> None:
+def test_program_that_discards_its_input_after_writing_loses_no_reply(tmp_path: Path, started: list[Running]) -> None:
     """A busy computer delays the program, hence a longer pace than the usual one."""
     port = tmp_path / "port"
     gateway = Running("run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--reply-after", "500")
@@ -147,7 +147,7 @@ def test_a_program_that_discards_its_input_after_writing_loses_nothing(tmp_path:
         ("pty:/tmp/port", "*", b"*"),
     ],
 )
-def test_the_degree_character_is_that_of_the_programs_on_this_port(where: str, written: Any, sign: bytes) -> None:
+def test_degree_character_of_replies_follows_the_setting_of_the_port(where: str, written: Any, sign: bytes) -> None:
     config = SurfaceConfig(at=f"lx200@{where}", degree=written)
     binding = make_surface(Endpoint("lx200", where), config, Limits())
     write: Callable[[str, bytes], bytes] = binding.surface.as_written

@@ -58,14 +58,14 @@ class Line:
         return await self.ask(GOTO)
 
 
-async def test_text_is_dropped_when_the_program_asks_anew() -> None:
+async def test_refusal_text_is_dropped_when_the_program_asks_anew() -> None:
     line = Line()
     assert await line.refused() == b"1"
     assert await line.ask(b":GR#") == b"12:34:56#"
     assert await line.after(10.0) == b""
 
 
-async def test_text_follows_for_a_program_that_waits() -> None:
+async def test_refusal_text_is_sent_to_a_program_that_waits() -> None:
     line = Line()
     assert await line.refused() == b"1"
     assert await line.after(HOLD_TIME - 0.1) == b""
@@ -73,13 +73,13 @@ async def test_text_follows_for_a_program_that_waits() -> None:
     assert await line.ask(b":GR#") == b"12:34:56#"
 
 
-async def test_bytes_that_ask_for_nothing_do_not_drop_it() -> None:
+async def test_bytes_that_request_nothing_do_not_drop_the_refusal_text() -> None:
     line = Line()
     await line.refused()
     assert await line.ask(b"\r\n", HOLD_TIME + 0.1) == TEXT
 
 
-async def test_stop_does_not_wait_and_takes_the_text_away() -> None:
+async def test_stop_is_answered_at_once_and_drops_the_refusal_text() -> None:
     line = Line()
     await line.refused()
     stops = line.gateway.controller.stops
@@ -88,12 +88,12 @@ async def test_stop_does_not_wait_and_takes_the_text_away() -> None:
     assert await line.after(10.0) == b""
 
 
-async def test_replies_to_commands_that_came_together_are_whole() -> None:
+async def test_replies_to_commands_sent_together_are_whole() -> None:
     line = Line()
     assert await line.ask(TARGET + GOTO + b":GR#") == b"111" + TEXT + b"12:34:56#"
 
 
-async def test_one_that_is_known_for_certain_never_gets_the_text() -> None:
+async def test_program_known_not_to_read_refusal_texts_never_gets_one() -> None:
     line = Line()
     assert await line.refused(INDI) == b"1"
     assert await line.after(60.0) == b""
@@ -103,7 +103,7 @@ async def test_one_that_is_known_for_certain_never_gets_the_text() -> None:
     assert await line.after(60.0) == b""
 
 
-async def test_whole_at_once_for_whom_it_can_only_delay() -> None:
+async def test_program_known_to_read_refusal_texts_gets_them_at_once() -> None:
     whole = b"1" + TEXT
     assert await Line(network=False).refused() == whole
     assert await Line(client="rts2").refused() == whole
@@ -111,7 +111,7 @@ async def test_whole_at_once_for_whom_it_can_only_delay() -> None:
     assert await Line().refused(b"#\x06") == whole
 
 
-async def test_end_of_the_connection_sends_it() -> None:
+async def test_pending_refusal_text_is_sent_when_the_connection_ends() -> None:
     """A program that only closes its sending half still reads."""
     line = Line()
     await line.refused()
@@ -128,7 +128,7 @@ async def test_end_of_the_connection_sends_it() -> None:
     assert await line.after(10.0) == b""
 
 
-async def test_reply_of_which_nothing_is_read() -> None:
+async def test_unread_restart_reply_shifts_no_later_reply() -> None:
     """:I# of an LX200GPS: one program waits for its X, another goes on at once."""
     line = Line("lx200gps")
     assert await line.ask(b":I#", HOLD_TIME + 0.1) == b"X"

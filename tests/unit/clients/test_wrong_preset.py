@@ -45,7 +45,7 @@ def _listening(bridge: Bridge) -> list[str]:
     ],
 )
 @pytest.mark.parametrize("trusted", [False, True])
-async def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> None:
+async def test_nexstar_program_on_an_lx200_surface_is_reported(said: bytes, shown: str, trusted: bool) -> None:
     async with Bridge() as bridge:
         told = _listening(bridge)
         caller = Caller(bridge.acceptor, trusted=trusted)
@@ -68,7 +68,7 @@ async def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: boo
         (b":GVP#:GR#", ":GVP#"),
     ],
 )
-async def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
+async def test_lx200_program_on_a_nexstar_surface_is_reported(said: bytes, shown: str) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         told = _listening(bridge)
         caller = Caller(bridge.acceptor)
@@ -84,7 +84,7 @@ async def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
         b":XX#", b"\r\n",
     ],
 )  # fmt: skip
-async def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
+async def test_program_of_the_right_protocol_is_not_reported(said: bytes) -> None:
     async with Bridge() as bridge:
         told = _listening(bridge)
         Caller(bridge.acceptor).tell(said)
@@ -92,7 +92,7 @@ async def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> N
         assert told == []
 
 
-async def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
+async def test_program_that_begins_with_a_nexstar_echo_is_not_reported() -> None:
     """Stellarium Mobile opens every LX200 connection so."""
     async with Bridge() as bridge:
         told = _listening(bridge)
@@ -106,7 +106,7 @@ async def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None
         assert told == []
 
 
-async def test_it_may_go_on_in_another_connection() -> None:
+async def test_wrong_protocol_is_recognised_across_two_connections() -> None:
     async with Bridge() as bridge:
         told = _listening(bridge)
         first = Caller(bridge.acceptor)
@@ -118,7 +118,7 @@ async def test_it_may_go_on_in_another_connection() -> None:
         assert told == []
 
 
-async def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
+async def test_program_that_retries_in_the_wrong_protocol_is_reported_once() -> None:
     async with Bridge() as bridge:
         told = _listening(bridge)
         for number in range(60):
@@ -130,7 +130,7 @@ async def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None
         assert told == [NEXSTAR_ON_LX200.format("V")]
 
 
-async def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
+async def test_status_shows_a_wrong_protocol_for_a_minute_once_per_host() -> None:
     async with Bridge() as bridge:
         _listening(bridge)
         for _ in range(3):
@@ -140,12 +140,12 @@ async def test_status_tells_it_for_a_minute_once_for_each_host() -> None:
         assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
 
 
-def test_a_place_beside_a_surface() -> None:
+def test_wrong_protocol_report_suggests_an_address_for_another_surface() -> None:
     assert advice("lx200", b"e", "tcp://0.0.0.0:4030").endswith("--surface nexstar@tcp://0.0.0.0:4031")
     assert advice("nexstar", b":GR#", "pty:/tmp/nexstar").endswith("--surface lx200@pty:/tmp/nexstar-2")
 
 
-def test_it_is_told_on_a_terminal_without_a_log() -> None:
+def test_wrong_protocol_is_reported_on_a_terminal_without_a_log() -> None:
     gateway = Running("run", "--mount", "nexstar:6-8se@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--sun", "0")
     try:
         port = int(gateway.ready().rpartition(":")[2])

@@ -11,7 +11,7 @@ from tests.support.any_port import AnyBridge
 from tests.support.each import each
 
 
-async def test_programs_are_shown_with_what_they_speak() -> None:
+async def test_console_shows_each_program_with_its_protocol() -> None:
     async with AnyBridge() as bridge:
         gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], acceptors=[bridge.any])
         shown = ConnectedPrograms(gateway)
@@ -27,5 +27,5 @@ async def test_programs_are_shown_with_what_they_speak() -> None:
     ("any", ":GR#", "lx200"), ("any", "E", "nexstar"), ("any", "\\x06", "lx200"), ("any", "", "lx200"),
     ("any", "GET / HTTP/1.1", "lx200"), ("nexstar:cpc", ":GR#", "nexstar:cpc"),
 ])  # fmt: skip
-def test_a_command_is_explained_as_the_protocols_that_has_it(surface: str, command: str, face: str) -> None:
+def test_console_explains_a_command_in_its_protocol(surface: str, command: str, face: str) -> None:
     assert _surface_argument(surface, command) == face

@@ -111,13 +111,13 @@ def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
     assert moved > 5.0
 
 
-def test_arrow_that_cannot_be_taken_over_ends(scripts: Node) -> None:
+def test_arrow_that_another_page_cannot_take_over_ends(scripts: Node) -> None:
     """A page that still holds the arrow of another one may be refused to go on with it: the mount is slow to answer."""
     outcome = run(play(scripts, 85, 0.05, 0.5, "cpc", 0.3))
     assert not outcome.run_away and outcome.moved > 1.0, outcome
 
 
-async def test_frozen_network_ends_the_motion(scripts: Node) -> None:
+async def test_frozen_network_ends_an_arrow_of_the_page(scripts: Node) -> None:
     async with opened(scripts) as (own, [page]):
         page.press("north")
         await asyncio.sleep(2.0)
@@ -129,7 +129,7 @@ async def test_frozen_network_ends_the_motion(scripts: Node) -> None:
 
 
 @pytest.mark.parametrize("first_releases", [True, False])
-async def test_the_release_of_one_page_leaves_the_arrow_of_another_alone(scripts: Node, first_releases: bool) -> None:
+async def test_release_on_one_page_leaves_the_arrow_of_another_alone(scripts: Node, first_releases: bool) -> None:
     """Both hold the same arrow; whoever lets go, the other still holds it."""
     async with opened(scripts, pages=2) as (own, pages):
         for page in pages:
@@ -147,7 +147,7 @@ async def test_the_release_of_one_page_leaves_the_arrow_of_another_alone(scripts
 
 
 @pytest.mark.parametrize("end", [b":Q#", b":Sr02:00:00#:Sd+40*00:00#:MS#"])
-async def test_what_has_ended_an_arrow_is_not_undone_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
+async def test_ended_arrow_is_not_restarted_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
     """A stop or a goto of another program: neither another rate nor the release of a second page begins a motion."""
     async with opened(scripts, pages=2) as (own, [page, other]):
         page.press("north")
@@ -164,7 +164,7 @@ async def test_what_has_ended_an_arrow_is_not_undone_by_a_finger_that_stays(scri
         assert own.controller.wanted.by_hand
 
 
-async def test_another_rate_while_held_is_taken(scripts: Node) -> None:
+async def test_rate_changed_while_an_arrow_is_held_is_applied(scripts: Node) -> None:
     async with opened(scripts, 0.15) as (own, [page]):
         page.press("north")
         await asyncio.sleep(1.5)
@@ -185,7 +185,7 @@ class _Nobody:
         """Drop what the page is sent."""
 
 
-async def test_beat_halts_an_arrow_that_it_does_not_name() -> None:
+async def test_heartbeat_halts_an_arrow_that_it_does_not_name() -> None:
     async with stage("lx200", "cpc", 0.1) as own:
         session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
         session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
@@ -203,7 +203,7 @@ async def test_beat_halts_an_arrow_that_it_does_not_name() -> None:
         assert not own.controller.wanted.axes
 
 
-async def test_beat_leaves_a_released_tap_alone() -> None:
+async def test_heartbeat_leaves_a_released_tap_alone() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
@@ -217,7 +217,7 @@ async def test_beat_leaves_a_released_tap_alone() -> None:
         assert not moving(own.sim)
 
 
-async def test_lost_page_cancels_a_press_that_has_not_begun() -> None:
+async def test_lost_page_cancels_a_pending_press() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()

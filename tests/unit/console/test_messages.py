@@ -35,12 +35,12 @@ def read(do: str, **fields: Any) -> Any:
         ({"do": "let_go", "direction": "north", "press": 3}, messages.ReleaseArrow("north", 3)),
     ],
 )
-def test_a_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requests, "new_number", lambda: "n")
     assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
 
 
-def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
+def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
     def gateway(answer: requests.Answer) -> Any:
         async def take(wish: object) -> requests.Answer:
             return answer if wish == requests.StopRequest(ME) else requests.Answer("failed", str(wish))
@@ -66,7 +66,7 @@ def test_a_stop_of_all_mounts_is_done_when_all_have_stopped() -> None:
     asyncio.run(work())
 
 
-def test_a_page_speaks_for_nobody_else() -> None:
+def test_page_message_cannot_claim_another_sender() -> None:
     park = read("park", who="mqtt", number="1", type="home")
     assert isinstance(park, requests.ParkRequest) and park.who == ME and len(park.number) == 16
 
@@ -85,6 +85,6 @@ def test_a_page_speaks_for_nobody_else() -> None:
         {},
     ],
 )
-def test_what_no_page_may_ask_is_no_request(sent: dict[str, Any]) -> None:
+def test_page_message_for_a_forbidden_operation_is_refused(sent: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"\$|required field|Invalid"):
         messages.read(json.dumps(sent), ME)

@@ -26,7 +26,7 @@ async def figures(there: Open) -> tuple[str, dict[tuple[str, ...], float]]:
     return text, {(sample.name, *sample.labels.values()): sample.value for sample in samples}
 
 
-def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
+def test_prometheus_parses_the_metrics_page(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path, name="pier") as there:
             _, before = await figures(there)
@@ -52,7 +52,7 @@ def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
     play(work())
 
 
-def test_faults_have_a_kind(tmp_path: Path) -> None:
+def test_metrics_count_faults_by_kind(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
             await figures(there)
@@ -63,7 +63,7 @@ def test_faults_have_a_kind(tmp_path: Path) -> None:
     play(work())
 
 
-def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_metrics_without_the_extra_say_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metrics, "find_spec", lambda name: None)
 
     async def work() -> None:
@@ -75,7 +75,7 @@ def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.parametrize("headers", [{"Host": "evil.example"}, {"Sec-Fetch-Site": "cross-site"}])
-def test_a_page_of_somebody_else_reads_nothing(tmp_path: Path, headers: dict[str, str]) -> None:
+def test_metrics_are_refused_to_a_foreign_page(tmp_path: Path, headers: dict[str, str]) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
             where = f"{there.where}metrics"

@@ -27,7 +27,7 @@ def tried() -> Tried:
     return Tried()
 
 
-def test_an_address_has_five_free_tries_then_one_a_minute(tried: Tried) -> None:
+def test_pin_allows_an_address_five_tries_then_one_a_minute(tried: Tried) -> None:
     assert [tried.outcome("0000") for _ in range(FREE_TRIES)] == [False] * FREE_TRIES
     assert "wait 60 s" in str(tried.outcome("4711")), "a try that has to wait is not even compared"
     tried.now += TRY_PERIOD
@@ -39,7 +39,7 @@ def test_an_address_has_five_free_tries_then_one_a_minute(tried: Tried) -> None:
     assert tried.outcome("0000") is False, "the right one gives the free tries back"
 
 
-def test_an_hour_of_trying_from_many_addresses_is_at_most_ten_a_minute(tried: Tried) -> None:
+def test_pin_allows_many_addresses_together_ten_tries_a_minute(tried: Tried) -> None:
     compared = 0
     for second in range(3600):
         tried.now = 1000.0 + second
@@ -47,7 +47,7 @@ def test_an_hour_of_trying_from_many_addresses_is_at_most_ten_a_minute(tried: Tr
     assert compared == FREE_TRIES_OF_ALL * 60
 
 
-def test_others_do_not_slow_an_address_that_has_given_the_right_one(tried: Tried) -> None:
+def test_pin_tries_of_others_do_not_delay_a_known_address(tried: Tried) -> None:
     assert tried.outcome("4711", HERE) is True
     for one in range(50):
         tried.outcome("0000", f"10.0.0.{one}")
@@ -55,5 +55,5 @@ def test_others_do_not_slow_an_address_that_has_given_the_right_one(tried: Tried
     assert tried.outcome("4711", HERE) is True
 
 
-def test_without_a_pin_nothing_is_admitted() -> None:
+def test_pin_check_without_a_pin_admits_nobody() -> None:
     assert not Pin("", lambda: 0.0, [].append).admits("", HERE)

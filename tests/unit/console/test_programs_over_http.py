@@ -49,7 +49,7 @@ async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tup
             await gateway.close()
 
 
-async def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
+async def test_console_serves_every_mount_as_a_numbered_alpaca_device(tmp_path: Path) -> None:
     async with opened(tmp_path, mounts=2) as (gateways, ask):
         devices = (await ask("GET", "management/v1/configureddevices"))["Value"]
         assert [one["DeviceName"].split(":")[0] for one in devices] == ["pier 0", "pier 1"]
@@ -64,7 +64,7 @@ async def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rules", [{"pin": "4711"}, {"read_only": True}, {"read_only": ["127.0.0.0/8"]}])
-async def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[str, Any]) -> None:
+async def test_look_only_console_makes_alpaca_programs_look_only(tmp_path: Path, rules: dict[str, Any]) -> None:
     async with opened(tmp_path, **rules) as (_, ask):
         assert (await ask("GET", f"{API}0/declination"))["ErrorNumber"] == 0
         assert (await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0x40B

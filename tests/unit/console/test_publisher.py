@@ -73,7 +73,7 @@ def played(path: Path, work: Work) -> None:
     run_busy(evening(), path.name)
 
 
-def test_ten_messages_a_second_while_it_moves_and_one_at_rest_the_same_for_all_pages(tmp_path: Path) -> None:
+def test_console_sends_ten_messages_a_second_in_motion_and_one_at_rest(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         loop, controller = asyncio.get_running_loop(), busy.gateway.controller
         pages = [Page(mounts) for _ in range(10)]
@@ -102,7 +102,7 @@ def test_ten_messages_a_second_while_it_moves_and_one_at_rest_the_same_for_all_p
     played(tmp_path, work)
 
 
-def test_a_page_that_does_not_read_gets_the_newest_state_later_and_delays_nobody(tmp_path: Path) -> None:
+def test_page_that_does_not_read_gets_the_newest_state_later_and_delays_nobody(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         loop, slow, other = asyncio.get_running_loop(), Page(mounts), Page(mounts)
         await asyncio.sleep(2.0)
@@ -118,7 +118,9 @@ def test_a_page_that_does_not_read_gets_the_newest_state_later_and_delays_nobody
     played(tmp_path, work)
 
 
-def test_what_a_mount_can_is_not_asked_for_every_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_publisher_does_not_read_the_mounts_abilities_for_every_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         asked = 0
         abilities = view.abilities
@@ -137,7 +139,7 @@ def test_what_a_mount_can_is_not_asked_for_every_message(tmp_path: Path, monkeyp
     played(tmp_path, work)
 
 
-def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> None:
+def test_page_shows_planets_once_the_astronomy_is_exact(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
         await asyncio.sleep(1.0)
@@ -150,7 +152,7 @@ def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> 
     played(tmp_path, work)
 
 
-def test_who_shows_nothing_costs_nothing(tmp_path: Path) -> None:
+def test_publisher_without_pages_costs_nothing(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         sinks = busy.gateway.wire_log.sinks
         before = len(sinks)
@@ -173,7 +175,7 @@ def test_who_shows_nothing_costs_nothing(tmp_path: Path) -> None:
     played(tmp_path, work)
 
 
-def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> None:
+def test_page_that_fell_behind_gets_every_stored_row(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
         page.session.take('{"do":"talk","on":true}')
@@ -188,7 +190,9 @@ def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> No
     played(tmp_path, work)
 
 
-def test_a_defect_ends_every_page_and_the_next_one_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_publisher_defect_ends_every_page_and_the_next_page_starts_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
         await asyncio.sleep(0.5)

@@ -128,14 +128,14 @@ OTHERS: list[tuple[dict[str, str], str]] = [
 ]
 
 
-async def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path) -> None:
+async def test_console_refuses_a_foreign_page(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         for headers, path in OTHERS:
             async with there.http.get(there.where + path, headers=headers) as response:
                 assert response.status == 403, (headers, path)
 
 
-async def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp_path: Path) -> None:
+async def test_console_page_cannot_be_framed_and_runs_only_its_scripts(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.http.get(there.where) as response:
         policy = response.headers["Content-Security-Policy"]
         assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy and "unsafe" not in policy
@@ -144,14 +144,14 @@ async def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp
         assert "Set-Cookie" not in response.headers
 
 
-async def test_only_files_of_the_page_are_served(tmp_path: Path) -> None:
+async def test_console_serves_only_its_files(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         for path in ("nothing", "../server.py", "%2e%2e/server.py", "js/../../server.py", "recording/0/x"):
             async with there.http.get(f"{there.where}{path}") as response:
                 assert response.status in (403, 404), path
 
 
-async def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
+async def test_console_refuses_clients_outside_allow(tmp_path: Path) -> None:
     async with opened(tmp_path, {"allow": ["192.0.2.0/24"]}) as there:
         for _ in range(3):
             async with there.http.get(there.where) as response:
@@ -159,7 +159,7 @@ async def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
         assert len(told(there.gateway)) == 1 and "not in the console's allow" in told(there.gateway)[0]
 
 
-async def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_path: Path) -> None:
+async def test_status_names_a_host_name_that_the_console_refused(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         for name in ("pier.example", "other.example"):  # not repeated: a flood of names would hide all else
             async with there.http.get(there.where, headers={"Host": name}) as response:
@@ -167,7 +167,7 @@ async def test_who_calls_this_computer_by_another_name_is_told_in_status(tmp_pat
         assert len(told(there.gateway)) == 1 and "not in names" in told(there.gateway)[0]
 
 
-async def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> None:
+async def test_huge_message_ends_only_its_page(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         async with there.page() as page:
             with contextlib.suppress(ConnectionError):
@@ -183,7 +183,7 @@ ODD = ("", "{", "[]", "null", '{"do":"fly","id":99}', '{"do":"jog","id":99}', "\
        '{"do":"goto","id":99,"ra":1e999,"dec":0}', '{"do":"stop","mount":-9}')  # fmt: skip
 
 
-async def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
+async def test_malformed_page_messages_have_no_effect(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         for text in ODD:
             async with there.page() as page:
@@ -191,7 +191,7 @@ async def test_what_no_page_would_send_costs_nothing(tmp_path: Path) -> None:
                 assert (await page.ask("look_up", name="Vega"))["ok"], text
 
 
-async def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
+async def test_invalid_page_message_is_answered_with_an_error(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         for do, fields in (
             ("fly", {}), ("site", {"latitude": 95.0, "longitude": 0.0}), ("look_up", {"name": "x" * 300}),
@@ -201,7 +201,7 @@ async def test_what_is_not_valid_is_answered(tmp_path: Path) -> None:
             assert not answer["ok"] and "does not understand" in answer["words"], do
 
 
-def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
+def test_surplus_page_is_told_to_come_later(tmp_path: Path) -> None:
     """Two places are for another address; a page that goes leaves its place."""
 
     async def work() -> None:
@@ -225,7 +225,7 @@ def test_a_page_too_many_is_told_to_come_later(tmp_path: Path) -> None:
 # --- what a page sees and does --------------------------------------------------------------------------------------
 
 
-async def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
+async def test_page_sees_a_goto_from_begin_to_end(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         start = page.mount["position"]
         goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}
@@ -237,7 +237,7 @@ async def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> N
         await page.until(lambda: abs(page.mount["position"]["dec2000"] - goal["dec"]) < 0.05)
 
 
-async def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
+async def test_page_goto_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         below = {"ra": page.mount["position"]["ra2000"], "dec": -80.0}
         asked = await page.ask("ask", **below, j2000=True)
@@ -248,7 +248,7 @@ async def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", ["closed", "silent", "cut off"])
-async def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
+async def test_closed_page_keeps_no_arrow_alive(tmp_path: Path, how: str) -> None:
     async with opened(tmp_path) as there, there.page() as watcher, there.page() as page:
         await page.ask("jog", direction="east", rate=7)
         await watcher.until(lambda: watcher.mount["by_hand"])
@@ -263,7 +263,7 @@ async def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
         assert loop.time() - began < 3.5
 
 
-async def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
+async def test_open_page_keeps_its_arrow_alive(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         await page.ask("jog", direction="west", rate=2, press=1)
         loop = asyncio.get_running_loop()
@@ -274,7 +274,7 @@ async def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
         assert page.mount["by_hand"]
 
 
-async def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None:
+async def test_page_stop_ends_all_motion_and_hold_keeps_the_mount_still(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         await page.ask("jog", direction="north", rate=5)
         stopped = await page.ask("stop")
@@ -288,7 +288,7 @@ async def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None
         await page.until(lambda: not page.mount["held"])
 
 
-async def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> None:
+async def test_page_sets_tracking_time_and_site_as_programs_do(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         assert (await page.ask("track", on=False))["ok"]
         await page.until(lambda: page.mount["tracks"] is False)
@@ -298,7 +298,7 @@ async def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Pat
         assert (await page.ask("site", latitude=48.1, longitude=11.6))["ok"]
 
 
-async def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) -> None:
+async def test_page_narrows_limits_and_restores_them(tmp_path: Path) -> None:
     async with opened(tmp_path, lowest=10.0, hour_angle_limit=3.0) as there, there.page() as page:
         low = {"ra": page.mount["position"]["ra2000"], "dec": page.mount["position"]["dec2000"], "j2000": True}
         for wider in ({"lowest": 5.0}, {"highest": 80.0, "hour_angle": 60.0}):
@@ -318,7 +318,7 @@ async def test_limits_are_narrowed_from_a_page_and_taken_back(tmp_path: Path) ->
         await page.until(lambda: not page.mount["limits"]["by_page"])
 
 
-async def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> None:
+async def test_page_shows_the_pier_side_of_a_german_mount_and_guides_it(tmp_path: Path) -> None:
     async with opened(tmp_path, at="nexstar:cge@sim") as there, there.page() as page:
         offered = {"Goto", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate"}
         assert offered == set(page.mount["can"]), "it has no home position"
@@ -332,7 +332,7 @@ async def test_a_german_mount_tells_its_pier_and_is_guided(tmp_path: Path) -> No
         assert not (await page.ask("guide", direction="n", ms=99999))["ok"]
 
 
-async def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path: Path) -> None:
+async def test_page_without_its_pin_can_only_look_and_stop(tmp_path: Path) -> None:
     async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
         refused = await page.ask("park")
         assert not refused["ok"] and "pin" in refused["words"]
@@ -342,7 +342,7 @@ async def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp
         assert (await page.ask("jog", direction="north", rate=3))["ok"]
 
 
-async def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path) -> None:
+async def test_wrong_pin_delays_further_tries_but_never_a_stop(tmp_path: Path) -> None:
     async with opened(tmp_path, {"pin": "4711"}) as there, there.page() as page:
         notes: list[str] = []
         there.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
@@ -354,7 +354,7 @@ async def test_wrong_pins_are_told_to_wait_and_a_stop_never_waits(tmp_path: Path
         assert sum("wrong pin from 127.0.0.1" in note for note in notes) == 5
 
 
-async def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
+async def test_console_conversation_shows_related_rows_together_as_text(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
         reader, writer = await asyncio.open_connection(host, int(port))
@@ -376,7 +376,7 @@ async def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Pa
         writer.close()
 
 
-async def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
+async def test_console_starts_ends_and_serves_a_recording(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         assert (await page.ask("record", on=True))["ok"]
         await page.until(lambda: page.recordings and page.recordings[0])
@@ -396,7 +396,7 @@ async def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
             assert "attachment" in response.headers["Content-Disposition"]
 
 
-async def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
+async def test_page_that_reads_nothing_delays_nobody(tmp_path: Path) -> None:
     async with opened(tmp_path) as there:
         _, writer = await asyncio.open_connection("127.0.0.1", urlsplit(there.where).port, limit=1024)
         key = "dGhlIHNhbXBsZSBub25jZQ=="

@@ -40,18 +40,20 @@ def pip_wrote(monkeypatch: pytest.MonkeyPatch, text: str | None) -> None:
     monkeypatch.setattr(metadata, "distribution", lambda name: Installed())
 
 
-def test_the_version_is_one_line_of_the_project() -> None:
+def test_project_version_is_defined_in_one_line() -> None:
     text = (Path(__file__).parents[3] / "pyproject.toml").read_text("utf-8")
     assert re.findall(r'(?m)^version = "(.+)"$', text) == [about.version()]
     assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev0)?", about.version())
 
 
-def test_an_installation_needs_no_git_and_no_project(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_of_an_installation_needs_no_git_and_no_checkout(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pip_wrote(monkeypatch, None)
     assert (about.version(), about.commit(), about.full_version()) == ("9.8.7", "", "9.8.7")
 
 
-def test_without_an_installation_it_is_unknown(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_without_an_installation_is_unknown(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise metadata.PackageNotFoundError(name)
 
@@ -59,16 +61,14 @@ def test_without_an_installation_it_is_unknown(installed: Path, monkeypatch: pyt
     assert (about.version(), about.full_version()) == ("unknown", "unknown")
 
 
-def test_the_project_of_another_program_beside_it_is_not_asked(
-    installed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_version_is_not_taken_from_another_project_beside_it(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (installed / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "1.0"\n')
     pip_wrote(monkeypatch, None)
     assert about.version() == "9.8.7"
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_the_commit_of_a_checkout(installed: Path, packed: bool) -> None:
+def test_commit_of_a_checkout_is_reported(installed: Path, packed: bool) -> None:
     git = installed / ".git"
     (git / "refs" / "heads").mkdir(parents=True)
     (git / "HEAD").write_text("ref: refs/heads/main\n")
@@ -79,13 +79,13 @@ def test_the_commit_of_a_checkout(installed: Path, packed: bool) -> None:
     assert about.commit() == "0123456789ab"
 
 
-def test_the_commit_of_a_checkout_without_a_branch(installed: Path) -> None:
+def test_commit_of_a_checkout_without_a_branch_is_reported(installed: Path) -> None:
     (installed / ".git").mkdir()
     (installed / ".git" / "HEAD").write_text(f"{SHA}\n")
     assert about.commit() == "0123456789ab"
 
 
-def test_the_commit_of_a_further_worktree(installed: Path) -> None:
+def test_commit_of_a_further_worktree_is_reported(installed: Path) -> None:
     own = installed / "repository" / "worktrees" / "here"
     own.mkdir(parents=True)
     (installed / ".git").write_text("gitdir: repository/worktrees/here\n")
@@ -106,14 +106,14 @@ def test_the_commit_of_a_further_worktree(installed: Path) -> None:
         (None, ""),
     ],
 )
-def test_the_commit_that_pip_installed_from(
+def test_commit_installed_by_pip_is_reported(
     installed: Path, monkeypatch: pytest.MonkeyPatch, written: str | None, told: str
 ) -> None:
     pip_wrote(monkeypatch, written)
     assert about.commit() == told
 
 
-def test_the_commit_that_a_release_wrote_into_the_wheel(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commit_of_a_released_wheel_is_reported(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pip_wrote(monkeypatch, None)
     (installed / "gateway" / "commit.txt").write_text(f"{SHA}\n")
     assert about.full_version() == "9.8.7 (commit 0123456789ab)"
@@ -121,7 +121,7 @@ def test_the_commit_that_a_release_wrote_into_the_wheel(installed: Path, monkeyp
 
 @pytest.mark.parametrize(("checkout", "told"), [(f"{SHA}\n", f"{SHA}\n"), ("", None)])
 @pytest.mark.parametrize("released", [False, True])
-def test_a_build_from_a_checkout_is_told_the_commit(
+def test_package_build_stores_the_commit_of_its_checkout(
     tmp_path: Path, checkout: str, told: str | None, released: bool
 ) -> None:
     """A release's own file stays as it is; without a checkout, and without git, the package is built all the same."""
@@ -143,7 +143,7 @@ def test_a_build_from_a_checkout_is_told_the_commit(
     assert (written.read_text() if written.exists() else None) == told
 
 
-def test_files_that_cannot_be_read_tell_nothing(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_version_files_are_treated_as_missing(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pip_wrote(monkeypatch, None)
     (installed / "gateway" / "commit.txt").write_bytes(b"\xff\xfe")
     (installed / ".git").write_text("gitdir: nowhere\n")

@@ -20,13 +20,13 @@ from gateway.core.errors import explain_file_error, explain_os_error
         (errno.EIO, "Input/output error"),
     ],
 )
-def test_an_error_of_the_system_has_its_next_step(number: int, step: str) -> None:
+def test_system_error_message_gives_the_next_step(number: int, step: str) -> None:
     error = OSError(number, os.strerror(number))
     assert explain_os_error(error).startswith(step)
     assert explain_file_error("night.rec", error) == explain_os_error(error)
 
 
-def test_what_may_not_be_read_is_not_called_a_matter_of_folders(tmp_path: Path) -> None:
+def test_permission_error_is_not_reported_as_a_missing_folder(tmp_path: Path) -> None:
     error = PermissionError(errno.EACCES, "Permission denied")
     words = explain_file_error(tmp_path / "gateway.toml", error, reading=True)
     assert words.startswith("Permission denied") and f"ls -l {tmp_path}/gateway.toml" in words

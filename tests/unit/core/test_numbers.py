@@ -30,13 +30,13 @@ MADE: list[Callable[[Any], op.Operation]] = [
 
 @pytest.mark.parametrize("make", MADE)
 @pytest.mark.parametrize("value", [nan, inf, -inf, "05:34:32", 10**400, True, [1.0], 1j])
-def test_what_is_no_number_is_refused_in_a_sentence(make: Callable[[Any], op.Operation], value: object) -> None:
+def test_value_that_is_no_number_is_refused_in_a_sentence(make: Callable[[Any], op.Operation], value: object) -> None:
     with pytest.raises(Invalid, match=r"^The [A-Za-z ]+ must be a number.*\.$"):
         make(value)
     assert make(12) == make(12.0)
 
 
-def test_a_number_that_is_needed_cannot_be_left_out() -> None:
+def test_required_number_cannot_be_left_out() -> None:
     missing: Any = None
     for make in (lambda: op.Goto(missing, 10.0), lambda: op.Sync(10.0, missing), lambda: op.Move(_NORTH, missing)):
         with pytest.raises(Invalid, match=r"must be a number.*, not None"):
@@ -45,7 +45,7 @@ def test_a_number_that_is_needed_cannot_be_left_out() -> None:
 
 
 @pytest.mark.parametrize("dec", [90.001, -95.0])
-def test_no_declination_lies_beyond_a_pole(dec: float) -> None:
+def test_declination_beyond_a_pole_is_refused(dec: float) -> None:
     for make in (op.Goto, op.Sync, op.GotoHorizontal):
         assert make(10.0, 90.0) and make(10.0, -90.0)
         with pytest.raises(Invalid, match="from -90 to 90"):
@@ -65,7 +65,7 @@ def test_no_declination_lies_beyond_a_pole(dec: float) -> None:
         (lambda: op.Rate(key=10), "The key of a rate must be 1 to 9, not 10."),
     ],
 )
-def test_a_motor_that_is_none_is_refused(make: Callable[[], object], words: str) -> None:
+def test_unknown_motor_number_is_refused(make: Callable[[], object], words: str) -> None:
     with pytest.raises(Invalid) as caught:
         make()
     assert str(caught.value) == words

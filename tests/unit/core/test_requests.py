@@ -23,18 +23,18 @@ LINES = {
 }  # fmt: skip
 
 
-def test_a_request_is_one_line_of_json() -> None:
+def test_control_request_is_one_line_of_json() -> None:
     for line, request in LINES.items():
         assert decode(line) == request
         assert json.loads(encode(request)) == json.loads(line) and encode(request).isascii()
 
 
-def test_every_request_has_a_number_of_its_own() -> None:
+def test_every_control_request_has_a_unique_number() -> None:
     first, second = requests.ParkRequest(), requests.ParkRequest()
     assert first.number != second.number and len(first.number) == 16
 
 
 @pytest.mark.parametrize("line", ["", "[]", '{"type":"fly"}', '{"type":"goto"}', '{"type":"park"}\n', "\xff"])
-def test_what_is_no_request_is_refused(line: str) -> None:
+def test_malformed_control_line_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match=r"plain text|Input|Object|Invalid|Expected"):
         decode(line)

@@ -7,7 +7,7 @@ import pytest
 from gateway.core.signals import Signal
 
 
-def test_listeners_act_in_the_order_in_which_they_were_connected() -> None:
+def test_signal_calls_its_listeners_in_the_order_of_connection() -> None:
     signal, said = Signal[int](), list[str]()
     signal.connect(lambda value: said.append(f"first {value}"))
     signal.connect(lambda value: said.append(f"second {value}"))
@@ -15,7 +15,7 @@ def test_listeners_act_in_the_order_in_which_they_were_connected() -> None:
     assert said == ["first 3", "second 3"]
 
 
-def test_who_is_disconnected_is_told_no_more() -> None:
+def test_disconnected_listener_is_not_called() -> None:
     signal, said = Signal[int](), list[int]()
     signal.connect(said.append)
     signal.emit(1)
@@ -24,7 +24,7 @@ def test_who_is_disconnected_is_told_no_more() -> None:
     assert said == [1]
 
 
-def test_who_connects_while_it_happens_is_told_the_next_time() -> None:
+def test_listener_connected_during_a_signal_is_called_the_next_time() -> None:
     signal, said = Signal[int](), list[int]()
     signal.connect(lambda _: signal.connect(said.append))
     signal.emit(1)
@@ -33,7 +33,7 @@ def test_who_connects_while_it_happens_is_told_the_next_time() -> None:
     assert said == [2]
 
 
-def test_what_a_listener_raises_reaches_whoever_emits() -> None:
+def test_exception_of_a_listener_reaches_the_emitter() -> None:
     signal = Signal[None]()
 
     def fail(_: None) -> None:

@@ -13,7 +13,7 @@ from gateway.core.waiting import TimedEvent, result_of, shared_result
 from gateway.diagnostics.virtual_time import run
 
 
-async def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> None:
+async def test_timed_event_wakes_waiters_when_set_and_does_not_block_while_set() -> None:
     event, loop = TimedEvent(), asyncio.get_running_loop()
     began = loop.time()
     loop.call_later(2.0, event.set)
@@ -27,7 +27,7 @@ async def test_who_waits_goes_on_when_it_is_set_and_at_once_while_it_is() -> Non
     assert loop.time() - began == 2.0
 
 
-async def test_who_gives_up_is_told_nothing() -> None:
+async def test_waiter_that_gives_up_gets_no_event() -> None:
     event = TimedEvent()
     waiting = [asyncio.create_task(event.within(9.0)), asyncio.create_task(event.wait())]
     await asyncio.sleep(1.0)
@@ -52,7 +52,7 @@ def played(play: Callable[[asyncio.Future[str]], Coroutine[Any, Any, None]]) -> 
     return list(run(main()))
 
 
-def test_who_gives_up_ends_it_for_nobody_and_hears_no_more_of_it() -> None:
+def test_waiter_that_gives_up_does_not_cancel_shared_work() -> None:
     async def play(work: asyncio.Future[str]) -> None:
         gives_up = asyncio.create_task(result_of(work))
         waits = asyncio.create_task(result_of(work))
@@ -67,7 +67,7 @@ def test_who_gives_up_ends_it_for_nobody_and_hears_no_more_of_it() -> None:
     assert played(play) == []
 
 
-def test_a_failure_for_which_nobody_waits_is_nobodys_business() -> None:
+def test_failure_that_nobody_awaits_is_silent() -> None:
     async def play(work: asyncio.Future[str]) -> None:
         waits = asyncio.create_task(result_of(work))
         await asyncio.sleep(1)
@@ -79,7 +79,7 @@ def test_a_failure_for_which_nobody_waits_is_nobodys_business() -> None:
     assert played(play) == []  # Python 3.14: "ValueError exception in shielded future"
 
 
-def test_a_result_and_an_end_are_passed_on() -> None:
+def test_result_or_cancellation_of_shared_work_is_passed_on() -> None:
     async def play(work: asyncio.Future[str]) -> None:
         waits = asyncio.create_task(result_of(work))
         await asyncio.sleep(1)
@@ -95,7 +95,7 @@ def test_a_result_and_an_end_are_passed_on() -> None:
     assert played(play) == []
 
 
-async def test_a_failure_reaches_all_who_share_it_and_one_who_gives_up_harms_nobody() -> None:
+async def test_failure_of_shared_work_reaches_all_remaining_waiters() -> None:
     async def fail() -> None:
         await asyncio.sleep(1)
         raise ValueError("no")
@@ -111,7 +111,7 @@ async def test_a_failure_reaches_all_who_share_it_and_one_who_gives_up_harms_nob
         await shared_result(task)  # it is over: nothing to wait for
 
 
-async def test_shared_work_that_was_cancelled_is_no_answer_and_who_waited_for_it_goes_on() -> None:
+async def test_waiters_of_cancelled_shared_work_continue() -> None:
     task = asyncio.get_running_loop().create_task(asyncio.sleep(100.0))
     waiting = [asyncio.ensure_future(shared_result(task)) for _ in range(3)]
     await asyncio.sleep(0.1)

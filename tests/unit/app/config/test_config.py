@@ -95,7 +95,7 @@ def flags(*words: str) -> Config:
         (TWO.replace('"b"', '"b c"') + A + B, 5, "name: 'b c': write a word of letters"),
     ],
 )
-def test_a_mistake_is_named_with_its_line(tmp_path: Path, text: str, line: int, says: str) -> None:
+def test_config_error_names_the_line(tmp_path: Path, text: str, line: int, says: str) -> None:
     with pytest.raises(UserError) as caught:
         read(tmp_path, text)
     words = str(caught.value)
@@ -117,7 +117,7 @@ def test_a_mistake_is_named_with_its_line(tmp_path: Path, text: str, line: int, 
         ("lx200@tcp://:4030", "lx200@/dev/ttyUSB0", True),
     ],
 )
-def test_two_cannot_be_at_one_place(tmp_path: Path, one: str, other: str, clash: bool) -> None:
+def test_two_surfaces_cannot_use_one_address(tmp_path: Path, one: str, other: str, clash: bool) -> None:
     text = f'[mount]\nat = "nexstar@/dev/ttyUSB0"\n[[surface]]\nat = "{one}"\n[[surface]]\nat = "{other}"\n'
     if not clash:
         assert len(read(tmp_path, text).surface) == 2
@@ -127,13 +127,13 @@ def test_two_cannot_be_at_one_place(tmp_path: Path, one: str, other: str, clash:
     assert f"{tmp_path}/gateway.toml:6: " in str(caught.value)
 
 
-def test_two_mounts_cannot_be_at_one_port(tmp_path: Path) -> None:
+def test_two_mounts_cannot_use_one_port(tmp_path: Path) -> None:
     text = TWO.replace("nexstar@sim", "nexstar@/dev/ttyS1").replace("lx200@sim", "lx200@/dev/ttyS1")
     with pytest.raises(UserError, match=r"toml:6: \[mount\] at: /dev/ttyS1"):
         read(tmp_path, text + A + B)
 
 
-def test_several_mounts_have_their_own_surfaces(tmp_path: Path) -> None:
+def test_each_of_several_mounts_has_its_surfaces(tmp_path: Path) -> None:
     config = read(tmp_path, TWO + A + B.replace(":0", ":4040") + A.replace(":0", ":4050"))
     assert [[surface.at for surface in config.of(mount)] for mount in config.mount] == [
         ["lx200@tcp://:0", "lx200@tcp://:4050"],
@@ -141,13 +141,13 @@ def test_several_mounts_have_their_own_surfaces(tmp_path: Path) -> None:
     ]
 
 
-def test_a_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
+def test_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
     for text in (MOUNT + SURFACE, MOUNT.replace("[mount]", "[[mount]]") + SURFACE, f'{MOUNT}name = "a"\n{A}'):
         config = read(tmp_path, text)
         assert len(config.of(config.mount[0])) == 1
 
 
-def test_no_file_and_no_text_are_told_of(tmp_path: Path) -> None:
+def test_missing_or_unreadable_config_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"nothing\.toml: there is no such file"):
         read_tables(tmp_path / "nothing.toml")
     (tmp_path / "image.toml").write_bytes(b"at = \xff\xfe")
@@ -155,14 +155,14 @@ def test_no_file_and_no_text_are_told_of(tmp_path: Path) -> None:
         read_tables(tmp_path / "image.toml")
 
 
-def test_a_file_of_windows_is_read(tmp_path: Path) -> None:
+def test_config_file_written_on_windows_is_read(tmp_path: Path) -> None:
     text = f"{MOUNT}lowest = 99\n{SURFACE}".replace("\n", "\r\n")
     (tmp_path / "w.toml").write_bytes(b"\xef\xbb\xbf" + text.encode())
     with pytest.raises(UserError, match=r"w\.toml:3: "):
         make_config(*read_tables(tmp_path / "w.toml"))
 
 
-def test_every_key_of_the_mount_is_a_flag() -> None:
+def test_every_config_key_of_the_mount_is_a_flag() -> None:
     given = {
         "baud": "19200",
         "site": "1,2",
@@ -186,7 +186,7 @@ def test_every_key_of_the_mount_is_a_flag() -> None:
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-def test_what_toml_has_beyond_numbers_is_refused_by_every_range(tmp_path: Path, value: str) -> None:
+def test_config_ranges_refuse_toml_values_that_are_no_numbers(tmp_path: Path, value: str) -> None:
     numbers = [key.name for key in keys("mount") if isinstance(key.default, float)] + ["lowest", "highest"]
     assert "sun" in numbers
     for name in numbers:
@@ -194,7 +194,7 @@ def test_what_toml_has_beyond_numbers_is_refused_by_every_range(tmp_path: Path, 
             read(tmp_path, f"{MOUNT}{name} = {value}\n{SURFACE}")
 
 
-def test_flags_win_over_the_file(tmp_path: Path) -> None:
+def test_flags_override_the_config_file(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f"wait = true\n{MOUNT}lowest = 5\nhighest = 70\n{SURFACE}")
     parser = argparse.ArgumentParser()
@@ -206,7 +206,7 @@ def test_flags_win_over_the_file(tmp_path: Path) -> None:
     assert source.origin(("mount", 0, "speed")) is None
 
 
-def test_a_surface_from_a_flag_has_nothing_from_the_file(tmp_path: Path) -> None:
+def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f"{MOUNT}{SURFACE}client = 'indi'\n")
     parser = argparse.ArgumentParser()
@@ -217,7 +217,7 @@ def test_a_surface_from_a_flag_has_nothing_from_the_file(tmp_path: Path) -> None
     assert source.origin(("surface", 0, "client")) is None
 
 
-def test_a_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
+def test_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(TWO + A + B)
     parser = argparse.ArgumentParser()
@@ -242,7 +242,7 @@ _TABLES = st.lists(st.tuples(st.booleans(), _WORD, _FILLER, _KEYS), max_size=5)
 
 @examples(max_examples=as_a_rule(15, whole=40))
 @given(_KEYS, _TABLES)
-def test_every_key_is_found_on_its_line(
+def test_every_config_key_is_located_on_its_line(
     first: dict[str, tuple[list[str], str]], tables: list[tuple[bool, str, list[str], dict[str, tuple[list[str], str]]]]
 ) -> None:
     """A document written line by line, so that every place is known, and read back by the parser."""
@@ -273,7 +273,7 @@ def test_every_key_is_found_on_its_line(
     assert line_of(text, ("nowhere",)) is None
 
 
-def test_a_file_of_powershell_is_known(tmp_path: Path) -> None:
+def test_config_file_written_by_powershell_is_reported_as_utf_16(tmp_path: Path) -> None:
     for order in ("utf-16", "utf-16-be"):
         (tmp_path / "gateway.toml").write_bytes(("\ufeff" * (order != "utf-16") + MOUNT).encode(order))
         with pytest.raises(UserError, match="this is UTF-16"):
@@ -281,7 +281,7 @@ def test_a_file_of_powershell_is_known(tmp_path: Path) -> None:
 
 
 @each(("mount", "surface"), [("nexstar", "lx200"), ("lx200", "nexstar")])
-def test_a_surface_that_is_missing_is_said_in_the_words_of_the_file(tmp_path: Path, mount: str, surface: str) -> None:
+def test_missing_surface_is_reported_in_the_terms_of_the_file(tmp_path: Path, mount: str, surface: str) -> None:
     at = f"{surface}@tcp://127.0.0.1:4030"
     with pytest.raises(UserError, match=f'write \\[\\[surface\\]\\] into the file, and below it at = "{at}"$'):
         read(tmp_path, f"[mount]\nat = '{mount}@sim'\n")

@@ -39,7 +39,9 @@ NUL, ESCAPE = "\\u0000", "\\u001b"
         (f"{MOUNT}[[surface]]\nat = 'lx200@tcp://127.0.0.1:\N{SUPERSCRIPT TWO}'\n", 4, "write tcp://HOST:PORT"),
     ],
 )  # fmt: skip
-def test_it_is_one_line_with_its_place(text: str, line: int, says: str, tmp_path: Path) -> None:
+def test_odd_config_value_is_reported_in_one_line_with_its_place(
+    text: str, line: int, says: str, tmp_path: Path
+) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(text, "utf-8")
     with pytest.raises(UserError) as told:
@@ -64,7 +66,9 @@ def test_it_is_one_line_with_its_place(text: str, line: int, says: str, tmp_path
         ["sim", "nexstar", "--latency", "inf"],
     ],
 )
-def test_flags_too(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_odd_flag_value_is_reported_in_one_line_with_its_place(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(words) == 2
     said = capsys.readouterr().err
     assert said.startswith("mount-gateway: ")

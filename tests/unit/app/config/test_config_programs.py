@@ -58,18 +58,20 @@ def gateway(**keys: str) -> tuple[FakeGateway, list[Entry]]:
         (TCP, "any", "equinox", None),
     ],
 )
-def test_a_named_program_gets_what_it_needs(at: str, client: str, key: str, value: str | None) -> None:
+def test_named_client_program_gets_the_settings_that_it_needs(
+    at: str, client: str, key: str, value: str | None
+) -> None:
     assert getattr(with_needs(SurfaceConfig(at=at, client=client)), key) == value
 
 
-def test_what_the_user_set_is_left_as_it_is() -> None:
+def test_client_profile_leaves_user_settings_unchanged() -> None:
     surface = SurfaceConfig(at=TCP, client="stellarium-mobile", equinox="jnow")
     assert with_needs(surface).equinox == "jnow"
     assert open_needs(surface) == []
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
-def test_every_row_is_of_use(protocol: str) -> None:
+def test_every_client_profile_sets_a_valid_key_and_says_why(protocol: str) -> None:
     """Its key is one of the surface's, its value is allowed there, and it says why."""
     for name, row in programs(protocol).items():
         assert bool(row.first) == bool(row.evidence), name
@@ -80,7 +82,7 @@ def test_every_row_is_of_use(protocol: str) -> None:
             assert need.why, name
 
 
-def test_a_named_stellarium_has_its_conversation() -> None:
+def test_conversation_with_a_named_stellarium_matches_its_recording() -> None:
     """The whole file, with the profile in the place of its own ``sync_text``."""
     [path] = files("lx200-stellarium.txt")
     conversation = read(path)
@@ -93,7 +95,7 @@ def test_starry_night_begins_in_low_precision() -> None:
     assert Talk(precision=given.precision).send(b":GR#") == b"12:34.9#"
 
 
-async def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
+async def test_only_stellarium_mobile_gets_j2000_coordinates() -> None:
     built, entries = gateway()
     mobile, other = built.connect(), built.connect()
     assert [await mobile.ask(data) for data in MOBILE] == [b"", b"", b"P"]
@@ -111,7 +113,7 @@ async def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
     assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
 
 
-async def test_programs_that_release_arrows_by_a_full_stop_are_known() -> None:
+async def test_programs_that_release_arrows_by_a_full_stop_have_a_profile() -> None:
     built, _ = gateway()
     mobile, other = built.connect(), built.connect()
     for data in MOBILE:
@@ -132,7 +134,7 @@ async def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
     assert await connection.ask(b"#:GR#") != b"12:34:56#"
 
 
-async def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
+async def test_recognised_stellarium_gets_a_reply_that_it_can_read() -> None:
     built, _ = gateway()
     stellarium, other = built.connect(), built.connect()
     for data in DESKTOP:
@@ -143,7 +145,7 @@ async def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None
         assert await connection.ask(b":CM#") == text
 
 
-async def test_an_explicit_key_beats_recognition() -> None:
+async def test_explicit_key_overrides_recognition_of_a_program() -> None:
     for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
         built, _ = gateway(**keys)
         connection = built.connect()
@@ -153,7 +155,7 @@ async def test_an_explicit_key_beats_recognition() -> None:
 
 
 @each("path", files("lx200-*.txt"))
-async def test_only_the_right_program_is_recognised(path: Path) -> None:
+async def test_recognition_picks_only_the_right_program(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
     built, entries = gateway()
     connection = built.connect()
@@ -165,13 +167,13 @@ async def test_only_the_right_program_is_recognised(path: Path) -> None:
     assert len(notes) == expected.get(path.stem, 0)
 
 
-def test_nobody_is_recognised_where_connections_do_not_end() -> None:
+def test_programs_are_recognised_only_on_lx200_network_surfaces() -> None:
     assert set(first_bytes(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#", b"\x06:GR#\x06:Gc#"}
     for at in ("lx200@pty:/tmp/x", "lx200@/dev/ttyS1", "nexstar@tcp://:0"):
         assert first_bytes(SurfaceConfig(at=at)) == {}
 
 
-async def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
+async def test_command_without_a_reply_logs_one_reason_per_host() -> None:
     built, entries = gateway()
     for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
         connection = built.connect(host)

@@ -48,7 +48,7 @@ def back(tmp_path: Path, text: str) -> tuple[Config, Source]:
     return make_config(tables, source), source
 
 
-def test_what_is_in_effect_reads_back_as_the_same(tmp_path: Path) -> None:
+def test_printed_configuration_reads_back_as_the_same(tmp_path: Path) -> None:
     config, source = back(tmp_path, ALL)
     again, _ = back(tmp_path, effective(config, source))
     assert (again.mount, again.wait, again.log) == (config.mount, config.wait, config.log)
@@ -56,7 +56,7 @@ def test_what_is_in_effect_reads_back_as_the_same(tmp_path: Path) -> None:
     assert again.surface[0].sync_text is not None
 
 
-def test_what_is_no_default_says_where_it_comes_from(tmp_path: Path) -> None:
+def test_printed_configuration_says_where_each_changed_value_comes_from(tmp_path: Path) -> None:
     config, source = back(tmp_path, ALL)
     source.name = "g.toml"
     source.flags[("mount", 1, "lowest")] = "--lowest"
@@ -71,7 +71,7 @@ def test_what_is_no_default_says_where_it_comes_from(tmp_path: Path) -> None:
     assert "# mode: not set" in lines
 
 
-def test_every_default_is_shown_without_a_mark() -> None:
+def test_printed_configuration_shows_defaults_without_a_mark() -> None:
     flags: dict[Place, str] = {("mount", 0, "at"): "--mount", ("surface", 0): "--surface"}
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:0"}]}
     source = Source("command line", flags=flags)
@@ -82,13 +82,13 @@ def test_every_default_is_shown_without_a_mark() -> None:
     ]
 
 
-def test_what_no_default_stands_for_is_a_comment_in_the_example(tmp_path: Path) -> None:
+def test_example_configuration_has_keys_without_a_default_as_comments(tmp_path: Path) -> None:
     config, _ = back(tmp_path, example())
     assert config.console == ConsoleConfig()
     assert config.surface[0] == SurfaceConfig(config.surface[0].at)
 
 
-def test_the_example_has_every_key(tmp_path: Path) -> None:
+def test_example_configuration_has_every_key(tmp_path: Path) -> None:
     text = re.sub(r"(?m)^#(?! )", "", example())
     back(tmp_path, text)
     tables = tomli.loads(text)
@@ -99,7 +99,7 @@ def test_the_example_has_every_key(tmp_path: Path) -> None:
     assert set(tables) == {"mount", "surface", "console", "mqtt"} | {key.name for key in keys("")}
 
 
-def test_every_key_is_described() -> None:
+def test_every_config_key_has_a_description() -> None:
     for name in ("", "mount", "surface", "console"):
         for key in keys(name):
             assert key.description
@@ -109,11 +109,11 @@ def test_every_key_is_described() -> None:
 
 
 @each("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
-def test_values_are_written_as_toml(value: object) -> None:
+def test_printed_configuration_writes_values_as_toml(value: object) -> None:
     assert tomli.loads(f"x = {toml(value)}") == {"x": value}
 
 
-def test_the_command_prints_both(capsys: pytest.CaptureFixture[str]) -> None:
+def test_config_command_prints_the_configuration_and_the_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "-33.9,151.2"]) == 0
     assert tomli.loads(capsys.readouterr().out)["mount"]["site"] == [-33.9, 151.2]
     assert main(["config", "--example"]) == 0

@@ -68,14 +68,14 @@ def _asked(folder: Path, carry_out: Work, secret: str | None = None) -> Answer |
         (_broken, Answer("failed", "internal error, please report it: RuntimeError('a defect')")),
     ],
 )
-def test_a_gateway_answers_when_it_has_done_it(tmp_path: Path, carry_out: Work, answer: Answer) -> None:
+def test_control_request_is_answered_once_it_is_done(tmp_path: Path, carry_out: Work, answer: Answer) -> None:
     assert _asked(tmp_path, carry_out) == answer
 
 
 @pytest.mark.parametrize(
     "line", ["", "stop", "{}", '{"type":"goto"}', '{"type":"fly","number":"1"}', "\0", '{"type":"stop"}\n', "\xff"]
 )
-def test_what_is_no_request_is_refused_in_words(tmp_path: Path, line: str) -> None:
+def test_malformed_control_request_is_refused_in_words(tmp_path: Path, line: str) -> None:
     async def program() -> str:
         served, loop = Control([tmp_path], "m", "m", _good), asyncio.get_running_loop()
         await served.open()
@@ -91,12 +91,14 @@ def test_what_is_no_request_is_refused_in_words(tmp_path: Path, line: str) -> No
     assert "has another version" in asyncio.run(program())
 
 
-def test_an_answer_may_be_long(tmp_path: Path) -> None:
+def test_control_answer_may_be_long(tmp_path: Path) -> None:
     assert _asked(tmp_path, _long) == asyncio.run(_long(requests.StopRequest()))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
-def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str) -> None:
+def test_control_request_without_the_secret_does_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str
+) -> None:
     monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 0.3)
     done: list[None] = []
 
@@ -109,7 +111,9 @@ def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.
     assert done == []
 
 
-def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_request_repeated_after_a_lost_answer_is_done_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every answer is lost the first time, and the work takes longer than the patience of who asks."""
     monkeypatch.setattr(reach, "RESEND_PERIOD", 0.05)
     done: list[None] = []
@@ -132,7 +136,9 @@ def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkey
     assert len(done) == 1
 
 
-def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_client_waits_for_a_gateway_that_has_received_its_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(reach, "RESEND_PERIOD", 0.05)
     monkeypatch.setattr(reach, "RECEIPT_TIMEOUT", 1.0)
 
@@ -143,7 +149,7 @@ def test_a_gateway_that_has_heard_may_take_its_time(tmp_path: Path, monkeypatch:
     assert _asked(tmp_path, slow) == STOPPED
 
 
-async def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
+async def test_random_datagrams_do_not_harm_the_control_port(tmp_path: Path) -> None:
     served = Control([tmp_path], "m", "m", _good)
     await served.open()
     [(_, endpoint)] = read_endpoints(tmp_path)
@@ -163,7 +169,7 @@ async def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     await served.close()
 
 
-def test_a_seal_is_of_a_secret_a_number_and_a_text() -> None:
+def test_control_seal_depends_on_secret_number_and_text() -> None:
     assert unseal("s", seal("s", "7", "ask stop")) == ("7", "ask stop")
     assert unseal("t", seal("s", "7", "ask stop")) is None
     assert unseal("s", seal("s", "7", "ask stop") + b"!") is None
@@ -173,7 +179,7 @@ def test_a_seal_is_of_a_secret_a_number_and_a_text() -> None:
     assert gathered.add(told[1]) == "x" * 4500
 
 
-def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
+def test_closing_gateway_answers_waiting_control_clients(tmp_path: Path) -> None:
     async def program() -> Answer | None:
         forever = asyncio.Event()
 
@@ -202,7 +208,7 @@ def _nobodys_port() -> int:
         return int(probe.getsockname()[1])
 
 
-async def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
+async def test_files_of_a_killed_gateway_are_removed_and_junk_is_ignored(tmp_path: Path) -> None:
     endpoint = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
     stale = tmp_path / "lx200@COM3.77.control"
     (tmp_path / "garbage.control").write_bytes(b"{")
@@ -221,7 +227,7 @@ async def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobod
     await served.close()
 
 
-async def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> None:
+async def test_gateway_is_found_though_one_of_its_folders_takes_no_file(tmp_path: Path) -> None:
     (tmp_path / "full").write_text("")
     served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
     await served.open()

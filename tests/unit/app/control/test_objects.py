@@ -24,19 +24,19 @@ MOST = 12
         ("ring neb", "Ring Nebula"),
     ],
 )
-def test_what_is_meant_stands_first(typed: str, first: str) -> None:
+def test_best_match_is_suggested_first(typed: str, first: str) -> None:
     assert completions(typed, MOST)[0] == first
 
 
-def test_all_of_messier_that_begin_so() -> None:
+def test_every_messier_object_with_the_typed_prefix_is_suggested() -> None:
     assert completions("m3", MOST)[:11] == ["M 3", *(f"M {number}" for number in range(30, 40))]
 
 
-def test_the_stars_that_mounts_are_aligned_on_come_before_others() -> None:
+def test_alignment_stars_are_suggested_first() -> None:
     found = completions("al", 40)
     assert found.index("Altair") < found.index("Albali") < found.index("Alcaid")
 
 
 @pytest.mark.parametrize("typed", ["", "m999", "ngc 9999", "xyz 12", "m0"])
-def test_nothing_is_suggested_where_nothing_is(typed: str) -> None:
+def test_unknown_text_suggests_nothing(typed: str) -> None:
     assert completions(typed, MOST) == []

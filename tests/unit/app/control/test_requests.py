@@ -62,7 +62,7 @@ def moves(bridge: Any) -> bool:
     return truth_of(bridge.sim).moving
 
 
-async def test_a_goto_arrives_and_says_so() -> None:
+async def test_goto_from_the_command_line_arrives_and_reports_it() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         assert await owner.wish(requests.GotoRequest(CRAB, number="g")) == "done it goes to 05:34:32 +22°00'50\""
@@ -73,7 +73,7 @@ async def test_a_goto_arrives_and_says_so() -> None:
         assert not (await owner.see()).wanted
 
 
-async def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_goto_by_name_uses_the_position_of_the_object(monkeypatch: pytest.MonkeyPatch) -> None:
     async def at_once(function: Any, *arguments: Any) -> Any:
         return function(*arguments)  # virtual time waits for no thread
 
@@ -88,7 +88,7 @@ async def test_a_name_becomes_a_position(monkeypatch: pytest.MonkeyPatch) -> Non
         assert not unknown.done and "did you mean Aldebaran" in unknown.text
 
 
-async def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
+async def test_log_holds_each_request_and_its_outcome() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
@@ -110,7 +110,7 @@ async def test_the_log_holds_what_was_asked_and_what_became_of_it() -> None:
         ], asked
 
 
-async def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
+async def test_goto_from_the_command_line_beyond_a_limit_is_refused_in_words() -> None:
     async with Bridge(config={"lowest": 15.0}) as bridge:
         owner = Owner(bridge)
         answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
@@ -127,7 +127,7 @@ async def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
         assert (await owner.see()).lately == ()
 
 
-async def test_what_a_program_was_refused_is_told_without_a_log() -> None:
+async def test_refusals_of_programs_are_shown_without_a_log() -> None:
     async with Bridge() as bridge:
         bridge.wire_log.sinks.clear()
         client = bridge.client("192.168.1.23")
@@ -142,7 +142,7 @@ async def test_what_a_program_was_refused_is_told_without_a_log() -> None:
         bridge.wire_log.sinks.append(bridge.entries.append)
 
 
-async def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None:
+async def test_move_ends_by_itself_when_its_requester_is_gone() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         wish = asyncio.ensure_future(owner.wish(NORTH))
@@ -154,7 +154,7 @@ async def test_a_move_ends_by_itself_whatever_becomes_of_who_wished_it() -> None
         assert not moves(bridge)
 
 
-async def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None:
+async def test_move_of_a_parked_mount_reports_that_it_is_no_longer_parked() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         await owner.wish(requests.ParkRequest(number="p"))
@@ -163,14 +163,14 @@ async def test_a_move_of_a_parked_mount_says_that_it_is_parked_no_more() -> None
         assert "parked" not in await owner.wish(NORTH)
 
 
-async def test_no_move_is_longer_than_the_dead_man_lives() -> None:
+async def test_move_is_never_longer_than_the_dead_mans_time() -> None:
     async with Bridge(config={"dead_man": 5.0}) as bridge:
         answer = await Owner(bridge).wish(requests.MoveRequest(Direction.NORTH, 7, 6.0, number="m"))
         assert answer.startswith("failed ") and "5 s (--dead-man)" in answer and "1 to 9" in answer
         assert not moves(bridge)
 
 
-async def test_taken_back_it_ends_at_once() -> None:
+async def test_cancelled_move_ends_at_once() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
@@ -187,7 +187,7 @@ async def test_taken_back_it_ends_at_once() -> None:
         assert not moves(bridge)
 
 
-async def test_what_another_has_begun_since_is_not_ended() -> None:
+async def test_cancelling_a_move_leaves_a_newer_motion_alone() -> None:
     async with Bridge() as bridge:
         owner, client = Owner(bridge), bridge.client()
         await owner.wish(requests.GotoRequest(CRAB, number="g"))
@@ -199,7 +199,7 @@ async def test_what_another_has_begun_since_is_not_ended() -> None:
         assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
 
 
-async def test_taken_back_before_it_came_it_is_not_begun() -> None:
+async def test_move_cancelled_before_it_arrives_is_not_begun() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         await owner.wish(requests.CancelRequest("g"))
@@ -208,7 +208,7 @@ async def test_taken_back_before_it_came_it_is_not_begun() -> None:
         assert not moves(bridge)
 
 
-async def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
+async def test_waiting_requester_is_told_of_a_stop_by_a_program() -> None:
     async with Bridge() as bridge:
         owner, client = Owner(bridge), bridge.client()
         await owner.wish(requests.GotoRequest(CRAB, number="g"))
@@ -224,7 +224,7 @@ async def test_a_stop_by_a_program_is_told_to_who_waits() -> None:
         assert "move: Move ended by a stop" in " ".join((await owner.see()).lately)
 
 
-async def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
+async def test_held_arrow_stays_ended_after_a_stop() -> None:
     """Whoever holds it learns that it moves nothing any more, and must press anew."""
     async with Bridge() as bridge:
         owner, client = Owner(bridge), bridge.client()
@@ -237,7 +237,7 @@ async def test_an_arrow_that_is_kept_pressed_is_over_after_a_stop() -> None:
         assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
 
-async def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
+async def test_order_being_sent_does_not_count_as_waiting() -> None:
     async with Bridge(latency=0.5) as bridge:
         owner = Owner(bridge)
         wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
@@ -247,7 +247,7 @@ async def test_an_order_that_is_being_sent_is_not_one_that_waits() -> None:
         assert (await wish).startswith("done")
 
 
-async def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
+async def test_held_or_unaligned_mount_is_reported() -> None:
     async with Bridge(aligned=False) as bridge:
         owner = Owner(bridge)
         assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
@@ -256,7 +256,7 @@ async def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
         assert any("stop --release" in limit for limit in (await owner.see()).allowed)
 
 
-async def test_everything_is_told_by_name() -> None:
+async def test_status_names_every_value() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge, "pier")
         state = await owner.see()
@@ -274,7 +274,7 @@ async def test_everything_is_told_by_name() -> None:
         assert state.clock == "2026-01-15 22:00:01 UTC, from the mount"
 
 
-def test_a_site_that_another_contradicts_is_told_once() -> None:
+def test_contradicted_site_is_reported_once() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             state = mount_state(bridge.controller)
@@ -286,7 +286,7 @@ def test_a_site_that_another_contradicts_is_told_once() -> None:
                 assert "the key site of the configuration" in shown
 
 
-def test_a_clock_that_is_off_is_told_with_both_times_and_how_to_set_each() -> None:
+def test_wrong_clock_is_reported_with_both_times_and_how_to_set_each() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             times = [Time(0.0, MOUNT), Time(7200.0, COMPUTER)]
@@ -304,7 +304,7 @@ def test_a_clock_that_is_off_is_told_with_both_times_and_how_to_set_each() -> No
     run(program())
 
 
-async def test_a_meade_takes_the_same_wishes() -> None:
+async def test_command_line_requests_work_on_a_meade() -> None:
     sky = Sky()
     exact_sky.load(sky)
     async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
@@ -320,7 +320,7 @@ async def test_a_meade_takes_the_same_wishes() -> None:
         assert await owner.outcome("p") == "done it is parked"
 
 
-async def test_many_wishes_leave_nothing_behind() -> None:
+async def test_many_requests_leave_nothing_behind() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         for number in range(200):

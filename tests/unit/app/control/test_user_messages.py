@@ -37,30 +37,30 @@ def at_the_start(**settings: Any) -> tuple[list[str], list[str]]:
 @pytest.mark.parametrize(
     ("model", "told"), [("lx200gps", "Meade LX200GPS, lx200gps, version 4.2l"), ("lx200", "Meade LX200 Classic, lx200")]
 )
-def test_a_meade_is_told_by_the_name_that_people_know(model: str, told: str) -> None:
+def test_start_message_calls_a_meade_by_its_common_name(model: str, told: str) -> None:
     """It calls itself LX2001, or nothing."""
     assert at_the_start(mount=model, driven="lx200", presented="nexstar", surface="cge")[0][0] == f"found {told}"
 
 
-def test_where_no_site_is_known_the_flag_that_sets_it_is_named() -> None:
+def test_start_message_names_the_site_flag_where_no_site_is_known() -> None:
     told, warned = at_the_start(mount="6-8se", version="2.2")
     assert told[1].startswith("site not known (--site LAT,LON")
     assert any("a program that asks for it or for the" in words for words in warned)
 
 
-def test_the_mount_its_site_and_its_clock_are_told() -> None:
+def test_start_message_shows_the_mount_its_site_and_its_clock() -> None:
     (model, facts), warned = at_the_start()
     assert "6-8se, version 4.21" in model and not warned
     assert "45.0 N 10.0 E, from the mount" in facts and "2026-01-15 22:00:01 UTC, from the" in facts
 
 
-def test_a_german_mount_without_a_limit_of_the_hour_angle_is_told_of() -> None:
+def test_start_message_warns_of_a_german_mount_without_an_hour_angle_limit() -> None:
     for mount, config, told in (("cge", {}, 1), ("cge", {"hour_angle_limit": 0.5}, 0), ("cpc", {}, 0)):
         lines, _ = at_the_start(mount=mount, config=config)
         assert sum(line.startswith("hour-angle-limit is not set") for line in lines) == told, mount
 
 
-def test_a_mount_that_is_not_aligned_is_told_of() -> None:
+def test_start_message_warns_of_an_unaligned_mount() -> None:
     for driven, mount in (("nexstar", "cpc"), ("lx200", "lx200gps")):
         surface = "lx200" if driven == "nexstar" else "nexstar"
         _, warned = at_the_start(
@@ -80,7 +80,9 @@ def test_a_mount_that_is_not_aligned_is_told_of() -> None:
     ("lx200", "lx200gps", "autostar", "lx200gps"),
     ("lx200", "lx200-16", "lx200gps", None),
 ])  # fmt: skip
-def test_another_model_than_was_named_is_told_of(driven: str, mount: str, named: str, told: str | None) -> None:
+def test_start_message_warns_of_another_model_than_configured(
+    driven: str, mount: str, named: str, told: str | None
+) -> None:
     surface = "lx200" if driven == "nexstar" else "nexstar"
     _, warned = at_the_start(
         driven=driven,
@@ -93,7 +95,7 @@ def test_another_model_than_was_named_is_told_of(driven: str, mount: str, named:
     assert [line for line in warned if "named" in line] == (words if told else [])
 
 
-def test_the_model_that_was_named_is_no_doubt() -> None:
+def test_start_message_is_silent_about_the_configured_model() -> None:
     for driven, mount in (
         ("nexstar", "6-8se"),
         ("nexstar", "cge"),
@@ -114,7 +116,7 @@ def test_the_model_that_was_named_is_no_doubt() -> None:
         assert not [line for line in warned if "named" in line], mount
 
 
-def test_another_version_than_was_named_is_told_of() -> None:
+def test_start_message_warns_of_another_version_than_configured() -> None:
     [warned] = at_the_start(named_model="6-8se", named_version="3.0")[1]
     assert "hand control version 3.0" in warned and "4.21" in warned
     assert at_the_start(mount="cge", version="4.21", named_model="cge", named_version="4.21")[1] == []
@@ -130,14 +132,14 @@ def test_another_version_than_was_named_is_told_of() -> None:
         ((30.0, 20.0), ""),
     ],
 )
-def test_a_site_that_is_written_wrongly_is_told_of(site: tuple[float, float], hint: str) -> None:
+def test_start_message_warns_of_a_suspicious_site(site: tuple[float, float], hint: str) -> None:
     _, [warned] = at_the_start(config={"site": site})
     assert "45.0 N 10.0 E" in warned and "configuration" in warned
     assert hint in warned
     assert "look" in warned or not hint
 
 
-async def test_at_the_end_it_says_how_the_mount_was_left() -> None:
+async def test_end_message_says_how_the_mount_was_left() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         await client.ask(b":RS#:Mn#:GVP#")
@@ -153,7 +155,7 @@ async def test_at_the_end_it_says_how_the_mount_was_left() -> None:
         assert "tracking was on" in told.text
 
 
-async def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
+async def test_end_message_reports_a_stop_that_the_mount_did_not_hear() -> None:
     async with Bridge() as bridge:
         reconciler = bridge.controller.reconciler
         reconciler.want(replace(reconciler.wanted, owed=True))
@@ -164,7 +166,7 @@ async def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
         await bridge.controller.perform(AbortMotion())
 
 
-def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None:
+def test_run_prints_its_start_and_end_messages_on_stdout(tmp_path: Path, started: list[Running]) -> None:
     """Before the ready line; and Ctrl-C is answered."""
     simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--unaligned")
     started.append(simulator)
@@ -182,7 +184,7 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     assert "named the mount cge" in warnings[0] and "write cpc" in warnings[0] and "not aligned" in warnings[1]
 
 
-def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, started: list[Running]) -> None:
+def test_run_reports_a_baud_rate_at_which_the_mount_does_not_answer(tmp_path: Path, started: list[Running]) -> None:
     simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--baud", "9600")
     started.append(simulator)
     simulator.ready()

@@ -58,7 +58,7 @@ def index(served: Pages, encoding: str = "") -> web.Response:
     return asyncio.run(served.index(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>"))
 
 
-def test_one_script_is_kept_for_a_year_and_the_rest_is_in_the_page(tmp_path: Path) -> None:
+def test_page_script_is_cached_for_a_year_and_everything_else_is_inline(tmp_path: Path) -> None:
     served = pages(tmp_path)
     [script] = links(served)
     for encoding in ("", "gzip, deflate"):
@@ -78,7 +78,7 @@ def test_one_script_is_kept_for_a_year_and_the_rest_is_in_the_page(tmp_path: Pat
     assert "unsafe" not in policy
 
 
-def test_after_an_update_the_old_path_is_not_served(tmp_path: Path) -> None:
+def test_old_script_path_is_not_served_after_an_update(tmp_path: Path) -> None:
     before, after = links(pages(tmp_path)), pages(tmp_path, **{"js/x/one.js": "export const one = () => 2;\n"})
     assert not set(before) & set(links(after))
     for path in (*before, "nothing.js", "index.htm"):
@@ -87,7 +87,7 @@ def test_after_an_update_the_old_path_is_not_served(tmp_path: Path) -> None:
     assert get(after, "js/x/one.js").headers["Cache-Control"] == "no-cache"
 
 
-def test_modules_are_run_once_and_in_their_order() -> None:
+def test_page_modules_run_once_and_in_order() -> None:
     made = scripts(
         {
             "js/main.js": 'import * as b from "./b.js";\nimport { a as first, two } from "./x/a.js";\nb.start(first);\n'
@@ -107,6 +107,6 @@ def test_modules_are_run_once_and_in_their_order() -> None:
 
 @pytest.mark.parametrize("body", ["export default 1;", "export let a = 1;", 'import a from "./main.js";',
                                   'import { a } from "./main.js";'])  # fmt: skip
-def test_another_style_is_an_error(body: str) -> None:
+def test_page_bundle_rejects_an_import_of_another_style(body: str) -> None:
     with pytest.raises(ValueError, match="main"):
         scripts({"main.js": f"{body}\n"}, "main.js", "")

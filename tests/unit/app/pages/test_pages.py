@@ -35,7 +35,7 @@ NAME = socket.gethostname().lower().partition(".")[0]
         ("[::1", True),
     ],
 )
-def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
+def test_console_accepts_only_host_names_of_this_computer(header: str | None, allowed: bool) -> None:
     assert known_host(header, "192.0.2.7", ["Pier.example.org", "203.0.113.7", "2001:db8::7"]) is allowed
 
 
@@ -52,7 +52,7 @@ def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
         ("", "127.0.0.1", False),
     ],
 )
-def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> None:
+def test_console_accepts_only_its_origin(origin: str | None, host: str, allowed: bool) -> None:
     assert pages.same_origin(origin, host) is allowed
 
 
@@ -60,18 +60,18 @@ def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> No
     ("site", "elsewhere"), [(None, False), ("none", False), ("same-origin", False), ("cross-site", True),
                             ("same-site", True)]
 )  # fmt: skip
-def test_what_the_browser_itself_says_of_where_it_comes_from(site: str | None, elsewhere: bool) -> None:
+def test_console_refuses_cross_site_requests_by_fetch_metadata(site: str | None, elsewhere: bool) -> None:
     assert pages.from_other_site({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
 
 
-def test_a_token_is_compared_whole() -> None:
+def test_console_compares_the_whole_token() -> None:
     assert pages.same_token("abc", "abc")
     assert not pages.same_token("ab", "abc")
     assert not pages.same_token(None, "abc")
     assert not pages.same_token("ä", "abc")
 
 
-def test_a_page_that_is_closed_because_too_many_are_open_tries_again_after_a_minute() -> None:
+def test_page_closed_for_too_many_pages_retries_after_a_minute() -> None:
     """Else it would take the place of the next page, and that one its own."""
     with node() as browser:
 

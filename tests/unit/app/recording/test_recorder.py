@@ -50,7 +50,7 @@ async def _say(recorder: Recorder, times: int) -> None:
         await recorder.flush()
 
 
-def test_only_the_owner_reads_it_and_its_parts_whatever_the_umask(tmp_path: Path) -> None:
+def test_recording_and_its_parts_are_readable_by_the_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     before = os.umask(0)
     try:
@@ -62,7 +62,7 @@ def test_only_the_owner_reads_it_and_its_parts_whatever_the_umask(tmp_path: Path
     assert {_mode(file) for file in files} == {0o600}
 
 
-def test_an_earlier_run_s_recording_is_put_aside_and_made_private(tmp_path: Path) -> None:
+def test_recording_of_an_earlier_run_is_renamed_and_made_private(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     _recorded(path)
     path.chmod(0o644)
@@ -75,7 +75,7 @@ def test_an_earlier_run_s_recording_is_put_aside_and_made_private(tmp_path: Path
     assert _mode(path) == _mode(tmp_path / "night.rec.1") == 0o600
 
 
-def test_a_file_of_another_kind_is_left_alone(tmp_path: Path) -> None:
+def test_recorder_leaves_a_file_of_another_kind_alone(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text("[mount]\n")
     with pytest.raises(UserError, match="not a recording"):
@@ -83,7 +83,7 @@ def test_a_file_of_another_kind_is_left_alone(tmp_path: Path) -> None:
     assert path.read_text() == "[mount]\n"
 
 
-def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
+def test_recorder_keeps_a_limited_number_of_files_and_says_so_once(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
     _recorded(path, 1000, longest=1000, keep=3, warn=said.append)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
@@ -93,25 +93,25 @@ def test_so_many_files_are_kept_and_it_is_said_once(tmp_path: Path) -> None:
     assert read(path).settings["from"] > 0.0
 
 
-def test_one_file_may_be_all_that_is_kept(tmp_path: Path) -> None:
+def test_recorder_can_be_limited_to_one_file(tmp_path: Path) -> None:
     _recorded(tmp_path / "night.rec", 100, longest=1000, keep=1)
     assert [file.name for file in tmp_path.iterdir()] == ["night.rec"]
 
 
-def test_fewer_files_than_there_are_from_another_run(tmp_path: Path) -> None:
+def test_recorder_deletes_excess_files_of_an_earlier_run(tmp_path: Path) -> None:
     for keep in (6, 2):
         _recorded(tmp_path / "night.rec", 200, longest=1000, keep=keep)
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_parts_of_another_run_are_not_taken_for_its_beginning(tmp_path: Path) -> None:
+def test_recorder_does_not_continue_parts_of_an_earlier_run(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     _recorded(path)
     _recorded(path, settings={**SETTINGS, "began": 1768600800.0})
     assert read(path).parts == [path]
 
 
-def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
+def test_full_disk_is_reported_at_once_and_the_recording_so_far_stays_readable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     resource = pytest.importorskip("resource")
@@ -138,7 +138,7 @@ def test_a_full_disk_is_told_at_once_and_what_was_written_stays_good(
     assert "complete" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_recording_to_a_device_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("no such device here")
@@ -149,7 +149,7 @@ def test_a_device_in_place_of_a_file_is_one_line(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.real_time
-async def test_a_disk_that_hangs_delays_nobody_and_ends_the_recording(
+async def test_hanging_disk_delays_no_client_and_ends_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, said, hangs, write = tmp_path / "night.rec", list[str](), threading.Event(), os.write
@@ -187,7 +187,7 @@ asyncio.run(work())
 """
 
 
-def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path) -> None:
+def test_recording_of_a_killed_process_is_readable(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     with subprocess.Popen([sys.executable, "-c", _KILLED, str(path)], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None and process.stdout.readline()
@@ -199,7 +199,7 @@ def test_a_process_that_is_killed_leaves_a_recording_that_is_read(tmp_path: Path
 
 
 @pytest.mark.real_time
-async def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path) -> None:
+async def test_line_breaks_in_names_and_notes_do_not_break_recording_lines(tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
     recorder = Recorder(path, SETTINGS)
     recorder.put(Entry(0.0, "a page\n9.9 mount\t> ", "*", b"", "Goto:\nit goes\r there\u2028°"))
@@ -216,7 +216,7 @@ async def test_whatever_is_in_a_name_or_a_note_stays_on_its_line(tmp_path: Path)
 
 
 @pytest.mark.real_time
-async def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
+async def test_foreign_file_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
     recorder = Recorder(path, SETTINGS, longest=1000, warn=said.append)
     path.unlink()
@@ -228,7 +228,7 @@ async def test_a_file_of_another_kind_that_appears_at_night_ends_the_recording(t
 
 
 @pytest.mark.real_time
-async def test_times_are_right_although_the_clock_of_the_computer_is_set(tmp_path: Path) -> None:
+async def test_recorded_times_stay_right_when_the_computer_clock_is_set(tmp_path: Path) -> None:
     path, clock, now = tmp_path / "night.rec", [1e9], [50.0]
     recorder = Recorder(path, SETTINGS, clock=lambda: clock[0], now=lambda: now[0])
     for step, passed in ((0.0, 1.0), (3600.0, 1.0), (-7200.0, 2.0), (0.0, 0.5)):

@@ -51,7 +51,7 @@ FULL = SavedState(
     st.none() | st.booleans(),
     st.dictionaries(st.sampled_from(("backlash 1 pos", "backlash 2 neg", "guide rate 1")), st.integers(0, 255)),
 )
-def test_what_is_kept_comes_back(
+def test_saved_state_is_restored(
     sites: dict[Any, NamedSite], site: int | None, pec: bool | None, motors: dict[str, int]
 ) -> None:
     kept = SavedState(FORMAT_VERSION, sites=sites, site=site, pec=pec, motors=motors)
@@ -59,7 +59,7 @@ def test_what_is_kept_comes_back(
     assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
 
 
-def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
+def test_state_file_is_replaced_whole_and_private(tmp_path: Path) -> None:
     path = tmp_path / "mount.json"
     for flush in (True, False):
         replace_file(path, state.encode(FULL), flush=flush)
@@ -78,7 +78,9 @@ def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other places")
-def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_state_folder_follows_the_platforms_rules(
+    variables: dict[str, str], where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("STATE_DIRECTORY", "XDG_STATE_HOME"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
@@ -87,7 +89,7 @@ def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: py
     assert files.state_folder("/elsewhere") == Path("/elsewhere")
 
 
-def test_every_mount_has_a_name_that_any_disk_takes() -> None:
+def test_state_file_of_every_mount_has_a_portable_name() -> None:
     names = [
         state.file_name("nexstar", where)
         for where in (
@@ -141,7 +143,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("content", BAD, ids=range(len(BAD)))
-def test_a_file_that_cannot_be_read_is_moved_aside(tmp_path: Path, content: bytes) -> None:
+def test_unreadable_state_file_is_moved_aside(tmp_path: Path, content: bytes) -> None:
     assert content != WHOLE
     path = tmp_path / "nexstar@bridge.json"
     path.write_bytes(content)
@@ -153,21 +155,21 @@ def test_a_file_that_cannot_be_read_is_moved_aside(tmp_path: Path, content: byte
     assert _begin(tmp_path)[0] == [], "said once"
 
 
-def test_what_a_later_program_adds_is_no_reason_to_refuse(tmp_path: Path) -> None:
+def test_unknown_keys_in_a_state_file_are_ignored(tmp_path: Path) -> None:
     (tmp_path / "nexstar@bridge.json").write_bytes(WHOLE.replace(b"{", b'{"new": [1],', 1))
     warned, shared = _begin(tmp_path)
     assert (warned, shared.site, shared.zone) == ([], 3, (-8.0, 1))
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"mount": 3}', b'{"mount": "", "baud": 1, "memory": {"version": 7}}'])
-async def test_a_mark_that_cannot_be_read_is_a_mark_all_the_same(tmp_path: Path, content: bytes) -> None:
+async def test_unreadable_motion_mark_still_counts_as_a_mark(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "nexstar@bridge.moving").write_bytes(content)
     async with Bridge(state=tmp_path) as bridge:
         assert bridge.sent()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]
 
 
 @pytest.mark.parametrize("kind", ["a file in the way", "a directory in the way"])
-async def test_a_place_that_cannot_be_written_to_costs_one_line(tmp_path: Path, kind: str) -> None:
+async def test_unwritable_state_folder_is_reported_in_one_line(tmp_path: Path, kind: str) -> None:
     directory = tmp_path / "state"
     if kind == "a file in the way":
         directory.write_text("precious")
@@ -188,7 +190,7 @@ async def test_a_place_that_cannot_be_written_to_costs_one_line(tmp_path: Path, 
         assert directory.read_text() == "precious"
 
 
-async def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_state_is_saved_again_after_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = True
 
     def write(path: Path, data: bytes) -> None:
@@ -211,7 +213,7 @@ async def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
-def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
+def test_gateway_killed_while_saving_leaves_a_whole_state_file() -> None:
     """A taste of ``tests/soak/kill_saving.py``, which kills hundreds."""
     proof = str(Path(__file__).parents[3] / "soak" / "kill_saving.py")
     done = Running(proof, "--kills", "5", "--seed", "11", by=None if POSSIBLE else [sys.executable]).finish()
@@ -221,7 +223,7 @@ def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
 # --- when it is written -----------------------------------------------------------------------------------------
 
 
-async def test_a_burst_of_changes_is_few_writes_and_none_is_lost(
+async def test_burst_of_changes_is_saved_in_few_writes_without_loss(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writes: list[bytes] = []
@@ -246,7 +248,7 @@ async def test_a_burst_of_changes_is_few_writes_and_none_is_lost(
     }
 
 
-async def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
+async def test_slow_disk_delays_no_client(tmp_path: Path) -> None:
     async def slow(function: Any, *arguments: Any) -> Any:
         await asyncio.sleep(30)
         return function(*arguments)
@@ -263,7 +265,7 @@ async def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
 # --- two gateways -----------------------------------------------------------------------------------------------
 
 
-async def test_two_gateways_never_share_a_file(tmp_path: Path) -> None:
+async def test_two_gateways_never_share_a_state_file(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as first:
         await first.client().ask(b":SMfirst#")
         await asyncio.sleep(1)

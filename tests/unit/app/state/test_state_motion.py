@@ -37,7 +37,9 @@ def _mark(directory: Path) -> Path | None:
         ("cge", b":Mge1000#"),
     ],
 )
-async def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, mount: str, motion: bytes) -> None:
+async def test_motion_mark_is_written_before_a_motion_and_removed_after_it(
+    tmp_path: Path, mount: str, motion: bytes
+) -> None:
     async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
         seen: list[bool] = []
         bridge.wire_log.sinks.append(
@@ -65,7 +67,7 @@ async def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: P
 
 
 @pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir, Path.touch])
-async def test_a_mark_that_cannot_be_read_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
+async def test_unreadable_motion_mark_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
     """The mount is stopped; a pipe is replaced by the next mark, and a folder is told once more."""
     kind(mark := tmp_path / "nexstar@bridge.moving")
     async with Bridge(state=tmp_path) as bridge:
@@ -78,7 +80,7 @@ async def test_a_mark_that_cannot_be_read_is_named(tmp_path: Path, kind: Callabl
         assert mark.is_file() or "Is a directory" in bridge.warned[-1]
 
 
-async def test_what_does_not_move_the_mount_leaves_no_mark(tmp_path: Path) -> None:
+async def test_orders_that_do_not_move_the_mount_write_no_motion_mark(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as bridge:
         for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#"):
             bridge.client().tell(command)
@@ -86,7 +88,7 @@ async def test_what_does_not_move_the_mount_leaves_no_mark(tmp_path: Path) -> No
             assert _mark(tmp_path) is None, command
 
 
-async def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
+async def test_guiding_program_rarely_writes_to_the_disk(tmp_path: Path) -> None:
     writes = 0
 
     async def counting(function: Any, *arguments: Any) -> Any:
@@ -111,7 +113,7 @@ async def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> N
         ("nexstar-gps", "1.6", b":RS#:Mn#"),
     ],
 )
-async def test_after_a_kill_the_stop_comes_before_identification(
+async def test_stop_after_a_kill_goes_before_identification(
     tmp_path: Path, mount: str, version: str | None, motion: bytes
 ) -> None:
     kinds: dict[str, Any] = {
@@ -139,7 +141,7 @@ async def test_after_a_kill_the_stop_comes_before_identification(
             assert _mark(tmp_path) is None
 
 
-async def test_a_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
+async def test_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as first:
         first.client().tell(b":RS#:Mn#")
         await asyncio.sleep(2)
@@ -163,7 +165,7 @@ async def _moves(bridge: Bridge) -> bool:
 
 @pytest.mark.parametrize("mount", ["lx200", "lx200-16", "autostar", "lx200gps"])
 @pytest.mark.parametrize("motion", [b"P\2\x10\x24\x09\0\0\0", b"r3B78EC00,0FA79E00"])
-async def test_a_meade_is_stopped_by_its_first_command(tmp_path: Path, mount: str, motion: bytes) -> None:
+async def test_first_command_to_a_meade_after_a_kill_is_a_stop(tmp_path: Path, mount: str, motion: bytes) -> None:
     kinds: dict[str, Any] = {
         "driven": "lx200",
         "presented": "nexstar",
@@ -184,7 +186,7 @@ async def test_a_meade_is_stopped_by_its_first_command(tmp_path: Path, mount: st
             assert _mark(tmp_path) is None
 
 
-async def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
+async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
     """The line is dead when the gateway ends: whoever comes next must stop the mount."""
     async with Bridge(state=tmp_path) as bridge:
         bridge.client().tell(b":RS#:Mn#")
@@ -197,7 +199,7 @@ async def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> N
         assert _mark(tmp_path) is None
 
 
-async def test_the_mark_tells_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
+async def test_motion_mark_says_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
         bridge.client().tell(b":RS#:Mn#")
         await asyncio.sleep(2)

@@ -19,7 +19,7 @@ PLACES = [(b"+45*30", b"+122*25"), (b"-33*52", b"-151*12"), (b"+51*28", b"+000*0
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_four_named_sites_outlive_the_gateway(tmp_path: Path, model: str) -> None:
+async def test_four_named_sites_survive_a_restart(tmp_path: Path, model: str) -> None:
     numbers, longest = SITES[model]
     names = [(b"%c site of a telescope" % letter)[:longest] for letter in b"ABCD"]
     async with Bridge(state=tmp_path, surface=model, aligned=False) as bridge:
@@ -40,7 +40,7 @@ async def test_four_named_sites_outlive_the_gateway(tmp_path: Path, model: str) 
         assert bridge.warned == []
 
 
-async def test_a_name_too_long_for_a_model_is_told_as_far_as_it_has_room(tmp_path: Path) -> None:
+async def test_site_name_too_long_for_a_model_is_truncated(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path, surface="autostar") as bridge:
         assert await bridge.client().ask(b":SMGornergrat#") == b"1"
     async with Bridge(state=tmp_path, surface="lx200") as bridge:
@@ -48,7 +48,7 @@ async def test_a_name_too_long_for_a_model_is_told_as_far_as_it_has_room(tmp_pat
 
 
 @pytest.mark.parametrize("name", [b"caf\xe9", b"a\x01b", b"\xff", b""])
-async def test_a_name_that_no_file_would_give_back_is_refused(tmp_path: Path, name: bytes) -> None:
+async def test_site_name_that_cannot_be_stored_is_refused(tmp_path: Path, name: bytes) -> None:
     async with Bridge(state=tmp_path) as bridge:
         client = bridge.client()
         assert await client.ask(b":SMgood#") == b"1"
@@ -58,7 +58,7 @@ async def test_a_name_that_no_file_would_give_back_is_refused(tmp_path: Path, na
         assert bridge.warned == []
 
 
-async def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_path: Path) -> None:
+async def test_program_that_selects_no_site_gets_the_last_selected_one(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path, aligned=False) as bridge:
         bridge.client().tell(b":W2#")
         await asyncio.sleep(1)
@@ -68,7 +68,7 @@ async def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(
         assert bridge.store.shared.settings.sites[2] == NamedSite(None, 10.0, -10.0)
 
 
-async def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: Path) -> None:
+async def test_last_selected_site_is_used_for_a_mount_without_a_site(tmp_path: Path) -> None:
     mount = {"mount": "nexstar-gps", "version": "1.2", "state": tmp_path}
     async with Bridge(**mount) as bridge:
         client = bridge.client("10.0.0.5")
@@ -87,7 +87,7 @@ async def _hex(client: Visitor, command: bytes, until: bytes = b"#") -> str:
     return (await client.ask(command, until=until)).hex()
 
 
-async def test_what_a_celestron_program_has_set_outlives_the_gateway(tmp_path: Path) -> None:
+async def test_settings_of_a_celestron_program_survive_a_restart(tmp_path: Path) -> None:
     """Backlash (AUX 0x10, 0x40), guide rate (0x46, 0x47), zone and daylight saving (H, h), on a Meade."""
     kinds = {"driven": "lx200", "presented": "nexstar", "mount": "lx200gps", "surface": None, "state": tmp_path}
     async with Bridge(**kinds) as bridge:  # type: ignore[arg-type]
@@ -104,7 +104,7 @@ async def test_what_a_celestron_program_has_set_outlives_the_gateway(tmp_path: P
         assert clock[6:8] == bytes((256 - 5, 1))
 
 
-async def test_home_and_park_outlive_the_gateway(tmp_path: Path) -> None:
+async def test_home_and_park_state_survive_a_restart(tmp_path: Path) -> None:
     """:hS stores home, :hP parks; a mount that tracks again when the gateway is back is not parked any more."""
     async with Bridge("cge", state=tmp_path, surface="lx200gps", speed=50) as bridge:
         client = bridge.client()

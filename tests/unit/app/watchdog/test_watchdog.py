@@ -116,7 +116,7 @@ def test_gateway_replaces_a_killed_watchdog(watch: Callable[[str, str], Watched]
     assert watched.inflict("killed") < AT_REST
 
 
-def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Watched]) -> None:
+def test_ctrl_z_stops_the_mount_before_suspending(watch: Callable[[str, str], Watched]) -> None:
     watched = watch("lx200", "tcp")
     watched.move()
     watched.gateway.process.send_signal(signal.SIGTSTP)
@@ -388,7 +388,7 @@ def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatc
 
 
 @pytest.mark.parametrize("moving", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-async def test_stop_commands_change_nothing_in_the_driver(moving: bytes) -> None:
+async def test_stop_commands_of_the_watchdog_change_nothing_in_the_driver(moving: bytes) -> None:
     """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
@@ -405,12 +405,12 @@ async def test_stop_commands_change_nothing_in_the_driver(moving: bytes) -> None
         assert not bridge.sim.slewing
 
 
-def test_telnet_bytes_are_doubled_where_the_line_is_rfc_2217() -> None:
+def test_watchdog_doubles_telnet_bytes_on_an_rfc_2217_line() -> None:
     assert on_the_wire("rfc2217://pier:4000", b"P\xff\0") == b"P\xff\xff\0"
     assert on_the_wire("/dev/ttyUSB0", b"P\xff\0") == b"P\xff\0"
 
 
-def test_simulated_mount_of_the_gateway_has_no_watchdog() -> None:
+def test_simulated_mount_has_no_watchdog() -> None:
     gateway = Gateway(MountConfig(at="nexstar@sim"), [])
     gateway._connect_watchdog()
     assert gateway.watched is None
@@ -437,7 +437,7 @@ GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
         (GOTO, False, {"hour_angle_limit": 0.5}),  # the way to the goal is not examined for this one
     ],
 )
-async def test_only_a_goto_that_was_checked_is_on_a_clear_path(
+async def test_only_a_checked_goto_counts_as_a_clear_path_for_the_watchdog(
     said: bytes, told: bool, config: dict[str, float]
 ) -> None:
     async with Bridge("cpc", site=(45.0, 10.0), config=config) as bridge:
@@ -449,7 +449,7 @@ async def test_only_a_goto_that_was_checked_is_on_a_clear_path(
         assert bridge.controller.watch.on_clear_path is told
 
 
-async def test_a_path_beyond_a_limit_is_not_clear() -> None:
+async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
     async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
         client, seen = bridge.client(), set[bool]()
         for hour in (1, 3, 5, 7, 9, 11):

@@ -34,7 +34,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("sent", "end", "length", "protocol"), FIRST)
-async def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol: str) -> None:
+async def test_any_port_answers_a_program_in_its_protocol(sent: bytes, end: bytes, length: int, protocol: str) -> None:
     async with AnyBridge() as bridge:
         whole, slow, more = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
         assert (answer := await whole.ask(sent)).endswith(end) and len(answer) == length
@@ -48,7 +48,7 @@ async def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, pr
 
 
 @pytest.mark.parametrize("idle", [b"#", b"?", b"##", b"\r\n", b"\0", b" "])
-async def test_idle_bytes_decide_nothing(idle: bytes) -> None:
+async def test_any_port_decides_nothing_by_idle_bytes(idle: bytes) -> None:
     async with AnyBridge() as bridge:
         one, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         for caller in (one, other):
@@ -62,7 +62,7 @@ async def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         assert bridge.recognised() == ["lx200", "nexstar"]
 
 
-async def test_silence_is_spoken_to_until_the_first_byte() -> None:
+async def test_any_port_sends_positions_to_a_silent_client_until_its_first_byte() -> None:
     async with AnyBridge() as bridge:
         caller = bridge.call()
         await asyncio.sleep(2.9)
@@ -78,7 +78,7 @@ async def test_silence_is_spoken_to_until_the_first_byte() -> None:
 
 
 @pytest.mark.parametrize("first", [b"#", b"P", b"H", b"R"])
-async def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None:
+async def test_any_port_ends_pushes_at_a_byte_that_decides_nothing(first: bytes) -> None:
     async with AnyBridge() as bridge:
         caller = bridge.call()
         await asyncio.sleep(4.0)
@@ -91,7 +91,7 @@ async def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None
         assert len(await caller.ask(b"e")) == 18
 
 
-async def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
+async def test_stellarium_keeps_getting_positions_after_its_goto_on_any_port() -> None:
     async with AnyBridge() as bridge:
         silent, hasty = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         hasty.tell(GOTO)
@@ -108,7 +108,7 @@ async def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
         ]
 
 
-async def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
+async def test_stellarium_mobile_may_begin_with_an_echo_on_any_port() -> None:
     async with AnyBridge() as bridge:
         meade, celestron, at_once = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
         assert await meade.ask(b"Ka") == b"a#"
@@ -123,7 +123,7 @@ async def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> 
         assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
 
-async def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
+async def test_any_port_recognises_stellarium_mobile_by_its_whole_opening() -> None:
     """It counts in J2000; a program that says the same without the echo does not."""
     async with AnyBridge() as bridge:
         exact_sky.load(bridge.controller.astrometry.sky)
@@ -136,7 +136,7 @@ async def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None
         assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
 
 
-async def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
+async def test_any_port_forgets_half_a_command_that_is_not_continued() -> None:
     """As on a surface of its own protocol: the digits of a goto whose letter came long ago move nothing."""
     async with AnyBridge() as bridge:
         caller = bridge.call()
@@ -148,7 +148,7 @@ async def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
         assert [entry.data for entry in bridge.entries if entry.arrow == "x"][:1] == [b"R"]
 
 
-async def test_what_fits_nobody_is_noted() -> None:
+async def test_any_port_logs_bytes_of_no_protocol() -> None:
     async with AnyBridge() as bridge:
         caller = bridge.call()
         caller.tell(b"XYZ")
@@ -157,7 +157,7 @@ async def test_what_fits_nobody_is_noted() -> None:
         assert bridge.warned == []
 
 
-async def test_a_scanner_is_turned_away() -> None:
+async def test_any_port_disconnects_a_port_scanner() -> None:
     async with AnyBridge() as bridge:
         for sent in (b"\x16\x03\x01\x02\0\x01", b"SSH-2.0-x\r\n", b"EHLO x\r\n", b"USER x\r\n", b"SETUP x RTSP/1.0"):
             caller = bridge.call()
@@ -169,7 +169,7 @@ async def test_a_scanner_is_turned_away() -> None:
         assert len(bridge.any.present_hosts()) == 0
 
 
-async def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
+async def test_look_only_any_port_moves_nothing_in_any_protocol() -> None:
     async with AnyBridge(keys={"read_only": True}) as bridge:
         for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
             bridge.call().tell(sent)
@@ -177,7 +177,7 @@ async def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
         assert not bridge.sim.slewing and not [one for one in bridge.sent() if one[:1] in (b"r", b"R")]
 
 
-async def test_positions_that_are_told_hold_no_arrow() -> None:
+async def test_pushed_positions_do_not_keep_an_arrow_alive() -> None:
     """Who only listens says nothing: the arrow of another connection of the same computer ends without that one."""
     async with AnyBridge(config={"dead_man": 6.0}) as bridge:
         caller, listener = bridge.call(), bridge.call()
@@ -188,7 +188,7 @@ async def test_positions_that_are_told_hold_no_arrow() -> None:
         assert not bridge.controller.wanted.axes
 
 
-async def test_closing_while_nothing_is_known() -> None:
+async def test_any_port_closes_a_connection_of_undecided_protocol() -> None:
     async with AnyBridge() as bridge:
         for sent in (b"", b"#", b"P"):
             caller = bridge.call()
@@ -206,7 +206,7 @@ async def test_closing_while_nothing_is_known() -> None:
     pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
 )
 @settings(max_examples=as_a_rule(15, whole=30))
-def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
+def test_any_port_bounds_memory_and_ends_on_any_bytes(pieces: list[bytes], pauses: list[float]) -> None:
     async def program(bridge: AnyBridge) -> None:
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):

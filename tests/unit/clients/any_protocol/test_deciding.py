@@ -41,13 +41,13 @@ FIRST = [
 
 @each("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
 @each(("sent", "protocol"), FIRST)
-def test_whole_with_more_behind(sent: bytes, protocol: str, more: bytes) -> None:
+def test_protocol_is_decided_from_whole_commands_with_more_behind(sent: bytes, protocol: str, more: bytes) -> None:
     found = decide(sent + more)
     assert found is not None and found == (protocol, "")
 
 
 @each(("sent", "protocol"), FIRST)
-def test_byte_by_byte_nothing_else_is_ever_told(sent: bytes, protocol: str) -> None:
+def test_protocol_is_decided_the_same_byte_by_byte(sent: bytes, protocol: str) -> None:
     told = [decide(sent[:count]) for count in range(1, len(sent) + 1)]
     assert {found.protocol for found in told if found is not None} == {protocol}
     first = next(number for number, found in enumerate(told) if found is not None)
@@ -55,7 +55,7 @@ def test_byte_by_byte_nothing_else_is_ever_told(sent: bytes, protocol: str) -> N
     assert first < 8, "it is told soon"
 
 
-def test_every_command_of_every_table_is_told_at_once() -> None:
+def test_every_command_of_every_table_decides_its_protocol_at_once() -> None:
     for name in surfaces():
         for command in load(name).commands.values():
             if command.asked and command.request.width is None and not command.request.fields:
@@ -64,7 +64,7 @@ def test_every_command_of_every_table_is_told_at_once() -> None:
                 assert found is not None and found == (name, ""), sent
 
 
-def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
+def test_http_method_that_begins_with_a_nexstar_command_counts_as_nexstar() -> None:
     """One byte is a whole command of it: ``L`` is answered, and what follows shows a stranger."""
     whole = [
         method
@@ -78,26 +78,26 @@ def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
 
 
 @each("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
-def test_what_may_become_more_than_one_is_waited_for(sent: bytes) -> None:
+def test_ambiguous_beginning_waits_for_more_bytes(sent: bytes) -> None:
     found = decide(sent)
     assert found is None or sent in (b"K", b"\x14"), "one letter of two protocols"
 
 
 @each("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
-def test_what_is_nobodys_is_taken_for_the_first_with_a_reason(sent: bytes) -> None:
+def test_bytes_of_no_protocol_count_as_the_first_protocols_with_a_reason(sent: bytes) -> None:
     assert decide(sent) == ("lx200", "because no protocol has a command that begins like this")
 
 
-def test_an_unknown_command_is_its_protocols() -> None:
+def test_unknown_command_decides_its_protocol() -> None:
     assert decide(b":ZZ") == ("lx200", "")
 
 
-def test_the_echo_decides_nothing() -> None:
+def test_nexstar_echo_decides_no_protocol() -> None:
     assert shared_prefix("nexstar", b"Ka") == 2 and shared_prefix("nexstar", b"KaKb:GR#") == 4
     assert shared_prefix("nexstar", b"EKa") == 0 and shared_prefix("lx200", b"Ka") == 0
     assert may_change("nexstar", b"#Ka") and not may_change("nexstar", b"KaE")
     assert may_change("stellarium", b"") and not may_change("lx200", b":GR#")
 
 
-def test_who_waits_for_the_first_word() -> None:
+def test_stellarium_is_the_protocol_whose_clients_wait_for_the_first_bytes() -> None:
     assert protocol_that_waits() == "stellarium"

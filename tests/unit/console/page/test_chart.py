@@ -38,20 +38,20 @@ PLACES = [(279.2347, 38.7837), (101.2872, -16.7102), (37.95, 89.26), (219.9, -60
 
 
 @pytest.mark.parametrize(("latitude", "longitude"), [MUNICH, (-33.9, 151.2), (0.0, -78.0), (89.0, 0.0)])
-def test_stars_stand_where_the_gateway_says(sky: Sky, latitude: float, longitude: float) -> None:
+def test_chart_places_stars_where_the_gateway_computes_them(sky: Sky, latitude: float, longitude: float) -> None:
     asked = [("overHorizon", mount(sky, latitude, longitude), UNIX, *place) for place in PLACES]
     for place, told in zip(PLACES, ask(*asked), strict=True):
         right = sky.horizon(*sky.to_of_date(*place, UNIX), latitude, longitude, UNIX)
         assert separation(*told, *right) < LEFT_OUT
 
 
-def test_the_sky_turns_between_two_messages(sky: Sky) -> None:
+def test_chart_turns_the_sky_between_two_messages(sky: Sky) -> None:
     [told] = ask(("later", mount(sky), 3600.0, UNIX + 3600.0, *PLACES[0]))
     right = sky.horizon(*sky.to_of_date(*PLACES[0], UNIX + 3600.0), *MUNICH, UNIX + 3600.0)
     assert separation(*told, *right) < LEFT_OUT
 
 
-def test_precession_over_a_century(sky: Sky) -> None:
+def test_chart_precession_stays_accurate_over_a_century(sky: Sky) -> None:
     unix = datetime(2090, 1, 1, tzinfo=UTC).timestamp()
     for place, told in zip(PLACES, ask(*(("precessed", unix, *place) for place in PLACES)), strict=True):
         assert separation(*told, *sky.to_of_date(*place, unix)) < LEFT_OUT
@@ -61,13 +61,13 @@ def test_precession_over_a_century(sky: Sky) -> None:
     ("facing", "azimuth", "way"),
     [(180, 0, (0, -1)), (180, 90, (-1, 0)), (180, 180, (0, 1)), (180, 270, (1, 0)), (0, 0, (0, 1)), (90, 0, (-1, 0))],
 )
-def test_one_looks_up_so_east_is_left_of_south(facing: float, azimuth: float, way: tuple[int, int]) -> None:
+def test_chart_shows_east_left_of_south(facing: float, azimuth: float, way: tuple[int, int]) -> None:
     shape = {**PHONE, "facing": facing}
     (x, y), told = ask(("point", shape, azimuth, 0.0), ("shape", shape))
     assert (x - 195.0, y - 300.0) == pytest.approx((way[0] * told["radius"], way[1] * told["radius"]), abs=1e-6)
 
 
-def test_the_zenith_is_in_the_middle_and_rings_are_stereographic() -> None:
+def test_chart_has_the_zenith_in_its_middle_and_stereographic_rings() -> None:
     zenith, ring, (x, y) = ask(("point", PHONE, 77.0, 90.0), ("ring", PHONE, 30.0), ("point", PHONE, 180.0, 30.0))
     radius = 195.0 - 26.0
     assert zenith == pytest.approx([195.0, 300.0])
@@ -76,7 +76,7 @@ def test_the_zenith_is_in_the_middle_and_rings_are_stereographic() -> None:
 
 
 @pytest.mark.parametrize("altitude", [-3.0, -50.0, -89.0, -90.0])
-def test_what_lies_below_the_horizon_is_shown_at_the_rim(altitude: float) -> None:
+def test_chart_shows_places_below_the_horizon_at_the_rim(altitude: float) -> None:
     """Under its azimuth, just outside of the circle, however deep it lies."""
     (x, y), just_above = ask(("atRim", PHONE, 270.0, altitude), ("atRim", PHONE, 270.0, 0.0))
     assert just_above == ask(("point", PHONE, 270.0, 0.0))[0]
@@ -86,7 +86,7 @@ def test_what_lies_below_the_horizon_is_shown_at_the_rim(altitude: float) -> Non
 
 
 @pytest.mark.parametrize("facing", [180.0, 0.0, 123.0])
-def test_a_place_on_the_canvas_is_the_place_that_was_drawn_there(facing: float) -> None:
+def test_tapped_chart_point_maps_back_to_the_drawn_place(facing: float) -> None:
     shape = {**PHONE, "facing": facing, "enlarged": [(3.0, 100.0, 200.0)], "panned": (20.0, -30.0)}
     places = [(10.0, 5.0), (200.0, 45.0), (359.0, 80.0), (90.0, 1.0)]
     points = ask(*(("point", shape, *place) for place in places))
@@ -94,14 +94,14 @@ def test_a_place_on_the_canvas_is_the_place_that_was_drawn_there(facing: float) 
         assert separation(*told, *place) < 1e-6
 
 
-def test_zoom_keeps_the_place_under_the_finger() -> None:
+def test_chart_zoom_keeps_the_place_under_the_finger() -> None:
     shape = {**PHONE, "enlarged": [(3.0, 220.0, 330.0)]}
     before, after, told = ask(("place", PHONE, 220.0, 330.0), ("place", shape, 220.0, 330.0), ("shape", shape))
     assert separation(*before, *after) < 1e-6
     assert told["zoom"] == 3.0
 
 
-def test_zoom_and_pan_have_an_end() -> None:
+def test_chart_zoom_and_pan_are_bounded() -> None:
     closest, farthest, panned, still = ask(
         ("shape", {**PHONE, "enlarged": [(1000.0, 195.0, 300.0)]}),
         ("shape", {**PHONE, "enlarged": [(5.0, 100.0, 100.0), (0.001, 300.0, 300.0)]}),
@@ -115,12 +115,12 @@ def test_zoom_and_pan_have_an_end() -> None:
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (200.0, 89.9), (120.0, -40.0)])
-def test_a_circle_is_as_far_away_all_around(place: tuple[float, float]) -> None:
+def test_chart_circle_has_the_same_radius_all_around(place: tuple[float, float]) -> None:
     [told] = ask(("circle", *place, 20.0))
     assert told == pytest.approx([20.0] * 72)
 
 
-def test_the_moon_is_lit_by_the_sun() -> None:
+def test_chart_lights_the_moon_from_the_suns_side() -> None:
     new, half, full, towards = ask(
         ("lit", 0.0), ("lit", 90.0), ("lit", 180.0), ("towards", PHONE, (180.0, 30.0), (270.0, 0.0))
     )
@@ -128,7 +128,7 @@ def test_the_moon_is_lit_by_the_sun() -> None:
     assert towards == pytest.approx(0.0, abs=0.6)  # in the south-west the Sun is to the right
 
 
-def test_a_tap_means_the_star_or_the_planet_or_the_place(sky: Sky) -> None:
+def test_chart_tap_selects_star_planet_or_place(sky: Sky) -> None:
     here = mount(sky, bodies=[{"name": "Jupiter", "ra2000": 330.0, "dec2000": 10.0, "alt": None, "az": None}])
     where = ask(
         ("overHorizon", here, UNIX, 279.2347, 38.7837),
@@ -150,28 +150,28 @@ def test_a_tap_means_the_star_or_the_planet_or_the_place(sky: Sky) -> None:
     assert below is None
 
 
-def test_nothing_is_picked_without_a_sky(sky: Sky) -> None:
+def test_chart_tap_selects_nothing_without_a_sky(sky: Sky) -> None:
     assert ask(("picked", PHONE, {**mount(sky), "site": None}, UNIX, 195, 300, 24)) == [None]
 
 
-def test_the_trail_grows_by_moving_and_forgets() -> None:
+def test_chart_trail_grows_with_motion_and_expires() -> None:
     [told] = ask(("trail", [(100.0, 40.0, 0.0), (100.05, 40.0, 1.0), (101.0, 40.0, 2.0), (140.0, 40.0, 700.0)]))
     assert told == [1, 1, 2, 1]
 
 
-def test_the_trail_does_not_grow_for_ever() -> None:
+def test_chart_trail_is_bounded() -> None:
     [told] = ask(("trail", [(step % 360, 40.0, step / 100) for step in range(5000)]))
     assert max(told) <= 600
 
 
-def test_where_a_mount_points_is_faint_while_it_is_not_sure(sky: Sky) -> None:
+def test_chart_draws_an_uncertain_mount_position_faintly(sky: Sky) -> None:
     points = mount(sky, position={"alt": 50.0, "az": 180.0})
     unsure = [{"aligned": False}, {"state": "down"}]
     sure, *others = ask(*(("opacity", PHONE, points | more) for more in ({"aligned": True, "state": "up"}, *unsure)))
     assert sure == [1, 1] and all(max(one) < 0.6 for one in others)
 
 
-def test_the_chart_in_words(sky: Sky) -> None:
+def test_chart_has_a_description_in_words(sky: Sky) -> None:
     bodies = [{"name": "Moon", "ra2000": 330.0, "dec2000": 10.0}, {"name": "Mars", "ra2000": 150.0, "dec2000": -10.0}]
     here = mount(sky, bodies=bodies, position={"alt": 41.2, "az": 283.0}, target={"alt": 10.0, "az": 44.0})
     told, lost = ask(("described", here, UNIX), ("described", {**here, "site": None, "position": None}, UNIX))
@@ -181,7 +181,7 @@ def test_the_chart_in_words(sky: Sky) -> None:
     assert "Where it points is not known yet." in lost and "no stars" in lost
 
 
-def test_the_name_of_a_chosen_place_stands_beside_the_moon_and_not_on_it(sky: Sky) -> None:
+def test_chart_places_the_name_of_a_target_beside_the_moon(sky: Sky) -> None:
     seen = mount(sky, bodies=[{"name": "Moon", "ra2000": 0.0, "dec2000": 40.0}])
     place = {"ra2000": 25.0, "dec2000": 40.0, "name": "M110"}
     [over] = ask(("overHorizon", seen, UNIX, 0.0, 40.0))
@@ -190,7 +190,7 @@ def test_the_name_of_a_chosen_place_stands_beside_the_moon_and_not_on_it(sky: Sk
     assert abs(middle - y) > 8 + 6 or not x - 8 - 28 < left < x + 8
 
 
-def test_letters_of_the_compass_and_figures_in_the_corners_do_not_meet(sky: Sky) -> None:
+def test_chart_compass_letters_do_not_overlap_corner_figures(sky: Sky) -> None:
     """With the tube down, S may be where the declination stands: then it is written within the rim."""
     shape, dec = {**PHONE, "facing": 50}, [300.0, 150.0, 390.0, 188.0]
     place = {"ra2000": 0.0, "dec2000": 40.0, "name": ""}
@@ -200,6 +200,6 @@ def test_letters_of_the_compass_and_figures_in_the_corners_do_not_meet(sky: Sky)
     assert {name: at for name, at in told.items() if name != "S"} == {n: at for n, at in free.items() if n != "S"}
 
 
-def test_names_do_not_jump() -> None:
+def test_chart_names_do_not_jump_during_rotation() -> None:
     right = [200.0, 290.0, 300.0, 310.0]
     assert ask(("sides", PHONE, [[], [right], [], []])) == [["right", "left", "left", "left"]]

@@ -21,11 +21,11 @@ def script() -> ModuleType:
     return scripts.script("docs/tools/make_sky_data.py")
 
 
-def test_the_file_is_what_the_script_writes(script: ModuleType) -> None:
+def test_chart_star_file_matches_the_output_of_its_script(script: ModuleType) -> None:
     assert (DATA / "stars.json").read_text("utf-8") == script.text(), "python docs/tools/make_sky_data.py makes it anew"
 
 
-def test_figures_are_small_and_whole(script: ModuleType) -> None:
+def test_chart_star_file_has_small_whole_numbers(script: ModuleType) -> None:
     told = json.loads((DATA / "stars.json").read_text("utf-8"))
     stars, figures = told["stars"], told["figures"]
     assert len({name for name, *_ in figures}) == 88
@@ -36,7 +36,7 @@ def test_figures_are_small_and_whole(script: ModuleType) -> None:
             assert min(separation(*stars[star][:2], ra, dec) for star in line) < 45.0, name
 
 
-def test_the_brightest_come_first_and_the_well_known_are_named(script: ModuleType) -> None:
+def test_chart_star_file_lists_bright_stars_first_and_names_well_known_ones(script: ModuleType) -> None:
     stars = json.loads((DATA / "stars.json").read_text("utf-8"))["stars"]
     assert [row[2] for row in stars] == sorted(row[2] for row in stars)
     visual = {"Sirius": -1.46, "Canopus": -0.74, "Arcturus": -0.05, "Rigil Kentaurus": -0.01, "Vega": 0.03}
@@ -45,7 +45,7 @@ def test_the_brightest_come_first_and_the_well_known_are_named(script: ModuleTyp
     assert all(len(row) == 5 for row in stars[:30])
 
 
-def test_sources_and_licences_are_told() -> None:
+def test_chart_star_file_names_sources_and_licences() -> None:
     about = json.loads((DATA / "stars.json").read_text("utf-8"))["about"]
     assert "Hipparcos" in about["stars"] and "BSD-3-Clause" in about["figures"]
     assert "Copyright (c) 2015, Olaf Frohn" in (DATA / "LICENSE-d3-celestial.txt").read_text("utf-8")

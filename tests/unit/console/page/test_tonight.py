@@ -67,7 +67,7 @@ def objects() -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("evening", NIGHTS, ids=lambda evening: evening.name)
-def test_a_night_has_its_list(evening: Evening) -> None:
+def test_tonight_list_matches_astropy_on_six_nights(evening: Evening) -> None:
     go_offline()
     from astropy.coordinates import AltAz, EarthLocation, SkyCoord, get_body
     from astropy.time import Time
@@ -120,7 +120,7 @@ def test_a_night_has_its_list(evening: Evening) -> None:
         ("2026-10-25 20:00", ["M31", "IC1805"]),
     ],
 )
-def test_what_an_eye_finds_comes_first(when: str, order: list[str]) -> None:
+def test_tonight_list_puts_easy_objects_first(when: str, order: list[str]) -> None:
     """With and without the Moon: planets and Messier's objects before fainter neighbours of theirs."""
     mount, unix, sun_and_moon = told(NIGHTS[0]._replace(when=when))
     jupiter = {"names": ["Jupiter"], "kinds": "planet", "ra": 109.0, "dec": 22.3, "magnitude": -2.3, "size": None}
@@ -128,7 +128,7 @@ def test_what_an_eye_finds_comes_first(when: str, order: list[str]) -> None:
     assert [name for name, *_ in found["list"] if name in order] == order
 
 
-def test_what_is_too_near_the_sun_or_past_the_meridian_is_left_out() -> None:
+def test_tonight_list_leaves_out_objects_near_the_sun_or_past_the_meridian() -> None:
     """In a night without darkness; an equatorial mount that cannot change the side of its pier."""
     go_offline()
     from astropy.coordinates import TETE, AltAz, EarthLocation, SkyCoord, get_body
@@ -152,7 +152,7 @@ def test_what_is_too_near_the_sun_or_past_the_meridian_is_left_out() -> None:
     assert not allowed(all_["list"]).all() and allowed(right["list"]).all() and len(right["list"]) > 50
 
 
-def test_one_looks_when_it_is_dark() -> None:
+def test_tonight_list_in_the_afternoon_is_that_of_the_evening() -> None:
     """In the afternoon the list is that of the evening; in steps of ten minutes it stays the same."""
     hours = {"2026-06-20 15:30": 22, "2026-06-20 16:35": 22, "2026-06-20 23:08": 23}
     found = []
@@ -165,7 +165,7 @@ def test_one_looks_when_it_is_dark() -> None:
 
 
 @pytest.mark.parametrize("hour", range(0, 24, 3))
-def test_a_night_is_this_one_until_the_morning_then_the_next(hour: int) -> None:
+def test_tonight_list_switches_to_the_next_night_in_the_morning(hour: int) -> None:
     mount, unix, sun_and_moon = told(NIGHTS[0]._replace(when=f"2026-03-20 {hour:02d}:30"))
     middle = sun_and_moon["begins"] + 8 * 3600.0
     assert -8 * 3600.0 < middle - unix <= 16 * 3600.0
@@ -184,11 +184,11 @@ def test_a_night_is_this_one_until_the_morning_then_the_next(hour: int) -> None:
         (({"kinds": "O", "magnitude": 8.0}, 60.0, 0.0), ({"kinds": "O"}, 60.0, 0.0)),
     ],
 )
-def test_higher_brighter_larger_and_less_moonlight_is_better(better: Any, worse: Any) -> None:
+def test_tonight_order_prefers_high_bright_large_objects_with_little_moonlight(better: Any, worse: Any) -> None:
     one, other = ask(("worth", *better), ("worth", *worse))
     assert one > other
 
 
-def test_moonlight_takes_nothing_from_a_double() -> None:
+def test_tonight_order_ignores_moonlight_for_double_stars() -> None:
     double = {"kinds": "2", "magnitude": 3.0}
     assert len(set(ask(("worth", double, 50.0, 0.0), ("worth", double, 50.0, 3.0)))) == 1

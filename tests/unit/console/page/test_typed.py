@@ -28,7 +28,7 @@ def typed(text: str) -> Any:
         ("0 0 0 0 0 0", 0.0, 0.0, None),
     ],
 )
-def test_what_is_clear_is_taken(text: str, ra: float, dec: float, j2000: bool | None) -> None:
+def test_page_accepts_unambiguous_typed_coordinates(text: str, ra: float, dec: float, j2000: bool | None) -> None:
     told = typed(text)
     assert (told["ra"], told["dec"]) == pytest.approx((ra, dec), abs=1e-4)
     assert told["j2000"] is j2000
@@ -57,7 +57,7 @@ def test_what_is_clear_is_taken(text: str, ra: float, dec: float, j2000: bool | 
         ("12 30 -5 -30", "one sign", []),
     ],
 )
-def test_what_is_not_clear_is_asked(text: str, asks: str, choices: list[str]) -> None:
+def test_page_asks_about_ambiguous_typed_coordinates(text: str, asks: str, choices: list[str]) -> None:
     told = typed(text)
     assert asks in told["asks"] and told["choices"] == choices
     for one in choices:  # each of them can be meant in one way
@@ -68,10 +68,10 @@ def test_what_is_not_clear_is_asked(text: str, asks: str, choices: list[str]) ->
     ("text", "alt", "az"),
     [("alt 45 az 180", 45.0, 180.0), ("Az 180.5, Alt 30:15", 30.25, 180.5), ("altitude 5° azimuth 360°", 5.0, 0.0)],
 )
-def test_altitude_and_azimuth(text: str, alt: float, az: float) -> None:
+def test_page_accepts_typed_altitude_and_azimuth(text: str, alt: float, az: float) -> None:
     assert typed(text) == {"alt": alt, "az": az}
 
 
 @each("text", ["M31", "61 Cyg", "47 Tuc", "NGC 7000", "3C 273", "alpha ori", "Altair", "Azha", "42", ""])
-def test_names_are_no_coordinates(text: str) -> None:
+def test_page_does_not_take_names_for_coordinates(text: str) -> None:
     assert typed(text) is None
