@@ -32,7 +32,9 @@ def _decode(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, l
 
 
 @pytest.mark.parametrize("content", [b"", b"# Title\n\nWords: some of them, and more.\n", b":GR#:GD#", b"eeztJ"])
-def test_a_file_of_another_kind_is_refused(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_refuses_a_file_of_another_kind(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "README.md"
     path.write_bytes(content)
     code, lines, errors = _decode(capsys, str(path))
@@ -40,7 +42,7 @@ def test_a_file_of_another_kind_is_refused(content: bytes, tmp_path: Path, capsy
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the system tells the memory there")
-def test_megabytes_of_a_log_take_little(tmp_path: Path) -> None:
+def test_decode_reads_megabytes_in_little_memory(tmp_path: Path) -> None:
     path, program = tmp_path / "spied", tmp_path / "decode.py"
     path.write_text("000000.100 TX   0000  FF 45 3A 47 52 23                   .E:GR#\n" * 60_000)
     program.write_text(PROGRAM)
@@ -50,7 +52,7 @@ def test_megabytes_of_a_log_take_little(tmp_path: Path) -> None:
     assert grown < 3_000
 
 
-def test_a_spy_log_and_a_socat_log_are_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_reads_spy_and_socat_logs_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spy, socat = tmp_path / "spy", tmp_path / "socat"
     spy.write_text(
         "000000.002 TX   0000  3A 47 52 23                                       :GR#\n"
@@ -73,7 +75,7 @@ def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol:
     return capsys.readouterr().out
 
 
-def test_a_timed_capture_is_cut_as_the_surface_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_cuts_a_timed_capture_as_the_surface_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spied = b"""000000.100 TX   0000  FF 45                                             .E
 000000.150 TX   0000  45                                                E
 000000.400 TX   0000  4A                                                J
@@ -82,7 +84,7 @@ def test_a_timed_capture_is_cut_as_the_surface_does(tmp_path: Path, capsys: pyte
     assert len(lines) == 1 and "alignment is complete" in lines[0]
 
 
-def test_a_command_without_its_end_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_names_a_command_without_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spied = b"""000000.100 TX   0000  3A 53 4D 66 6F 6F 3A 4D  6E 23                 :SMfoo:Mn#
 000000.110 RX   0000  30                                                0
 """

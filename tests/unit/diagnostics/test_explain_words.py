@@ -32,7 +32,7 @@ def made(kind: type[op.Operation]) -> op.Operation:
 
 
 @each("kind", EVERY)
-def test_every_operation_has_words(kind: type[op.Operation]) -> None:
+def test_explain_has_words_for_every_operation(kind: type[op.Operation]) -> None:
     words = meaning(made(kind))
     assert kind.__name__ not in words.split() and not re.search(r"[=<>]|None|\w\(", words), words
     assert len(words.split()) > 1
@@ -73,11 +73,11 @@ def test_every_operation_has_words(kind: type[op.Operation]) -> None:
         (op.MoonPlace(17.0, 59.0), "where is 17°00'00\" N, 59°00'00\" E on the Moon now?"),
     ],
 )
-def test_they_say_what_is_done(operation: op.Operation, words: str) -> None:
+def test_explain_says_what_an_operation_does(operation: op.Operation, words: str) -> None:
     assert meaning(operation) == words
 
 
-def test_a_goto_is_explained_to_an_owner() -> None:
+def test_explain_describes_a_goto_in_an_owners_terms() -> None:
     told = explain("lx200", "6se", ":MS#").text.splitlines()
     assert told[0] == ":MS#  slew to the target"
     assert told[1].startswith("outcome on a 6-8se/4.21 mount: trans")
@@ -86,13 +86,13 @@ def test_a_goto_is_explained_to_an_owner() -> None:
     assert told[-1] == "reply: 0"
 
 
-def test_values_and_replies_are_told_as_people_write_them() -> None:
+def test_explain_writes_values_and_replies_as_people_do() -> None:
     told = explain("lx200", "etx", ":Sr05:34:32#").text.splitlines()
     assert told[1] == "  RA 05:34:32" and told[2].startswith("answered by the gateway")
     assert explain("lx200", "nexstar", ":GD#").text.splitlines()[-1] == "reply: +00*00:00#  (Dec +00°00'00\")"
 
 
-def test_a_goto_of_an_alpaca_telescope_is_explained_by_its_requests() -> None:
+def test_explain_shows_the_requests_of_a_goto_on_an_alpaca_telescope() -> None:
     told = explain("lx200", "alpaca", ":MS#").text.splitlines()
     assert told[0].startswith(":MS#") and told[1].startswith("outcome on a german mount: translated")
     *_, asked, ordered, reply = told
@@ -101,14 +101,14 @@ def test_a_goto_of_an_alpaca_telescope_is_explained_by_its_requests() -> None:
     assert ordered.endswith("RA 05:34:32, Dec +22°00'52\"") and reply == "reply: 0"
 
 
-def test_every_outcome_is_explained() -> None:
+def test_explain_covers_every_outcome() -> None:
     from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS
 
     assert tuple(OUTCOME_MEANINGS) == get_args(Outcome)
     assert "mount: refused" in explain("lx200gps", "cge/3.02", ":gT#").text
 
 
-def test_the_outcome_is_the_one_on_the_wire() -> None:
+def test_explained_outcome_matches_the_bytes_on_the_wire() -> None:
     """Of the model that is presented because it fits; where a refusal has no reply, that is said."""
     gps = explain("nexstar", "lx200gps", "P\\x01\\xb0\\x37\\x00\\x00\\x00\\x01").text
     assert "on an lx200gps mount: translated (" in gps and gps.endswith("reply: \\x01#  (linked)")
@@ -117,7 +117,7 @@ def test_the_outcome_is_the_one_on_the_wire() -> None:
     assert "refused (this command has no reply" in explain("lx200", "cge/1.2", ":T-#").text
 
 
-def test_a_command_that_is_carried_out_but_not_with_these_values() -> None:
+def test_explain_says_when_values_make_a_command_refused() -> None:
     otherwise = "  with other values, or in another state: translated\n"
     midnight = explain("nexstar", "lx200", "H\\x18\\x00\\x00\\x01\\x01\\x1a\\x00\\x00").text  # 24 o'clock
     assert "mount: refused (" in midnight and otherwise in midnight
@@ -140,7 +140,7 @@ def test_a_command_that_is_carried_out_but_not_with_these_values() -> None:
         ("cpc", ":hP#", ["outcome on a cpc/4.21 mount: translated (", "  before the alignment: refused"]),
     ],
 )
-def test_the_outcome_is_the_one_that_the_play_shows(mount: str, command: str, lines: list[str]) -> None:
+def test_explained_outcome_matches_the_rehearsal(mount: str, command: str, lines: list[str]) -> None:
     text = explain("lx200" if command.startswith(":") else "nexstar", mount, command).text
     for line in lines:
         assert f"\n{line}" in text
@@ -154,7 +154,7 @@ def test_the_outcome_is_the_one_that_the_play_shows(mount: str, command: str, li
         (":Sh85.5#", "'85.5' has decimals, and this form has none", "0  (Invalid value.)"),
     ],
 )
-def test_a_value_that_is_none_is_refused_in_plain_words(
+def test_explain_refuses_an_invalid_value_in_plain_words(
     command: str, why: str, reply: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["explain", "lx200", "cpc", command]) == 1
@@ -163,11 +163,11 @@ def test_a_value_that_is_none_is_refused_in_plain_words(
     assert "b'" not in told
 
 
-def test_a_command_that_this_hand_control_has_not_is_an_error() -> None:
+def test_explain_reports_a_command_that_the_hand_control_lacks() -> None:
     assert main(["explain", "nexstar:nexstar-gps/1.2", "lx200", "e"]) == 1
     assert main(["explain", "lx200", "cpc", ":GR#"]) == 0
 
 
 @pytest.mark.parametrize("command", [":MS#", ":MA#", ":hP#"])
-def test_a_mount_that_is_in_a_hurry_is_not_said_to_stand_wrong(command: str) -> None:
+def test_explain_does_not_call_a_sped_up_mount_wrongly_placed(command: str) -> None:
     assert "axis stands" not in explain("lx200", "nexstar", command).text

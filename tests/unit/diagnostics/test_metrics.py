@@ -11,14 +11,14 @@ from gateway.diagnostics.metrics import Counts, Histogram
 from tests.support.in_process_gateway import Bridge
 
 
-def test_a_histogram_counts_what_is_no_more_than_each_bound() -> None:
+def test_histogram_bucket_counts_values_up_to_its_bound() -> None:
     histogram = Histogram((0.1, 1.0))
     for value in (0.05, 0.1, 0.5, 7.0):
         histogram.add(value)
     assert histogram.buckets() == [("0.1", 2.0), ("1.0", 3.0), ("+Inf", 4.0)] and histogram.sum == pytest.approx(7.65)
 
 
-async def test_exchanges_and_the_time_of_answers_are_counted() -> None:
+async def test_metrics_count_exchanges_and_reply_times() -> None:
     async with Bridge() as bridge:
         counts = Counts(bridge.controller)
         before = bridge.controller.line.times.answers
@@ -31,7 +31,7 @@ async def test_exchanges_and_the_time_of_answers_are_counted() -> None:
         assert counts.exchanges == seen and counts.stops == 0
 
 
-async def test_stops_are_counted_with_the_time_until_they_were_acknowledged() -> None:
+async def test_metrics_count_stops_with_their_time_to_acknowledgement() -> None:
     async with Bridge() as bridge:
         counts = Counts(bridge.controller)
         await bridge.controller.stop()
@@ -41,7 +41,7 @@ async def test_stops_are_counted_with_the_time_until_they_were_acknowledged() ->
         assert 0.0 < counts.stopping.sum < 2.0
 
 
-async def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_metrics_count_link_faults_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
     async with Bridge() as bridge:
         counts = Counts(bridge.controller)
         with monkeypatch.context() as patch:
@@ -51,7 +51,7 @@ async def test_faults_are_counted_by_kind(monkeypatch: pytest.MonkeyPatch) -> No
         assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
 
 
-async def test_every_refusal_is_counted_once_from_the_first_one_on() -> None:
+async def test_metrics_count_every_refusal_once() -> None:
     async with Bridge() as bridge:
         client, log = bridge.client(), bridge.wire_log
         assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusals == 1  # the value

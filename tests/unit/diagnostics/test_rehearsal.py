@@ -12,7 +12,7 @@ from tests.support.sampling import as_a_rule
 
 
 @pytest.mark.parametrize(("client", "mount"), pairs())
-def test_every_row_is_explained(client: str, mount: str) -> None:
+def test_every_table_row_can_be_explained(client: str, mount: str) -> None:
     asked = [item for item in load(client).commands.items() if item[1].asked]
     for name, command in asked[:: as_a_rule(18, whole=1)]:
         told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command))).text
@@ -21,7 +21,7 @@ def test_every_row_is_explained(client: str, mount: str) -> None:
         assert "\nreply: " in told, name
 
 
-def test_what_is_explained_is_what_the_mount_was_sent() -> None:
+def test_explained_requests_are_those_sent_to_the_mount() -> None:
     told = explain("lx200gps", "cge", ":TL#").text  # FFFD hexadecimal is the lunar rate of the azimuth motor
     assert "P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00" in told
     assert explain("lx200", "cge", "\\x06").text.endswith("reply: P  (polar)")
@@ -32,7 +32,7 @@ def test_what_is_explained_is_what_the_mount_was_sent() -> None:
     assert "after :hS#, with the Crab nebula" in home and "No home position" not in home
 
 
-def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
+def test_explained_read_shows_what_the_mount_is_asked() -> None:
     assert "to the mount: e  precise" in explain("nexstar", "cpc", "e").text
     told = explain("lx200", "lx200gps", ":GVP#").text  # no model is named: the mount itself is what programs see
     assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")

@@ -30,26 +30,24 @@ WHOLE = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:4030
         ("mqtt://eve@pi", Broker("pi", 1883, False, "eve")),
     ],
 )
-def test_addresses(text: str, broker: Broker) -> None:
+def test_broker_address_is_parsed(text: str, broker: Broker) -> None:
     assert parse_broker(text) == broker
     assert parse_broker(str(broker)).port == broker.port
 
 
 @each("text", ["", "pi:1883", "tcp://pi", "mqtt://", "mqtt://pi:x", "mqtt://pi/topic", "mqtt://[::1"])
-def test_what_is_no_address_is_told_with_what_would_be(text: str) -> None:
+def test_invalid_broker_address_is_refused_with_a_valid_one(text: str) -> None:
     with pytest.raises(UserError, match="write mqtt://HOST:PORT"):
         parse_broker(text)
 
 
-def test_a_password_is_not_taken_from_an_address_and_not_repeated() -> None:
+def test_password_in_a_broker_address_is_refused_and_not_repeated() -> None:
     with pytest.raises(UserError, match="password-file") as told:
         parse_broker("mqtt://eve:secret@pi")
     assert "secret" not in str(told.value)
 
 
-def test_the_password_comes_from_a_file_or_from_the_environment(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_broker_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (file := tmp_path / "password").write_text("from file\n")
     monkeypatch.setenv(PASSWORD_VARIABLE, "from environment")
     assert access("mqtt://pi", "eve").password == "from environment"
@@ -61,7 +59,7 @@ def test_the_password_comes_from_a_file_or_from_the_environment(
         access("mqtt://pi")
 
 
-def test_certificates_that_are_none_are_told_before_anything_is_opened(tmp_path: Path) -> None:
+def test_unusable_broker_certificates_are_reported_before_connecting(tmp_path: Path) -> None:
     (file := tmp_path / "ca.pem").write_text("no certificate")
     assert access("mqtts://pi").tls() is not None and access("mqtt://pi").tls() is None
     with pytest.raises(UserError, match="no certificates"):
@@ -70,7 +68,7 @@ def test_certificates_that_are_none_are_told_before_anything_is_opened(tmp_path:
         access("mqtts://pi", ca=str(tmp_path / "none"))
 
 
-def test_without_the_extra_it_is_told_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_mqtt_extra_is_reported_with_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(accesses, "find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"aiomqtt is needed; to install it, .*mqtt"):
         access("mqtt://pi")
@@ -89,12 +87,12 @@ def test_without_the_extra_it_is_told_how_to_get_it(monkeypatch: pytest.MonkeyPa
         ({}, r"\[mqtt\] at: is needed"),
     ],
 )
-def test_mistakes_in_the_file_are_told_with_their_place(keys: dict[str, object], words: str) -> None:
+def test_mistakes_in_the_mqtt_settings_are_reported_with_their_place(keys: dict[str, object], words: str) -> None:
     with pytest.raises(UserError, match=words):
         make_config({**WHOLE, "mqtt": keys}, Source("gateway.toml"))
 
 
-def test_topics_are_made_of_what_a_topic_can_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mqtt_topics_contain_only_allowed_characters(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("socket.gethostname", lambda: "Pi #4/dome")
     assert own_id() == "Pi-4-dome"
     monkeypatch.setattr("socket.gethostname", lambda: "all")
@@ -107,7 +105,7 @@ def test_topics_are_made_of_what_a_topic_can_hold(monkeypatch: pytest.MonkeyPatc
 UNACCEPTABLE, ACCEPTED = b"\x20\x02\x00\x01", b"\x20\x02\x00\x00"
 
 
-def test_a_broker_that_does_not_know_mqtt_5_is_spoken_to_in_the_older_one() -> None:
+def test_broker_without_mqtt_5_is_used_with_the_older_version() -> None:
     levels: list[int] = []
 
     async def old_broker(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -59,21 +59,21 @@ def state(payload: bytes) -> MqttMessage:
     return MqttMessage("a/state", payload, retain=True, newest=True)
 
 
-async def test_it_says_that_it_is_there_and_that_it_goes() -> None:
+async def test_broker_link_announces_the_gateway_and_its_departure() -> None:
     async with linked() as there:
         assert there.broker.wills == [GONE] and there.told == [(True, "")]
         assert there.broker.subscribed == ["a/command"]
     assert there.broker.payloads("a/availability") == [b"online", b"offline"]
 
 
-async def test_what_comes_is_heard_on_the_own_loop() -> None:
+async def test_broker_message_is_handled_on_the_gateways_event_loop() -> None:
     async with linked() as there:
         there.broker.say("a/command", b"stop", True)
         await until(lambda: there.heard)
         assert there.heard == [Received("a/command", b"stop", True)]
 
 
-async def test_after_a_loss_the_newest_state_is_told_again() -> None:
+async def test_broker_link_publishes_the_newest_state_after_a_loss() -> None:
     async with linked() as there:
         there.link.publish(state(b"1"))
         await until(lambda: there.broker.payloads("a/state") == [b"1"])
@@ -89,7 +89,7 @@ async def test_after_a_loss_the_newest_state_is_told_again() -> None:
         assert there.broker.payloads("a/availability") == [b"online", b"online"]
 
 
-async def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
+async def test_broker_link_publishes_again_a_state_that_the_broker_forgot() -> None:
     async with linked() as there:
         there.link.publish(state(b"1"))
         await until(lambda: there.broker.payloads("a/state") == [b"1"])
@@ -97,7 +97,7 @@ async def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
         await until(lambda: there.broker.payloads("a/state") == [b"1", b"1"])
 
 
-async def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
+async def test_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
     async with linked() as there:
         there.broker.mute = True
         for number in range(1000):
@@ -110,7 +110,7 @@ async def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() 
         assert len(there.broker.payloads("a/event")) <= MAX_EVENTS + links.MAX_IN_FLIGHT
 
 
-async def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
+async def test_flooding_broker_is_disconnected_for_a_while() -> None:
     async with linked(flood=5) as there:
         there.broker.say("a/command", b"stop", times=50)
         await until(lambda: (False, "it sent more than 5 messages in a second")
@@ -119,7 +119,7 @@ async def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
         await until(lambda: there.told[-1] == (True, ""))
 
 
-async def test_of_a_message_that_is_too_long_the_beginning_arrives_and_a_stop_beside_it() -> None:
+async def test_overlong_broker_message_is_truncated_and_a_stop_beside_it_arrives() -> None:
     async with linked() as there:
         there.broker.say("a/command", b"x" * (2 * MAX_MESSAGE_BYTES))
         there.broker.say("a/command", b"stop")
@@ -128,7 +128,7 @@ async def test_of_a_message_that_is_too_long_the_beginning_arrives_and_a_stop_be
         assert there.told == [(True, "")], "the link stays, and a stop is not lost"
 
 
-async def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_shutdown_does_not_wait_for_a_silent_broker(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(links, "CLOSE_TIMEOUT", 0.05)
     async with linked() as there:
         there.broker.mute = True
@@ -152,11 +152,11 @@ async def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch:
         (RuntimeError(), "RuntimeError"),
     ],
 )
-def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
+def test_lost_broker_is_reported_with_its_reason(error: Exception, why: str) -> None:
     assert links._reason(error) == why
 
 
-def test_an_outbox_never_grows() -> None:
+def test_broker_outbox_is_bounded() -> None:
     outbox = Outbox()
     for number in range(MAX_EVENTS * 3):
         outbox.put(MqttMessage("a/event", b"%d" % number))

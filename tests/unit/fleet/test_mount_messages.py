@@ -29,20 +29,20 @@ class There:
         ("mount", "v", "port lost"),
     ],
 )
-def test_what_happens_has_a_kind(side: str, arrow: str, kind: str) -> None:
+def test_mount_event_has_a_kind(side: str, arrow: str, kind: str) -> None:
     there = There()
     there.log.put(side, arrow, note="words")
     assert there.told == [{"time": "1970-01-01T00:16:40.000Z", "kind": kind, "who": side, "words": "words"}]
 
 
-def test_the_conversation_is_no_event() -> None:
+def test_conversation_rows_are_no_mount_events() -> None:
     there = There()
     for arrow in ("<", ">", "raw", "r", "x"):
         there.log.put("mount", arrow, b"abc")
     assert not there.told
 
 
-def test_what_is_too_much_is_counted() -> None:
+def test_surplus_mount_events_are_counted() -> None:
     there = There()
     for _ in range(int(EVENT_BURST) + 40):
         there.log.put("127.0.0.1:5", "+")
@@ -53,7 +53,7 @@ def test_what_is_too_much_is_counted() -> None:
     assert there.told[-2]["words"].startswith("40 events")
 
 
-def test_words_are_shortened_and_names_are_printable() -> None:
+def test_event_texts_are_shortened_and_names_made_printable() -> None:
     there = There()
     there.events.publish("refused", "a\x1bb", "x" * 5000)
     assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == MAX_TEXT_LENGTH

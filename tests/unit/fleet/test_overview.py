@@ -57,7 +57,7 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-async def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> None:
+async def test_fleet_server_serves_only_its_page_and_files() -> None:
     async with opened() as there:
         text = await (await there.get("")).text()
         needed = re.findall(r'(?:href|src)="([^"]+)"', text)
@@ -71,7 +71,7 @@ async def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> N
         assert "default-src 'none'" in policy and "unsafe" not in policy
 
 
-def test_mounts_are_shown() -> None:
+def test_fleet_server_shows_mounts() -> None:
     async def work() -> None:
         async with opened() as there:
             there.broker.say("club/pier/mount/state", b'{"online": true, "does": "tracking"}', True)
@@ -94,7 +94,7 @@ def test_mounts_are_shown() -> None:
 @pytest.mark.parametrize(
     ("body", "topic"), [({}, "club/all/command"), ({"gateway": "pier", "mount": "east"}, "club/pier/east/command")]
 )
-async def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, str], topic: str) -> None:
+async def test_fleet_stop_is_confirmed_once_the_broker_has_passed_it_on(body: dict[str, str], topic: str) -> None:
     async with opened() as there:
         there.broker.passes_on = True
         assert await there.stop(body) == (200, {"sent": True, "words": "stop sent"})
@@ -102,7 +102,7 @@ async def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, s
         assert (message.topic, message.payload, message.retain) == (topic, b"stop", False)
 
 
-async def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_fleet_stop_that_was_not_delivered_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(servers, "ECHO_TIMEOUT", 0.05)
     async with opened() as there:
         code, told = await there.stop({})
@@ -123,7 +123,7 @@ async def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.Monke
     [b"", b"[]", {"gateway": "a"}, {"mount": "a"}, {"gateway": "a/b", "mount": "c"}, {"gateway": "#", "mount": "+"},
      {"gateway": "a", "mount": "b", "order": "park"}],
 )  # fmt: skip
-async def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
+async def test_fleet_stop_without_a_mount_is_refused(body: object) -> None:
     async with opened() as there:
         assert (await there.stop(body))[0] == 400 and not there.broker.published
 
@@ -137,7 +137,7 @@ async def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
         {"Sec-Fetch-Site": "cross-site"},
     ],
 )
-async def test_a_page_of_somebody_else_sees_nothing_and_stops_nothing(headers: dict[str, str]) -> None:
+async def test_foreign_page_sees_and_stops_nothing_at_the_fleet_server(headers: dict[str, str]) -> None:
     async with opened() as there:
         assert (await there.get("fleet.json", **headers)).status == 403
         assert (await there.stop({}, **headers))[0] == 403 and not there.broker.published

@@ -22,7 +22,7 @@ def roster(*heard: tuple[str, object], retained: bool = False) -> Roster:
     return made
 
 
-def test_a_mount_is_shown_with_its_state_and_whether_its_gateway_is_there() -> None:
+def test_roster_shows_a_mount_with_its_state_and_whether_its_gateway_is_online() -> None:
     made = roster(
         ("west/east/state", {"online": True, "does": "slewing", "moving": True, "ra_hours": 1.5, "more": [1]}),
         ("pier/mount/state", {"online": False, "does": "down"}),
@@ -36,16 +36,16 @@ def test_a_mount_is_shown_with_its_state_and_whether_its_gateway_is_there() -> N
     assert made.mounts()[1]["available"] is False
 
 
-def test_what_lay_there_is_as_old_as_it_says() -> None:
+def test_roster_shows_the_age_of_a_retained_state() -> None:
     [mount] = roster(("a/b/state", {"time": NOW - 75.2}), retained=True).mounts()
     assert mount["age"] == 75
 
 
-def test_a_state_that_is_taken_away_is_not_shown() -> None:
+def test_roster_drops_a_deleted_state() -> None:
     assert not roster(("a/b/state", {}), ("a/b/state", b"")).mounts()
 
 
-def test_what_has_become_of_an_order_is_shown_and_nothing_else_that_happens() -> None:
+def test_roster_shows_outcomes_of_orders_and_no_other_events() -> None:
     made = roster(
         ("a/b/state", {}),
         ("a/b/event", {"kind": "done", "who": "mqtt", "words": "stop: stopped"}),
@@ -58,19 +58,19 @@ def test_what_has_become_of_an_order_is_shown_and_nothing_else_that_happens() ->
 
 
 @each("payload", [b"[]", b"{", b"\xff", b'{"online": 3}', b'{"ra_hours": "x"}', b"[" * 60000])
-def test_what_has_another_form_is_left_out(payload: bytes) -> None:
+def test_roster_ignores_messages_of_another_form(payload: bytes) -> None:
     assert not roster(("a/b/state", payload)).mounts()
 
 
 @each("topic", ["a/state", "a/b/c/state", "a/b/command", "", "/", "a/gateway"])
-def test_other_topics_are_left_out(topic: str) -> None:
+def test_roster_ignores_other_topics(topic: str) -> None:
     assert not roster((topic, {})).mounts()
     made = Roster("club", lambda: NOW)
     made.receive(Received("clubhouse/a/b/state", b"{}", False))
     assert not made.mounts()
 
 
-def test_there_is_an_end_to_what_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_roster_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rosters, "MAX_MOUNTS", 3)
     states = [(f"a/{number}/state", {}) for number in range(9)]
     made = roster(*states, *((f"{name}/availability", b"online") for name in "xyzw"))

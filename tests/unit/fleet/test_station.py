@@ -66,7 +66,7 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-async def test_a_mount_is_shown_with_what_is_known_of_it(tmp_path: Path) -> None:
+async def test_station_publishes_the_known_values_of_a_mount(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         told = there.state
         assert {"ra_hours", "dec_degrees", "altitude_degrees", "azimuth_degrees", "tracking", "moving", "aligned",
@@ -76,7 +76,7 @@ async def test_a_mount_is_shown_with_what_is_known_of_it(tmp_path: Path) -> None
         assert all(message.retain for message in there.broker.published if message.topic == STATE)
 
 
-def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_station_does_not_repeat_an_unchanged_mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def work() -> None:
         async with shown(tmp_path) as there:
             looks, now = 0, there.state
@@ -95,7 +95,7 @@ def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypa
     play(work())
 
 
-async def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
+async def test_named_mount_has_separate_topics(tmp_path: Path) -> None:
     async with shown(tmp_path, name="east", prefix="club/domes", id="two") as there:
         await until(lambda: there.broker.payloads("club/domes/two/east/state"))
         assert there.broker.wills[0] is not None and there.broker.wills[0].topic == "club/domes/two/availability"
@@ -103,7 +103,7 @@ async def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("topic", [COMMAND, "mount-gateway/all/command"])
-async def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
+async def test_broker_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
     async with shown(tmp_path) as there:
         there.broker.say(COMMAND, b"park")
         await until(lambda: there.state["moving"])
@@ -113,7 +113,7 @@ async def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
         assert there.happened("done")[0] == "park: it goes to its park position"
 
 
-async def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: Path) -> None:
+async def test_many_broker_stops_reach_the_line_few_times_including_the_last(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         before = there.gateway.controller.stops
         there.broker.say("mount-gateway/all/command", b"stop", times=200)
@@ -136,7 +136,7 @@ async def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_p
         ("mount-gateway/all/command", b"park", False, "park: the only order for all mounts together is stop"),
     ],
 )
-async def test_what_is_not_obeyed_is_refused_in_words(
+async def test_disallowed_broker_order_is_refused_in_words(
     tmp_path: Path, topic: str, payload: bytes, retain: bool, why: str
 ) -> None:
     async with shown(tmp_path) as there:
@@ -148,7 +148,7 @@ async def test_what_is_not_obeyed_is_refused_in_words(
         assert why in there.gateway.wire_log.recent[-1].text
 
 
-async def test_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_it(tmp_path: Path) -> None:
+async def test_overlong_order_is_reported_once_and_a_stop_beside_it_arrives(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         for _ in range(3):
             there.broker.say(COMMAND, b"x" * (MAX_MESSAGE_BYTES + 1))
@@ -157,7 +157,7 @@ async def test_message_that_is_too_long_is_told_once_and_a_stop_arrives_beside_i
         assert len(told := there.happened("refused")) == 1 and "100 characters" in told[0]
 
 
-async def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: Path) -> None:
+async def test_allowed_broker_order_is_still_checked_against_the_limits(tmp_path: Path) -> None:
     async with shown(tmp_path, orders=["goto"]) as there:
         there.broker.say(COMMAND, b"goto Acrux")  # never rises at the simulated site
         await until(lambda: there.happened("failed"))
@@ -167,7 +167,7 @@ async def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_
         assert "there is no object 'Vegaa'" in there.happened("failed")[1]
 
 
-async def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_path: Path) -> None:
+async def test_two_gateways_with_one_id_report_it_and_obey_only_stops(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         topic, broker = "mount-gateway/pier/gateway", there.broker
         [own] = broker.payloads(topic)
@@ -192,7 +192,7 @@ async def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(
         await until(lambda: "park: it goes to its park position" in there.happened("done"))
 
 
-async def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
+async def test_unstable_broker_is_reported_once(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         there.broker.down = OSError(111, "Connection refused")
         there.broker.lose()
@@ -203,7 +203,7 @@ async def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> N
         assert "are not affected" in there.said[1] and there.said[2].endswith("is connected again")
 
 
-async def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
+async def test_home_assistant_gets_the_entities_of_a_mount(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         topic = "homeassistant/device/mount-gateway_pier_mount/config"
         await until(lambda: b"6-8se" in b"".join(there.broker.payloads(topic)))
@@ -218,6 +218,6 @@ async def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
             assert part["platform"] == "button" or key in there.state
 
 
-async def test_home_assistant_is_told_nothing_where_it_is_off(tmp_path: Path) -> None:
+async def test_home_assistant_gets_nothing_where_discovery_is_off(tmp_path: Path) -> None:
     async with shown(tmp_path, home_assistant="off") as there:
         assert not [one.topic for one in there.broker.published if "config" in one.topic]

@@ -12,7 +12,7 @@ from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
 
-async def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_the_status_in_twelve() -> None:
+async def test_unpolled_mount_is_asked_twice_in_five_seconds_and_for_status_every_twelve() -> None:
     async with Bridge() as bridge:
         await asyncio.sleep(20)
         before = len(bridge.sent())
@@ -24,7 +24,7 @@ async def test_with_nobody_polling_there_are_two_questions_in_five_seconds_and_t
         assert len(asked) - status <= 24 and asked.count(b"t") <= 6 and status <= 12
 
 
-async def test_reads_asked_at_the_same_time_share_one_exchange() -> None:
+async def test_simultaneous_reads_share_one_exchange() -> None:
     async with Bridge(latency=0.3) as bridge:
         await asyncio.sleep(10)
         before = bridge.sent().count(b"e")
@@ -45,7 +45,7 @@ async def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
 
 
 @pytest.mark.safety_line(8)
-async def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
+async def test_unaligned_mount_refuses_gotos_with_a_reason() -> None:
     async with Bridge(aligned=False) as bridge:
         reply = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b".#")
         assert reply == b"111Mount not aligned.#"
@@ -53,7 +53,7 @@ async def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
 
 @each("mount", ["6-8se", "cge"])
 @each("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
-async def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
+async def test_unaligned_hand_control_refuses_syncs_and_axis_gotos(mount: str, asked: bytes) -> None:
     """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
     async with Bridge(mount, aligned=False) as bridge:
         reply = await bridge.client().ask(asked, 3.0, until=b"111")
@@ -64,7 +64,7 @@ async def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: s
         assert any("Mount not aligned" in entry.note for entry in bridge.entries)
 
 
-async def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
+async def test_owner_may_allow_axis_gotos_without_an_alignment() -> None:
     async with Bridge("6-8se", aligned=False, config={"unaligned": "allow"}) as bridge:
         assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", until=b"110") == b"110"
         assert bridge.sim.slewing
@@ -72,14 +72,14 @@ async def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
 
 
 @pytest.mark.safety_line(8)
-async def test_a_meade_is_aligned_by_its_first_sync_at_any_distance() -> None:
+async def test_first_sync_aligns_a_meade_at_any_distance() -> None:
     async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
         await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#")
         await asyncio.sleep(2.0)
         assert bridge.sim.aligned
 
 
-def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> None:
+def test_site_and_time_are_sent_to_unaligned_mounts_only() -> None:
     async def program(aligned: bool) -> None:
         async with Bridge(aligned=aligned) as bridge:
             client = bridge.client()
@@ -102,7 +102,7 @@ def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> N
         run(program(aligned))
 
 
-async def test_the_first_look_at_the_bars_while_another_program_starts_a_goto() -> None:
+async def test_first_bars_read_while_another_program_starts_a_goto_show_the_slew() -> None:
     async with Bridge(latency=0.1) as bridge:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await other.ask(b":GR#")
@@ -112,7 +112,7 @@ async def test_the_first_look_at_the_bars_while_another_program_starts_a_goto() 
         assert await other.ask(b":GR#")
 
 
-async def test_half_a_command_is_not_passed_by() -> None:
+async def test_half_a_nexstar_echo_is_completed_by_the_next_byte() -> None:
     async with Bridge(presented="nexstar", surface="6-8se") as bridge:
         client = bridge.client()
         assert len(await client.ask(b"e")) == 18
@@ -121,7 +121,7 @@ async def test_half_a_command_is_not_passed_by() -> None:
         assert await client.ask(b"e") == b"e#"
 
 
-async def test_a_defect_in_a_driver_costs_one_operation() -> None:
+async def test_driver_defect_fails_only_one_operation() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         good = bridge.driver.handlers["pointing.position"]

@@ -23,7 +23,7 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
 
 
 @each("change", CHANGES)
-async def test_replies_of_before_are_out_of_date(change: str) -> None:
+async def test_stored_replies_expire_when_their_sources_change(change: str) -> None:
     async with Bridge() as bridge:
         before = bridge.controller.version
         CHANGES[change](bridge.controller)

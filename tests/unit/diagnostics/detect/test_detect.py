@@ -77,7 +77,7 @@ def silent(data: bytes) -> bytes:
 
 
 @each("what", [*(f"lx200:{name}" for name in MEADES), *(f"nexstar:{n}" for n in HAND_CONTROLS)])
-def test_every_mount_is_found_at_9600(what: str) -> None:
+def test_detect_finds_every_mount_at_9600_baud(what: str) -> None:
     finding, wire = seen(lambda: mount(what).feed)
     protocol, _, model = what.partition(":")
     assert finding.mount is not None, finding
@@ -99,7 +99,7 @@ def test_every_mount_is_found_at_9600(what: str) -> None:
     ("lx200:autostar", 19200), ("lx200:lx200", 1200), ("lx200:lx200gps", 57600), ("lx200:lx200-16", 28800),
     ("lx200:autostar", 115200), ("nexstar:4-5se/4.10", 19200),
 ])  # fmt: skip
-def test_a_mount_at_another_rate_is_found(what: str, rate: int) -> None:
+def test_detect_finds_a_mount_at_another_baud_rate(what: str, rate: int) -> None:
     finding, wire = seen(lambda: mount(what).feed, rate)
     assert finding.mount is not None, finding
     assert finding.baud == rate
@@ -108,7 +108,7 @@ def test_a_mount_at_another_rate_is_found(what: str, rate: int) -> None:
     assert f" --baud {rate} " in command(finding)
 
 
-def test_the_manuals_56700_is_57600() -> None:
+def test_detect_tries_57600_baud_for_the_manuals_56700() -> None:
     finding, _ = seen(lambda: mount("lx200:autostar").feed, 56700)
     assert (finding.mount is not None, finding.baud) == (True, 57600)
 
@@ -125,7 +125,7 @@ MEADES_OWN = {"coordinates": ":GR# :GD#", "site": ":Gt# :Gg#", "clock": ":GG# :G
     ("lx200:lx200", "jnow", {**MEADES_OWN, "alignment and tracking": "ACK"}),
     ("lx200:lx200gps", "jnow", {**MEADES_OWN, "alignment and tracking": ":GW#"}),
 ])  # fmt: skip
-def test_it_is_told_what_the_mount_answered(what: str, equinox: str, answers: dict[str, str]) -> None:
+def test_detect_shows_what_the_mount_answered(what: str, equinox: str, answers: dict[str, str]) -> None:
     finding, _ = seen(lambda: mount(what).feed)
     assert finding.mount is not None
     assert finding.mount.equinox == equinox
@@ -136,7 +136,7 @@ def test_it_is_told_what_the_mount_answered(what: str, equinox: str, answers: di
     assert ("no reply: site, clock" in block(finding)) is (answers.get("site") == "")
 
 
-def test_only_what_was_answered_is_listed() -> None:
+def test_detect_lists_only_values_that_the_mount_reported() -> None:
     """An LX200-type device whose model would have a site and a clock, but which only tells where it points."""
 
     def device() -> Device:
@@ -149,7 +149,7 @@ def test_only_what_was_answered_is_listed() -> None:
     assert "no reply: site, clock" in block(finding)
 
 
-def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:
+def test_detect_finds_a_controller_that_reads_k_as_a_command() -> None:
     """It reads from any letter to the next ``#``, and answers ACK only between two commands."""
 
     def device() -> Device:
@@ -175,9 +175,7 @@ def test_a_controller_that_reads_the_k_as_a_command_is_found() -> None:
 
 
 @each("model, rate, status", [("onstep", 9600, ":GU#"), ("teenastro", 57600, ":GW#")])
-def test_controllers_of_other_makers_are_found_and_what_they_answered_is_listed(
-    model: str, rate: int, status: str
-) -> None:
+def test_detect_finds_onstep_and_teenastro_and_lists_their_answers(model: str, rate: int, status: str) -> None:
     """An OnStep refuses the K as a command (0) before it answers ACK."""
     finding, wire = seen(lambda: mount(f"lx200:{model}").feed, rate)
     assert finding.mount is not None and (finding.mount.model, finding.baud) == (model, rate)
@@ -186,13 +184,13 @@ def test_controllers_of_other_makers_are_found_and_what_they_answered_is_listed(
     assert f"model {model}" in block(finding)
 
 
-def test_a_slow_hand_control_is_waited_for() -> None:
+def test_detect_waits_for_a_slow_hand_control() -> None:
     finding, wire = seen(lambda: mount("nexstar:gt/101.0").feed, latency=2.5)
     assert finding.mount is not None
     assert wire.sent()[:2] == HARMLESS
 
 
-def test_a_hand_control_that_wakes_late_is_not_sent_to_sleep() -> None:
+def test_detect_does_not_hibernate_a_hand_control_that_wakes_late() -> None:
     """What is said at 4800 and 2400 baud holds an ``x`` for a hand control, which is hibernation."""
 
     def device() -> Device:
@@ -206,7 +204,7 @@ def test_a_hand_control_that_wakes_late_is_not_sent_to_sleep() -> None:
     assert not {4800, 2400} & {baud for baud, _ in wire.log}
 
 
-async def test_half_a_command_is_not_completed() -> None:
+async def test_detect_does_not_complete_half_a_command() -> None:
     """Six of the eight bytes of a slew at the highest rate: two more, and the mount would run away."""
     sim = mount("nexstar:6-8se/4.21")
     before = sim.truth()
@@ -220,7 +218,7 @@ async def test_half_a_command_is_not_completed() -> None:
 # --- everything else ----------------------------------------------------------------------------------------------
 
 
-def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
+def test_detect_sends_a_silent_port_only_two_harmless_requests_per_baud_rate() -> None:
     finding, wire = seen(lambda: silent)
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx", b"#\x06"] * 11
@@ -231,14 +229,14 @@ def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
     assert "nothing here" in block(finding)
 
 
-def test_a_network_address_has_no_other_rates() -> None:
+def test_detect_tries_no_baud_rates_at_a_network_address() -> None:
     finding, wire = seen(lambda: silent, place=SerialPortInfo("socket://127.0.0.1:4030", "-"))
     assert (finding.state, finding.baud) == ("silent", None)
     assert wire.sent() == [b"Kx", b"#\x06"]
     assert finding.seconds < AT_9600
 
 
-def test_an_echo_is_not_a_mount() -> None:
+def test_detect_does_not_take_an_echo_for_a_mount() -> None:
     finding, wire = seen(lambda: lambda data: data)
     assert finding.state == "echo"
     assert wire.sent() == [b"Kx"]
@@ -248,14 +246,14 @@ def test_an_echo_is_not_a_mount() -> None:
     (b"ERROR\r\n", "stranger"), (b"Ready#", "stranger"), (b"A1\r\n", "stranger"), (b"P1", "stranger"),
     (b"D", "downloader"),
 ])  # fmt: skip
-def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> None:
+def test_detect_sends_nothing_more_to_an_unknown_device_that_answers(answer: bytes, state: str) -> None:
     finding, wire = seen(lambda: lambda data: answer if data in (b"\x06", b"#\x06") else b"")
     assert finding.state == state
     assert wire.sent() == HARMLESS
     assert finding.mount is None
 
 
-async def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
+async def test_detect_does_not_take_the_first_letter_of_a_word_for_an_ack_reply() -> None:
     def prompt(data: bytes) -> bytes:
         if data != b"#\x06":
             return b""
@@ -267,40 +265,40 @@ async def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
     assert wire.sent() == HARMLESS
 
 
-def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
+def test_detect_tries_other_baud_rates_after_an_unintelligible_answer() -> None:
     finding, wire = seen(lambda: lambda data: b"\x15" if data in (b"\x06", b"#\x06") else b"")
     assert finding.state == "garbled"
     assert set(wire.sent()) == set(HARMLESS)
     assert {baud for baud, _ in wire.log} == {9600, *OTHER_BAUD_RATES}
 
 
-def test_a_gps_receiver_is_not_spoken_to() -> None:
+def test_detect_sends_nothing_to_a_gps_receiver() -> None:
     finding, wire = seen(lambda: silent, talk=GPS)
     assert (finding.state, finding.baud) == ("gps", 9600)
     assert wire.log == []
     assert "a GPS receiver, not a mount" in block(finding)
 
 
-def test_a_gps_receiver_at_another_rate_is_not_spoken_to() -> None:
+def test_detect_sends_nothing_to_a_gps_receiver_at_another_baud_rate() -> None:
     finding, wire = seen(lambda: silent, 4800, talk=GPS)
     assert (finding.state, finding.baud) == ("gps", 4800)
     assert wire.log == []
 
 
-def test_who_talks_unintelligibly_is_not_spoken_to() -> None:
+def test_detect_sends_nothing_to_an_unintelligible_talker() -> None:
     finding, wire = seen(lambda: silent, talk=b"\xa5\x5a\x00frame\xff")
     assert finding.state == "talker"
     assert wire.log == []
     assert finding.seconds < AT_9600 + ELSEWHERE
 
 
-def test_a_sentence_counts_by_its_checksum() -> None:
+def test_detect_recognises_a_gps_sentence_by_its_checksum() -> None:
     assert sentence(b"junk" + GPS + b"$GPG")
     assert not sentence(GPS.replace(b"A*", b"V*"))
     assert not sentence(b"$GPRMC,220000.00")
 
 
-async def test_a_stray_byte_at_opening_is_no_talk() -> None:
+async def test_detect_ignores_a_stray_byte_when_the_port_opens() -> None:
     wire = UartWire(mount("nexstar:cpc").feed)
     asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
     assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
@@ -309,7 +307,7 @@ async def test_a_stray_byte_at_opening_is_no_talk() -> None:
 # --- with the protocol named --------------------------------------------------------------------------------------
 
 
-def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
+def test_detect_finds_a_named_classic_that_does_not_know_ack() -> None:
     def device() -> Device:
         sim = mount("lx200:lx200")
         return lambda data: b"" if data in (b"\x06", b"#\x06") else bytes(sim.feed(data))
@@ -323,13 +321,13 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
     )
 
 
-def test_a_hand_control_that_is_named_is_asked_nothing_else() -> None:
+def test_detect_sends_a_named_hand_control_only_its_requests() -> None:
     finding, wire = seen(lambda: silent, place=parse_port("nexstar@socket://127.0.0.1:1"))
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx"]
 
 
-def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mistake() -> None:
+def test_detect_sends_a_misnamed_hand_control_nothing_that_it_could_misread() -> None:
     finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=parse_port("lx200:autostar@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert b":" not in b"".join(wire.sent())
@@ -342,7 +340,7 @@ def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mista
 @pytest.mark.parametrize(("device", "when"), [
     ("silent", 0.5), ("silent", 1.3), ("silent", 3.0), ("silent", 6.0), ("says who it is", 1.3),
 ])  # fmt: skip
-async def test_a_port_that_vanishes_is_said_to_have(device: str, when: float) -> None:
+async def test_detect_reports_a_port_that_vanished(device: str, when: float) -> None:
     wire = UartWire(silent if device == "silent" else mount("nexstar:cpc").feed)
 
     def vanish() -> None:
@@ -353,13 +351,13 @@ async def test_a_port_that_vanishes_is_said_to_have(device: str, when: float) ->
     assert (await look(SerialPortInfo("-", "-"), wire)).state == "vanished"
 
 
-def test_a_mount_that_says_nothing_more_is_said_to_be_one() -> None:
+def test_detect_reports_a_mount_that_answers_only_once() -> None:
     finding, _ = seen(lambda: lambda data: data[1:2] + b"#" if data == b"Kx" else b"")
     assert finding.state == "mute"
     assert "did not say who it is" in block(finding)
 
 
-def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_continues_with_other_ports_after_a_driver_defect(monkeypatch: pytest.MonkeyPatch) -> None:
     async def broken(*_: object) -> None:
         raise KeyError("defect")
 
@@ -369,7 +367,7 @@ def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) ->
     assert "please report it: KeyError('defect')" in block(finding)
 
 
-async def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
+async def test_detect_skips_a_baud_rate_that_the_port_lacks() -> None:
     class Poor(UartWire):
         def set_baud(self, baud: int) -> None:
             if baud in (14400, 28800):

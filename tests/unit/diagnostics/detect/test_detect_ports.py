@@ -120,20 +120,20 @@ def found(cli: tuple[Path, list[str]], tmp_path_factory: pytest.TempPathFactory)
 
 
 @pytest.mark.parametrize("what", MOUNTS)
-def test_a_mount_on_a_pseudo_terminal_is_found(found: dict[str, Any], what: str) -> None:
+def test_detect_finds_a_mount_on_a_pseudo_terminal(found: dict[str, Any], what: str) -> None:
     finding: PortFinding = found[what]
     assert finding.mount is not None, finding
     assert (finding.mount.protocol, finding.baud) == (what.partition(":")[0], 9600)
     assert finding.seconds < PATIENCE
 
 
-def test_a_mount_at_another_rate_is_found(found: dict[str, Any]) -> None:
+def test_detect_finds_a_mount_at_another_rate_on_a_real_port(found: dict[str, Any]) -> None:
     finding = found["lx200:lx200-16"]
     assert finding.mount is not None, finding
     assert (finding.mount.model, finding.baud) == ("lx200-16", 38400)
 
 
-def test_a_silent_port_hears_the_harmless_questions_only(found: dict[str, Any]) -> None:
+def test_detect_sends_a_silent_real_port_only_harmless_requests(found: dict[str, Any]) -> None:
     assert found["silent"].state == "silent"
     assert found["heard"]["silent"] == b"Kx#\x06" * 11
 
@@ -141,15 +141,15 @@ def test_a_silent_port_hears_the_harmless_questions_only(found: dict[str, Any]) 
 @pytest.mark.parametrize(("what", "state"), [
     ("echo", "echo"), ("loop", "echo"), ("gps", "gps"), ("vanishing", "vanished"), ("held", "busy"),
 ])  # fmt: skip
-def test_what_is_no_mount_is_said_to_be_none(found: dict[str, Any], what: str, state: str) -> None:
+def test_detect_reports_a_device_that_is_no_mount(found: dict[str, Any], what: str, state: str) -> None:
     assert (found[what].state, found[what].mount) == (state, None)
 
 
-def test_who_talks_and_who_is_in_use_hear_nothing(found: dict[str, Any]) -> None:
+def test_detect_sends_nothing_to_a_talking_port_or_a_port_in_use(found: dict[str, Any]) -> None:
     assert (found["heard"]["gps"], found["heard"]["held"]) == (b"", b"")
 
 
-def test_the_command_line_writes_what_run_reads(found: dict[str, Any], cli: tuple[Path, list[str]]) -> None:
+def test_detect_command_writes_a_file_that_run_reads(found: dict[str, Any], cli: tuple[Path, list[str]]) -> None:
     code, out, error = found["cli"]
     folder = cli[0]
     mount, none = json.loads(out)
@@ -165,7 +165,9 @@ def test_the_command_line_writes_what_run_reads(found: dict[str, Any], cli: tupl
     assert sorted(path.name for path in folder.iterdir()) == ["g.toml", "mount"]
 
 
-def test_no_mount_is_exit_code_1_and_a_mistake_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_detect_ends_with_code_1_without_a_mount_and_2_after_a_mistake(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     there = tmp_path / "gateway.toml"
     there.write_text("mine")
     none = str(tmp_path / "none")
@@ -176,7 +178,7 @@ def test_no_mount_is_exit_code_1_and_a_mistake_2(tmp_path: Path, capsys: pytest.
     assert there.read_text() == "mine"
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_detect_writes_its_file_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     write_whole(path, "new", force=False)
     with pytest.raises(UserError, match="--force"):
@@ -192,7 +194,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == ["folder", "gateway.toml"]
 
 
-def test_a_folder_that_may_not_be_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_reports_a_folder_that_it_may_not_write_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, mode: str) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 
@@ -201,7 +203,7 @@ def test_a_folder_that_may_not_be_written_to(tmp_path: Path, monkeypatch: pytest
         write_whole(tmp_path / "gateway.toml", "new", force=False)
 
 
-def test_a_port_that_may_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_reports_a_port_that_it_may_not_open(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
 
@@ -211,7 +213,7 @@ def test_a_port_that_may_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "dialout" in finding.reason
 
 
-def test_who_has_a_port_without_a_lock_is_named(tmp_path: Path) -> None:
+def test_detect_names_the_program_that_has_a_port_open_without_a_lock(tmp_path: Path) -> None:
     port, link = tmp_path / "ttyUSB0", tmp_path / "by-id"
     port.write_bytes(b"")
     link.symlink_to(port)
@@ -224,7 +226,7 @@ def test_who_has_a_port_without_a_lock_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("theirs", [True, False])
-def test_a_gateway_of_another_user_may_have_a_port_that_is_in_use(
+def test_detect_says_that_another_users_gateway_may_have_the_port(
     theirs: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("gateway.app.control.reach.user", lambda: 1000)
@@ -248,7 +250,7 @@ def test_a_gateway_of_another_user_may_have_a_port_that_is_in_use(
         assert "close that program" in told.err and "end it first" in run
 
 
-def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_writes_the_persistent_name_of_a_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device, folder = tmp_path / "ttyUSB0", tmp_path / "by-id"
     device.write_bytes(b"")
     folder.mkdir()
@@ -264,7 +266,7 @@ def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.Monk
     assert local_ports() == [SerialPortInfo("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
 
 
-def test_an_endpoint_may_be_given_for_a_port() -> None:
+def test_detect_accepts_an_endpoint_as_a_port() -> None:
     assert parse_port("lx200@/dev/ttyS0").named == Endpoint("lx200", "/dev/ttyS0")
     assert parse_port("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
     with pytest.raises(UserError, match="no model"):
@@ -302,7 +304,7 @@ def serve_rfc2217(listener: socket.socket, device: Callable[[bytes], bytes]) -> 
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # its client names its thread as of old
-def test_a_mount_behind_rfc2217_is_found() -> None:
+def test_detect_finds_a_mount_behind_rfc2217() -> None:
     sim = make_simulator(Endpoint("nexstar", "-", "cge", "3.02"), clock=time.time)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
@@ -314,7 +316,7 @@ def test_a_mount_behind_rfc2217_is_found() -> None:
     assert (finding.mount.model, finding.baud) == ("cge", None)
 
 
-def test_a_mount_behind_a_socket_is_found() -> None:
+def test_detect_finds_a_mount_behind_a_socket() -> None:
     async def program() -> PortFinding:
         simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
         [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
@@ -330,7 +332,7 @@ def test_a_mount_behind_a_socket_is_found() -> None:
 # --- the simulated UART -------------------------------------------------------------------------------------------
 
 
-def test_a_receiver_at_another_rate_reads_something_else() -> None:
+def test_simulated_line_garbles_bytes_received_at_another_baud_rate() -> None:
     everything = bytes(range(256))
     assert misread(everything, 9600, 9600) == everything
     assert misread(everything, 56700, 57600) == everything
@@ -340,7 +342,7 @@ def test_a_receiver_at_another_rate_reads_something_else() -> None:
         assert misread(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
 
 
-def test_a_terminals_rate_is_read_even_without_a_name() -> None:
+def test_baud_rate_of_a_terminal_is_read_even_if_it_has_no_constant() -> None:
     master, slave = os.openpty()
     try:
         for rate in (9600, 14400, 57600):
@@ -352,7 +354,7 @@ def test_a_terminals_rate_is_read_even_without_a_name() -> None:
 
 
 @pytest.mark.parametrize("rate", ["0", "-9600"])
-def test_a_rate_is_more_than_nothing(rate: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_baud_rate_of_zero_or_less_is_refused(rate: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sim", "nexstar:cpc", f"--baud={rate}", "--at", "pty:/tmp/never"]) == 2
     assert "--baud is a rate like 9600" in capsys.readouterr().err
 
@@ -361,7 +363,7 @@ def test_a_rate_is_more_than_nothing(rate: str, capsys: pytest.CaptureFixture[st
     ("stellarium@/dev/ttyS0", "programs speak stellarium, and no mount does; write /dev/ttyS0 or lx200@/dev/ttyS0"),
     ("any@/dev/ttyS0", "write any@tcp://HOST:PORT, or one protocol"),
 ])  # fmt: skip
-def test_no_mount_speaks_what_only_programs_do(text: str, words: str) -> None:
+def test_client_only_protocol_is_refused_for_a_mount(text: str, words: str) -> None:
     with pytest.raises(UserError) as raised:
         parse_port(text)
     assert words in str(raised.value)

@@ -29,7 +29,7 @@ def mount(protocol: str = "nexstar") -> PortFinding:
 
 
 @pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
-def test_both_lines_are_told(protocol: str, programs: str) -> None:
+def test_detect_prints_both_run_commands(protocol: str, programs: str) -> None:
     lines = [line.strip() for line in block(mount(protocol)).splitlines()]
     start = f"mount-gateway run --mount {protocol}@{PORT} --surface {programs}@tcp://"
     here, there = lines.index(f"{start}127.0.0.1:4030"), lines.index(f"{start}0.0.0.0:4030")
@@ -40,7 +40,7 @@ def test_both_lines_are_told(protocol: str, programs: str) -> None:
 
 
 @pytest.mark.parametrize("network", [False, True])
-def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) -> None:
+def test_detect_writes_the_file_for_the_requested_user(network: bool, tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(toml(mount(), network))
     [surface] = make_config(*read_tables(path)).surface
@@ -75,13 +75,15 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
         (PortFinding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
     ],
 )
-def test_without_a_mount_it_is_said_what_to_try(finding: PortFinding, says: list[str]) -> None:
+def test_detect_without_a_mount_says_what_to_try(finding: PortFinding, says: list[str]) -> None:
     steps = "\n".join(next_steps([finding]))
     assert all(part in steps for part in says)
     assert next_steps([finding, mount()]) == []
 
 
-def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_without_a_port_says_what_to_try(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.ports.local_ports", list)
     asked = []
 
@@ -98,7 +100,9 @@ def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     assert capsys.readouterr() == ("[]\n", "")
 
 
-def test_a_mount_that_a_gateway_has_is_not_touched(started: list[Running], capsys: pytest.CaptureFixture[str]) -> None:
+def test_detect_leaves_a_mount_used_by_a_gateway_alone(
+    started: list[Running], capsys: pytest.CaptureFixture[str]
+) -> None:
     sim = Running("sim", "nexstar:cpc", "--at", "tcp://127.0.0.1:0")
     started.append(sim)
     port = sim.ready().replace("tcp://", "socket://")
@@ -111,7 +115,7 @@ def test_a_mount_that_a_gateway_has_is_not_touched(started: list[Running], capsy
     assert f"  - {port}: mount-gateway status shows this mount" in told.err and "close that program" not in told.err
 
 
-def test_a_port_that_may_not_be_opened_says_what_to_type(
+def test_detect_says_what_to_type_for_a_port_without_permission(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -126,7 +130,7 @@ def test_a_port_that_may_not_be_opened_says_what_to_type(
     assert "sudo usermod -aG dialout $USER" in capsys.readouterr().err
 
 
-def test_a_port_that_no_group_may_use_is_not_mended_by_one(
+def test_detect_suggests_no_group_for_a_port_that_no_group_may_use(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -141,7 +145,7 @@ def test_a_port_that_no_group_may_use_is_not_mended_by_one(
     assert "usermod" not in told
 
 
-def test_the_group_is_that_of_the_port(tmp_path: Path) -> None:
+def test_detect_names_the_group_of_the_port(tmp_path: Path) -> None:
     import grp
 
     path = tmp_path / "port"

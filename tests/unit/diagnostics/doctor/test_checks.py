@@ -46,7 +46,7 @@ def of(check: str, facts: Facts) -> list[CheckResult]:
     return [result for result in examine(facts) if result.check == check]
 
 
-def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
+def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
     results = examine(WELL)
     assert {result.check for result in results} == set(CHECKS)
     assert {(result.state, result.do) for result in results} == {(GOOD, "")}
@@ -142,7 +142,9 @@ def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state: str, found: str, do: str) -> None:
+def test_doctor_reports_each_fault_with_its_remedy(
+    check: str, facts: dict[str, object], state: str, found: str, do: str
+) -> None:
     results = of(check, replace(WELL, **facts))
     result = next((result for result in results if found in result.found), None)
     assert result is not None, results
@@ -151,7 +153,7 @@ def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state
     assert not any(result.state == BAD for result in unmoved)
 
 
-def test_a_built_in_port_is_not_modem_managers_to_disturb() -> None:
+def test_doctor_does_not_blame_modem_manager_for_a_built_in_port() -> None:
     facts = replace(WELL, meddlers={"ModemManager": 612}, ports=[USB, Port("/dev/ttyS0", usb=False)])
     [result] = of("meddlers", facts)
     assert "ttyUSB0" in result.found and "ttyS0" not in result.found

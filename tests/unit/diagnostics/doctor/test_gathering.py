@@ -44,36 +44,36 @@ def proc(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_processes_by_name(proc: Path) -> None:
+def test_doctor_finds_processes_by_name(proc: Path) -> None:
     assert gathering.processes_named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
 
 
-def test_who_listens(proc: Path) -> None:
+def test_doctor_finds_the_listener_of_a_port(proc: Path) -> None:
     assert sorted(processes.listeners((4030, 4080, 10001), proc)) == [(4030, (900, "nc")), (10001, ())]
     assert list(processes.listeners((4031,), proc)) == []
 
 
 @pytest.mark.skipif(not gathering.PROC_FOLDER.joinpath("net").is_dir(), reason="only Linux tells who listens")
-def test_who_listens_here() -> None:
+def test_doctor_finds_a_listener_of_this_computer() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         assert [(number, owner[0]) for number, owner in processes.listeners((port,))] == [(port, os.getpid())]
 
 
 @pytest.mark.parametrize(("line", "ignored"), [("E:ID_MM_PORT_IGNORE=1", True), ("E:ID_MM_PORT_IGNORE=0", False)])
-def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Path) -> None:
+def test_doctor_reads_what_udev_reports_to_modem_manager(line: str, ignored: bool, tmp_path: Path) -> None:
     number = os.stat("/dev/null").st_rdev
     (tmp_path / f"c{os.major(number)}:{os.minor(number)}").write_text(f"E:ID_BUS=usb\n{line}\n")
     assert gathering.modem_manager_ignores("/dev/null", tmp_path) is ignored
     assert gathering.modem_manager_ignores("/dev/none", tmp_path) is False
 
 
-def test_releases_of_the_astronomy_data_are_days() -> None:
+def test_doctor_reads_release_numbers_of_astronomy_data_as_dates() -> None:
     assert gathering.release_date("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
     assert gathering.release_date("") is None
 
 
-def test_an_almanac_has_days_until_the_first_that_it_lacks(
+def test_doctor_counts_almanac_days_up_to_the_first_gap(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
@@ -86,16 +86,16 @@ def test_an_almanac_has_days_until_the_first_that_it_lacks(
     assert "--almanac" in capsys.readouterr().err
 
 
-def test_the_installed_astronomy_data_can_be_read() -> None:
+def test_doctor_reads_the_installed_astronomy_data() -> None:
     assert gathering.release_date(gathering.version(gathering.DATA_PACKAGE)) is not None
 
 
-def test_a_package_that_is_not_there() -> None:
+def test_doctor_reports_a_missing_package() -> None:
     assert gathering.version("no-such-package") == ""
     assert list(gathering.needed("no-such-package")) == [] and gathering.missing_extras("no-such-package") == {}
 
 
-def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_checks_the_declared_dependencies(monkeypatch: pytest.MonkeyPatch) -> None:
     told = ["here>=2", "old<1; python_version>'3'", "never; python_version<'3'", "gone", "more; extra == 'library'"]
     monkeypatch.setattr(gathering.importlib.metadata, "requires", lambda name: told)
     monkeypatch.setattr(gathering, "version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
@@ -104,7 +104,7 @@ def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) ->
     assert [package.name for package in gathering.needed(extra="library")] == ["more"]
 
 
-def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_reports_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert gathering.unwritable(tmp_path) == "" and gathering.unwritable(tmp_path / "to" / "be made") == ""
     (tmp_path / "file").touch()
     assert gathering.unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is not a folder"
@@ -113,7 +113,7 @@ def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.
     assert gathering.unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"
 
 
-def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_gathers_facts_of_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     facts = gathering.gather(str(tmp_path))
     assert {"astropy", "pyserial"} < {package.name for package in facts.packages}
     code = main(["doctor", "--json", "--state", str(tmp_path)])
@@ -124,7 +124,9 @@ def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert str(tmp_path) in plain and " to mend" in plain.splitlines()[-1]
 
 
-def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_ends_with_code_1_if_something_needs_repair(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     results = [CheckResult("clock", GOOD, "right"), CheckResult("ports", BAD, "taken", "end it")]
     monkeypatch.setattr("gateway.diagnostics.doctor.checks.examine", lambda facts: results)
     assert main(["doctor"]) == 1
@@ -138,7 +140,9 @@ def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsy
     assert doctor.lines(results[:1])[-1] == "nothing to mend"
 
 
-def test_how_packages_are_installed_where_this_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_suggests_the_install_command_of_this_installation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("sys.prefix", str(tmp_path))
     monkeypatch.setattr("sys.executable", str(tmp_path / "bin" / "python"))
     assert pip_command() == str(tmp_path / "bin" / "pip")
@@ -147,7 +151,7 @@ def test_how_packages_are_installed_where_this_one_is(tmp_path: Path, monkeypatc
     assert pip_command() == "pipx runpip mount-gateway"
 
 
-def test_a_gateway_tells_where_programs_connect(tmp_path: Path, started: list[Running]) -> None:
+def test_doctor_reads_from_a_gateway_where_programs_connect(tmp_path: Path, started: list[Running]) -> None:
     gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
     started.append(gateway)
     where = gateway.ready()

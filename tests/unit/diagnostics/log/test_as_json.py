@@ -23,7 +23,7 @@ def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
     return [json.loads(line) for line in stream.getvalue().splitlines()]
 
 
-def test_a_command_and_its_reply() -> None:
+def test_json_log_holds_a_command_and_its_reply() -> None:
     command, reply = told(Entry(AT, "mount", ">", b"e"), Entry(AT + 0.5, "mount", "<", b"34AB0500,12CE0500#"))
     assert command | {"words": ""} == {
         "time": "2026-01-15T22:00:00.250Z", "mount": "pier", "side": "mount", "direction": "to mount",
@@ -33,13 +33,13 @@ def test_a_command_and_its_reply() -> None:
     assert reply["hex"] == b"34AB0500,12CE0500#".hex() and reply["time"] == "2026-01-15T22:00:00.750Z"
 
 
-def test_bytes_that_cannot_be_printed_and_words_that_are_no_ascii_are_kept() -> None:
+def test_json_log_preserves_unprintable_bytes_and_non_ascii_text() -> None:
     line = as_json.written(Row(AT, "10.0.0.2:5", ">", b"\x06\xdf#", "22°"), "pier")
     assert line.isascii() and "\n" not in line
     assert {"bytes": "\\x06\\xdf#", "hex": "06df23", "words": "22°"}.items() <= json.loads(line).items()
 
 
-def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
+def test_json_log_marks_dropped_or_failed_commands_refused_and_events_without_direction() -> None:
     come, dropped, note, gone = told(
         Entry(AT, "10.0.0.2:5", "+", b"", "surface 1"),
         Entry(AT, "10.0.0.2:5", "x", b"K", "no command"),
@@ -51,13 +51,13 @@ def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
     assert {one["direction"] for one in (come, dropped, note, gone)} == {None}
 
 
-def test_filters_hold_for_objects_too() -> None:
+def test_json_log_obeys_filters() -> None:
     entries = Entry(AT, "mount", ">", b"e"), Entry(AT, "mount", "<", b"34AB0500,12CE0500#")
     assert told(*entries, log="json-program") == [] and told(*entries, log="json-changes") == []
     assert len(told(*entries, log="json-mount")) == 2
 
 
-def test_what_the_gateway_says_itself() -> None:
+def test_json_log_holds_messages_of_the_gateway() -> None:
     assert json.loads(as_json.warning(AT, "suspended")) == {
         "time": "2026-01-15T22:00:00.250Z", "mount": None, "side": "gateway", "direction": None,
         "kind": "warning", "refused": False, "bytes": "", "hex": "", "words": "suspended",

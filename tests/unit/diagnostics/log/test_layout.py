@@ -25,7 +25,7 @@ LONG = [
 
 @each("columns", [1, 40, 60, 80, 100, 132, 250])
 @each("row", LONG)
-def test_lines_fit_and_nothing_is_left_out(row: Row, columns: int) -> None:
+def test_log_lines_fit_the_width_and_lose_nothing(row: Row, columns: int) -> None:
     lines = wrapped(row, columns)
     assert max(len(line) for line in lines) <= max(columns, 40)
     assert all(line.startswith("    ") for line in lines[1:])
@@ -71,29 +71,29 @@ def _colours(text: str) -> set[str]:
     return {part for code in re.findall(r"\x1b\[([\d;]*)m", text) for part in code.split(";")} - {"0"}
 
 
-def test_a_terminal_gets_colours_and_a_file_none() -> None:
+def test_log_is_coloured_on_a_terminal_but_not_in_a_file() -> None:
     assert len(_colours(_printed(Terminal()))) > 3
     assert "\x1b" not in _printed(io.StringIO())
     assert re.sub(r"\x1b\[[\d;]*m", "", _printed(Terminal())) == _printed(io.StringIO())
 
 
-def test_at_night_they_are_red() -> None:
+def test_log_is_red_in_night_mode() -> None:
     assert _colours(_printed(Terminal(), night=True)) <= {"31", "1", "2"}
     assert all(line.startswith("\x1b[") for line in _printed(Terminal(), night=True).splitlines())
 
 
 @pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
-def test_whoever_wants_none_gets_none(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_without_colours_on_request_is_plain(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(name, value)
     assert "\x1b" not in _printed(Terminal()) and "\x1b" not in _printed(Terminal(), night=True)
 
 
-def test_an_empty_no_color_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_no_color_variable_leaves_colours_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "")
     assert "\x1b" in _printed(Terminal())
 
 
-def test_a_program_cannot_write_on_the_terminal() -> None:
+def test_log_escapes_control_characters_of_a_program() -> None:
     stream = io.StringIO()
     put = printer(Rows("nexstar", ["lx200"]), stream)
     for entry in (
@@ -107,7 +107,7 @@ def test_a_program_cannot_write_on_the_terminal() -> None:
     assert all(char == "\n" or char.isprintable() for char in stream.getvalue())
 
 
-def test_a_surface_is_shown_by_its_address() -> None:
+def test_log_shows_a_surface_by_its_address() -> None:
     stream = io.StringIO()
     put = printer(Rows("nexstar", ["lx200@tcp://:4030", "nexstar@tcp://:4031"]), stream)
     put(Entry(0.0, "1.2.3.4:5", "+", b"", "surface 2, host 1.2.3.4"))

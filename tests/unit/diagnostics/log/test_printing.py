@@ -35,7 +35,7 @@ async def _poll(client: Any, seconds: float) -> None:
         await asyncio.sleep(0.5)
 
 
-async def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
+async def test_log_folds_a_program_that_polls_twice_a_second_into_a_few_lines() -> None:
     async with Bridge() as bridge:
         client, log = bridge.client("127.0.0.1:5"), Log(bridge)
         await _poll(client, 30.0)
@@ -50,7 +50,7 @@ async def test_one_program_that_asks_twice_a_second_is_a_few_lines() -> None:
         assert sum(int(words.split()[0]) for words in counts) >= 40
 
 
-async def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
+async def test_log_shows_every_order_and_setting_and_ends_the_fold_there() -> None:
     async with Bridge() as bridge:
         client, log, normal = bridge.client("127.0.0.1:5"), Log(bridge), Log(bridge, "normal")
         await _poll(client, 2.0)
@@ -82,7 +82,7 @@ async def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> Non
         ]
 
 
-async def test_a_new_answer_is_shown_at_once() -> None:
+async def test_log_shows_a_changed_answer_at_once() -> None:
     async with Bridge() as bridge:
         client, log = bridge.client("127.0.0.1:5"), Log(bridge)
         await client.ask(b":Sr07:00:00#")
@@ -95,7 +95,7 @@ async def test_a_new_answer_is_shown_at_once() -> None:
         assert told[-2:] == ["D: the slew is under way", "D: the slew is done"]
 
 
-def test_a_question_without_an_answer_is_not_folded() -> None:
+def test_log_does_not_fold_an_unanswered_request() -> None:
     rows = Rows("lx200", ["lx200"])
     shown: list[Row] = []
     for second in range(3):
@@ -112,7 +112,7 @@ def test_a_question_without_an_answer_is_not_folded() -> None:
     ]
 
 
-def test_a_garbled_answer_is_shown() -> None:
+def test_log_shows_a_garbled_answer() -> None:
     rows = Rows("lx200", ["lx200"])
     shown: list[Row] = []
     for second, reply in enumerate([b"05:34:32#", b"05:34:33#", b"05:%4:34#"]):
@@ -122,7 +122,7 @@ def test_a_garbled_answer_is_shown() -> None:
     assert shown[-1].text == "dropped: garbled"
 
 
-def test_a_program_that_comes_anew_for_every_question_is_one() -> None:
+def test_log_folds_a_program_with_one_connection_per_request() -> None:
     rows = Rows("nexstar", ["lx200"])
     shown: list[Row] = []
     for second in range(30):
@@ -136,7 +136,7 @@ def test_a_program_that_comes_anew_for_every_question_is_one() -> None:
     assert [row.arrow for row in shown] == ["+", ">", "<", "-", "=", "=", "+", ">", "-", "+", ">", "<", "-", "="]
 
 
-def test_two_programs_of_one_computer_are_two() -> None:
+def test_log_separates_two_programs_of_one_computer() -> None:
     rows = Rows("nexstar", ["lx200"])
     shown: list[Row] = []
     for port in (1, 2):
@@ -156,7 +156,7 @@ def test_two_programs_of_one_computer_are_two() -> None:
         ("refusals", {"127.0.0.1:5"}, [b":Sr99#", b"0"]),
     ],
 )
-async def test_what_is_not_asked_for_is_left_out(shown: str, sides: set[str], told: list[bytes]) -> None:
+async def test_log_leaves_out_kinds_that_are_not_selected(shown: str, sides: set[str], told: list[bytes]) -> None:
     async with Bridge() as bridge:
         log, client = Log(bridge, shown), bridge.client("127.0.0.1:5")
         for said in (b":GR#", b":GR#", b":Sr05:34:32#", b":Sr99#"):
@@ -166,7 +166,7 @@ async def test_what_is_not_asked_for_is_left_out(shown: str, sides: set[str], to
         assert [row.data for row in log.rows if row.side.startswith("127.") and row.data] == told
 
 
-async def test_a_goto_is_a_change_on_both_sides() -> None:
+async def test_log_shows_a_goto_as_a_change_on_both_sides() -> None:
     async with Bridge() as bridge:
         log, client = Log(bridge, "changes"), bridge.client("127.0.0.1:5")
         for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):
@@ -176,7 +176,7 @@ async def test_a_goto_is_a_change_on_both_sides() -> None:
         ]  # fmt: skip
 
 
-def test_rubbish_says_nothing_of_what_a_connection_speaks() -> None:
+def test_log_does_not_guess_a_protocol_from_incomplete_bytes() -> None:
     """The log began after the connection: its first bytes are no command, and those after them are one of LX200."""
     rows = Rows("nexstar", [])
     told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.take(Entry(1.0, "127.0.0.1:5", ">", data))]

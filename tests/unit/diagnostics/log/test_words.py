@@ -76,7 +76,9 @@ SAID = [
 
 
 @each(("protocol", "command", "words", "reply", "answer"), SAID)
-def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str) -> None:
+def test_log_describes_commands_and_replies_in_words(
+    protocol: str, command: bytes, words: str, reply: bytes, answer: str
+) -> None:
     side = Side(protocol)
     assert side.command(command).text == words
     if reply:
@@ -84,7 +86,7 @@ def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: 
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
-def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None:
+def test_only_commands_without_an_effect_count_as_reads(protocol: str) -> None:
     table = load(protocol)
     acting = {
         name
@@ -98,7 +100,7 @@ def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None
             assert not [one for one in row.operations if one.startswith(does)]
 
 
-def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> None:
+def test_every_description_row_names_an_existing_field_or_command() -> None:
     for protocol in ("lx200", "nexstar"):
         table = load(protocol)
         fields = {
@@ -116,13 +118,13 @@ def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> Non
             assert field in (fields[command] if dot else set().union(*fields.values())), name
 
 
-def test_unknown_bytes_are_bytes() -> None:
+def test_log_shows_unknown_bytes_as_bytes() -> None:
     side = Side("lx200")
     assert side.command(b":XX#").text == "not a command of the lx200 protocol"
     assert side.reply(b"\xffwhat").text == ""
 
 
-def test_a_reply_tells_nothing_of_the_protocol_of_a_program_that_was_here_before() -> None:
+def test_log_does_not_infer_a_protocol_from_a_reply_to_an_earlier_program() -> None:
     """The log may begin between a command and its reply; the next command is understood all the same."""
     rows, side = Rows("nexstar", ["lx200"]), "1.2.3.4:5"
     entries = [

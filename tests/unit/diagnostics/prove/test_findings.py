@@ -44,7 +44,7 @@ def prepare(replies: set[bytes], proven: Proven) -> None:
 
 @pytest.mark.sampled(every=4)
 @pytest.mark.parametrize("mount", KINDS)
-def test_the_file_is_the_same_wherever_and_whenever_the_mount_is_checked(mount: str, tmp_path: Path) -> None:
+def test_prove_file_is_independent_of_place_and_time(mount: str, tmp_path: Path) -> None:
     replies = set[bytes]()
     here = write(tmp_path, checked(mount, (9,)), simulated=True).read_text("utf-8")
     findings = checked(mount, (9,), change=partial(prepare, replies), **elsewhere(mount))
@@ -58,7 +58,7 @@ def test_the_file_is_the_same_wherever_and_whenever_the_mount_is_checked(mount: 
     assert sent and not [one for one in sent if one.decode("latin-1") in there]
 
 
-def test_words_that_may_tell_a_place_or_an_address_are_left_out(tmp_path: Path) -> None:
+def test_prove_file_leaves_out_text_that_may_reveal_a_place_or_address(tmp_path: Path) -> None:
     findings = Findings("Celestron NexStar 6-8se 4.21", "6-8se", "4.21")
     findings.stages = {
         "sky": [

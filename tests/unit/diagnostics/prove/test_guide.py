@@ -70,7 +70,7 @@ async def rests(proven: Proven, soon: float = RESTS) -> None:
 
 @pytest.mark.parametrize("seed", range(as_a_rule(1, whole=CHECKS)))
 @pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se", "lx200:lx200gps", "alpaca:polar"], whole=TRUE))
-def test_a_true_mount_raises_no_alarm_and_is_left_as_it_was(mount: str, seed: int) -> None:
+def test_prove_reports_no_difference_on_a_true_mount_and_restores_it(mount: str, seed: int) -> None:
     assert alarms(mount, seed, (9, 6, 1)) == []
 
 
@@ -160,7 +160,7 @@ MISHAPS: dict[str, tuple[Callable[[Proven, Onlooker], None], str]] = {
 @pytest.mark.parametrize("moment", MOMENTS)
 @pytest.mark.parametrize("mishap", MISHAPS)
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_nothing_moves_after_a_mishap_and_all_is_as_before(mount: str, mishap: str, moment: str) -> None:
+def test_prove_restores_everything_after_a_fault_and_moves_nothing_more(mount: str, mishap: str, moment: str) -> None:
     words, later, answers, dec = MOMENTS[moment]
     act, said = MISHAPS[mishap]
 
@@ -209,7 +209,7 @@ CONDITIONS: dict[str, tuple[dict[str, Any], tuple[float, float], str]] = {
 
 @pytest.mark.parametrize("what", CONDITIONS)
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
+def test_prove_respects_limits_the_sun_and_a_hold(mount: str, what: str) -> None:
     settings, (low, high), words = CONDITIONS[what]
 
     async def play() -> None:
@@ -233,7 +233,7 @@ def test_limits_the_sun_and_a_hold_are_kept(mount: str, what: str) -> None:
     run_calm(play())
 
 
-def test_the_sky_of_a_mount_that_is_not_aligned_is_compared_another_time() -> None:
+def test_prove_postpones_the_sky_comparison_on_an_unaligned_mount() -> None:
     async def play() -> None:
         async with Proven("nexstar:6-8se", aligned=False) as proven:
             found = await proven.check(person := Onlooker("yq"))
@@ -243,7 +243,7 @@ def test_the_sky_of_a_mount_that_is_not_aligned_is_compared_another_time() -> No
     run_calm(play())
 
 
-def test_a_check_that_begins_near_the_sun_leaves_it_first() -> None:
+def test_prove_moves_away_first_if_it_begins_near_the_sun() -> None:
     async def play() -> None:
         async with Proven("nexstar:6-8se", **CONDITIONS["near the Sun"][0]) as proven:
             before, person = kept(proven), Onlooker("ssyssssy")
@@ -255,7 +255,7 @@ def test_a_check_that_begins_near_the_sun_leaves_it_first() -> None:
     run_calm(play())
 
 
-def test_a_limit_that_ends_tracking_is_named_and_changes_no_setting() -> None:
+def test_prove_names_a_limit_that_ends_tracking_and_changes_no_setting() -> None:
     async def play() -> None:
         async with Proven("lx200:lx200gps", **CONDITIONS["near the Sun"][0]) as proven:
             with patch.object(small_motions, "KEYS", (9, 7)):
@@ -267,7 +267,7 @@ def test_a_limit_that_ends_tracking_is_named_and_changes_no_setting() -> None:
     run_calm(play())
 
 
-def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
+def test_space_between_two_prove_questions_stops_the_mount() -> None:
     """Pressed while a stage ends, as the mount is asked what it does."""
 
     async def play() -> None:
@@ -280,7 +280,7 @@ def test_a_space_that_comes_between_two_questions_stops_the_mount_too() -> None:
     run_calm(play())
 
 
-def test_another_session_goes_on_where_this_one_ended(tmp_path: Path) -> None:
+def test_prove_session_continues_where_the_last_one_ended(tmp_path: Path) -> None:
     kept = tmp_path / "findings.json"
     assert load(kept) == Findings()
 
@@ -302,7 +302,7 @@ def test_another_session_goes_on_where_this_one_ended(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mount", ["lx200:onstep", "nexstar:6-8se"])
-def test_a_mount_is_the_same_one_if_the_question_for_its_version_is_lost(mount: str) -> None:
+def test_prove_recognises_the_mount_though_the_version_reply_is_lost(mount: str) -> None:
     async def play(nth: int, findings: Findings) -> Findings:
         def lose(proven: Proven) -> None:
             write, count = proven.wire.write, iter(range(1, 10**6))
@@ -321,7 +321,7 @@ def test_a_mount_is_the_same_one_if_the_question_for_its_version_is_lost(mount: 
         assert "?" not in third.mount and third.stages.keys() == {"reads"}
 
 
-def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) -> None:
+def test_prove_resumes_stopped_motions_after_the_last_measured_rate(tmp_path: Path) -> None:
     measured, real = list[str](), small_motions._measured
 
     async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
@@ -353,7 +353,7 @@ def test_motions_that_were_stopped_go_on_behind_the_last_rate(tmp_path: Path) ->
     assert measured == ["rate 6 west/east", "rate 6 north/south", *first, *second]
 
 
-def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
+def test_prove_stores_measurements_made_before_ctrl_c(tmp_path: Path) -> None:
     async def play() -> None:
         async with Proven() as proven:
             kept, person = tmp_path / "findings.json", Onlooker("ssy")
@@ -383,7 +383,7 @@ def test_what_was_measured_before_ctrl_c_is_kept(tmp_path: Path) -> None:
         run_calm(play())
 
 
-def test_tracking_that_another_program_turns_on_stays_on() -> None:
+def test_prove_leaves_tracking_on_that_another_program_switched_on() -> None:
     async def play() -> None:
         async with Proven() as proven:
             take = proven.gateway.request_handler.take
@@ -400,7 +400,7 @@ def test_tracking_that_another_program_turns_on_stays_on() -> None:
     run_calm(play())
 
 
-def test_the_page_shows_that_a_check_is_under_way() -> None:
+def test_page_shows_that_a_prove_check_is_running() -> None:
     async def play() -> None:
         async with Proven() as proven:
             person, shown = Onlooker("ssyq"), list[str]()
@@ -418,7 +418,7 @@ def test_the_page_shows_that_a_check_is_under_way() -> None:
     run_calm(play())
 
 
-def test_a_goto_that_ends_beside_its_goal_differs() -> None:
+def test_prove_reports_a_goto_that_ends_off_its_target() -> None:
     async def program() -> list[Finding]:
         async with Proven() as proven:
             mechanics = proven.sim.mechanics
@@ -431,13 +431,13 @@ def test_a_goto_that_ends_beside_its_goal_differs() -> None:
     assert finding.verdict == DIFFERS and "18.0' from its goal" in finding.measured
 
 
-def test_every_stage_says_what_comes_in_one_sentence() -> None:
+def test_every_prove_stage_is_announced_in_one_sentence() -> None:
     for stage in STAGES:
         assert stage.will.endswith(".") and len(stage.will) <= 60
     assert [stage.name for stage in STAGES if stage.moves] == ["place", "motions", "goto", "guiding"]
 
 
-def test_findings_of_other_files_are_none(tmp_path: Path) -> None:
+def test_prove_ignores_findings_in_files_of_another_form(tmp_path: Path) -> None:
     (tmp_path / "findings.json").write_text("no findings")
     assert load(tmp_path / "findings.json") == Findings()
     assert SAME == "same"

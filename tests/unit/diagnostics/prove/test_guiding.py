@@ -21,12 +21,12 @@ SECOND = 1.0 / 3600.0
         (-7.5, DIFFERS, 'reversed, 7.5"/s ± 1.3"/s'),
     ],
 )
-def test_what_is_off_by_more_than_a_quarter_is_not_the_same(measured: float, verdict: str, words: str) -> None:
+def test_guide_rate_off_by_more_than_a_quarter_counts_as_different(measured: float, verdict: str, words: str) -> None:
     """An exchange of 60 ms is 15 % of a pulse, 1.1"/s of 7.5"/s; two steps of 0.3" in 4 s are 0.15"/s."""
     finding = guide_rate_finding("guiding west/east", measured * SECOND, 7.5 * SECOND, 0.06, 0.3 * SECOND)
     assert (finding.verdict, finding.measured, finding.assumed) == (verdict, words, '7.5"/s')
 
 
-def test_a_way_of_few_steps_shows_nothing() -> None:
+def test_guide_motion_of_few_reading_steps_is_not_judged() -> None:
     finding = guide_rate_finding("guiding west/east", 7.5 * SECOND, 7.5 * SECOND, 0.06, 20.0 * SECOND)
     assert (finding.verdict, finding.measured) == (NOT_MEASURABLE, "too few steps of its reading")

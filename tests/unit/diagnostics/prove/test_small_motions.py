@@ -114,7 +114,7 @@ def _checked(what: str, **config: object) -> tuple[Findings, dict[str, str]]:
 
 
 @pytest.mark.parametrize("what", DIFFERENCES)
-def test_a_difference_is_found_and_named(what: str) -> None:
+def test_prove_names_each_deliberate_difference_of_a_mount(what: str) -> None:
     *_, expected, keys = DIFFERENCES[what]
     found, verdicts = _checked(what)
     assert {name: verdicts.get(name) for name in expected} == expected, verdicts
@@ -127,7 +127,7 @@ def test_a_difference_is_found_and_named(what: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["other rates", "a run-on of 5 degrees"])
-def test_a_gateway_that_is_adapted_finds_no_difference(what: str) -> None:
+def test_prove_finds_no_difference_once_the_gateway_is_adapted(what: str) -> None:
     found, _ = _checked(what)
     again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.keys.items()})
     assert not again.keys and verdicts["run-on after a stop"] == SAME
@@ -135,7 +135,7 @@ def test_a_gateway_that_is_adapted_finds_no_difference(what: str) -> None:
 
 
 @pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "alpaca:polar"])
-def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
+def test_prove_soon_stops_testing_a_motor_that_does_not_turn(mount: str) -> None:
     """Its drive is off, so that the sky passes and its right ascension changes all the time."""
 
     async def play() -> None:
@@ -151,7 +151,7 @@ def test_a_motor_that_does_not_turn_is_soon_let_go(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "lx200:lx200"])
-def test_pulses_of_a_computer_that_is_busy_show_nothing(mount: str) -> None:
+def test_prove_does_not_judge_pulses_timed_by_a_busy_computer(mount: str) -> None:
     """They are as long as it takes until it gets to end them."""
 
     async def play() -> None:

@@ -78,7 +78,7 @@ def judged(text: str) -> list[str]:
 # --- what is gathered -----------------------------------------------------------------------------------------------
 
 
-def test_places_answers_programs_and_refusals(seen: Night) -> None:
+def test_report_shows_places_answers_programs_and_refusals(seen: Night) -> None:
     assert seen.site is not None and (seen.site.latitude, seen.site.longitude, seen.site.source) == (
         *SITE,
         "the settings",
@@ -93,7 +93,7 @@ def test_places_answers_programs_and_refusals(seen: Night) -> None:
     assert len(seen.remarks) == 1 and "no answer to e within 3.5 s" in seen.remarks[0].text
 
 
-def test_it_pointed_where_it_was_sent(seen: Night) -> None:
+def test_report_shows_the_mount_pointing_where_it_was_sent(seen: Night) -> None:
     sky = Sky()
     for minute, ra, dec in TARGETS[1:]:
         time = BEGAN + minute * 60.0 + 3000.0
@@ -101,7 +101,7 @@ def test_it_pointed_where_it_was_sent(seen: Night) -> None:
         assert separation(place.ra, place.dec, *sky.to_of_date(ra, dec, time)) < 0.01
 
 
-def test_over_the_horizon_it_tracks_slews_and_breaks_off(seen: Night) -> None:
+def test_report_shows_tracking_slews_and_gaps_over_the_horizon(seen: Night) -> None:
     sky = Sky()
     places = track(seen, sky)
     last = places[-1]
@@ -113,7 +113,7 @@ def test_over_the_horizon_it_tracks_slews_and_breaks_off(seen: Night) -> None:
     assert [round((place.time - BEGAN) / 60) for place in gaps] == [155]  # the cable was back
 
 
-def test_a_lost_answer_is_counted_and_its_time_is_nobody_elses(tmp_path: Path) -> None:
+def test_report_counts_a_lost_answer_without_shifting_other_times(tmp_path: Path) -> None:
     tape = Tape()
     tape.put(0.0, "mount", ">", b"e")
     tape.asked(5.0, b"e", b"00000000,00000000#", 0.25)
@@ -124,7 +124,7 @@ def test_a_lost_answer_is_counted_and_its_time_is_nobody_elses(tmp_path: Path) -
     assert found.unanswered == 2
 
 
-def test_a_stop_in_between_costs_no_answer(tmp_path: Path) -> None:
+def test_report_counts_no_lost_answer_for_an_intervening_stop(tmp_path: Path) -> None:
     tape = Tape()
     tape.put(1.0, "mount", ">", b"e")
     tape.put(1.1, "mount", ">", b"M")
@@ -134,7 +134,7 @@ def test_a_stop_in_between_costs_no_answer(tmp_path: Path) -> None:
     assert list(found.took) == pytest.approx([0.2, 0.3]) and found.unanswered == 0
 
 
-def test_a_meade_tells_place_and_site_in_pieces(tmp_path: Path) -> None:
+def test_report_joins_position_and_site_that_a_meade_sends_in_pieces(tmp_path: Path) -> None:
     tape = Tape()
     tape.asked(0.0, b":Gt#", b"+48*08#", 0.1)
     tape.asked(1.0, b":Gg#", b"348*25#", 0.1)
@@ -149,14 +149,14 @@ def test_a_meade_tells_place_and_site_in_pieces(tmp_path: Path) -> None:
     assert found.unanswered == 0  # :Q# has none
 
 
-def test_the_spread_of_answers(seen: Night) -> None:
+def test_report_shows_the_distribution_of_reply_times(seen: Night) -> None:
     found = spreads(seen)
     assert all(one.low <= one.middle <= one.high <= one.longest for one in found)
     assert 200 <= len(found) <= 241
     assert max(one.longest for one in found) == max(seen.took)
 
 
-def test_day_and_night_behind_the_line(seen: Night) -> None:
+def test_report_shows_day_and_night_behind_the_altitude_curve(seen: Night) -> None:
     day = Night("nexstar@-", [], BEGAN - 6 * 3600.0, BEGAN + 3600.0, site=seen.site)
     parts = light(day, Sky())
     assert [part.kind for part in parts] == ["day", "twilight", "dark"]
@@ -167,7 +167,7 @@ def test_day_and_night_behind_the_line(seen: Night) -> None:
 # --- what is written ------------------------------------------------------------------------------------------------
 
 
-def test_the_page_is_whole_and_says_it_in_words(seen: Night) -> None:
+def test_report_page_is_complete_and_described_in_words(seen: Night) -> None:
     text = page(seen, "night.rec")
     tags = judged(text)
     assert tags.count("svg") == 3 and tags.count("table") == 3
@@ -186,7 +186,7 @@ def test_the_page_is_whole_and_says_it_in_words(seen: Night) -> None:
     assert len(text) < 150_000
 
 
-def test_what_programs_send_stays_text(tmp_path: Path) -> None:
+def test_report_shows_markup_sent_by_programs_as_text(tmp_path: Path) -> None:
     tape = Tape()
     tape.put(0.0, HOSTILE, "+", f"surface 1, host {HOSTILE}")
     tape.put(1.0, HOSTILE, ">", f":{HOSTILE}#".encode())
@@ -199,7 +199,7 @@ def test_what_programs_send_stays_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lines", ["0.000000 mount ^\n", "0.1 10.0.0.1:1 + surface 1, host 10.0.0.1\n"])
-def test_a_night_in_which_little_happened(lines: str, tmp_path: Path) -> None:
+def test_report_of_an_almost_empty_night_is_complete(lines: str, tmp_path: Path) -> None:
     path = tmp_path / "short.rec"
     path.write_text(head() + lines)
     found = gather(read(path))
@@ -208,7 +208,7 @@ def test_a_night_in_which_little_happened(lines: str, tmp_path: Path) -> None:
     assert "The mount never reported its position." in said and "The mount answered no question." in said
 
 
-def test_places_without_a_site_are_told_in_words(tmp_path: Path) -> None:
+def test_report_without_a_site_describes_places_in_words(tmp_path: Path) -> None:
     tape = Tape()
     tape.asked(1.0, b"e", b"40000000,10000000#", 0.1)
     found = recorded(tmp_path, tape, site=None)
@@ -226,7 +226,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return code, said.out, said.err
 
 
-def test_the_file_is_written_beside_the_recording_or_where_one_wants(
+def test_report_is_written_beside_the_recording_or_to_the_given_path(
     short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     own = tmp_path / "night.rec"
@@ -237,7 +237,7 @@ def test_the_file_is_written_beside_the_recording_or_where_one_wants(
     assert code == 0 and (tmp_path / "there.html").read_text() == (tmp_path / "night.html").read_text()
 
 
-def test_a_recording_that_breaks_off_is_reported_and_said_so(
+def test_report_of_a_truncated_recording_says_so(
     short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "cut.rec"
@@ -258,7 +258,7 @@ def test_a_recording_that_breaks_off_is_reported_and_said_so(
         (head() + "what is this\n", "is not a line of a recording"),
     ],
 )
-def test_mistakes_are_one_line(
+def test_report_explains_mistakes_in_one_line(
     content: str | None, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "bad.rec"
@@ -269,9 +269,7 @@ def test_mistakes_are_one_line(
     assert not (tmp_path / "bad.html").exists()
 
 
-def test_no_file_of_somebody_elses_is_overwritten(
-    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_report_overwrites_no_foreign_file(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     there = tmp_path / "mine.html"
     there.write_text("mine")
     code, _, errors = run(capsys, short, "-o", there)
@@ -283,7 +281,7 @@ def test_no_file_of_somebody_elses_is_overwritten(
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="only where there are pipes among files")
 @pytest.mark.parametrize(("more", "words"), [([], "--force replaces it"), (["--force"], "a plain file is needed")])
-def test_a_pipe_is_not_replaced(
+def test_report_does_not_replace_a_pipe(
     more: list[str], words: str, short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     os.mkfifo(pipe := tmp_path / "pipe")

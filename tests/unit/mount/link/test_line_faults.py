@@ -36,7 +36,7 @@ EVERY = tuple(kind for kind in Kind if kind not in (Kind.MUTE, Kind.REBOOT))
 
 
 @pytest.mark.parametrize(("driven", "model", "seed"), [("nexstar", "cge", 11), ("lx200", "autostar", 13)])
-def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: int) -> None:
+def test_reads_over_a_faulty_line_are_never_wrong(driven: str, model: str, seed: int) -> None:
     """A failure is played again by its seed. With ``--whole``, every kind of fault alone, too, at three rates."""
     kinds = as_a_rule([EVERY], whole=[EVERY, tuple(Kind), *((kind,) for kind in Kind)])
     for faults, rate in product(kinds, as_a_rule([0.05], whole=[0.01, 0.05, 0.2])):
@@ -50,7 +50,7 @@ def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: in
 # --- one fault at a time ------------------------------------------------------------------------------------------
 
 
-async def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
+async def test_line_comes_back_at_the_second_check() -> None:
     deaf = 2  # the question and the first echo
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -68,7 +68,7 @@ async def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> N
 
 
 @each("after", [0.0, 0.01, 0.03])
-async def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> None:
+async def test_duplicate_reply_is_not_taken_for_the_next_one(after: float) -> None:
     replies = {b"e": b"10000000,20000000#", b"z": b"30000000,40000000#"}
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -84,7 +84,7 @@ async def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float
     await line.close()
 
 
-async def test_an_acknowledgement_that_another_follows_is_none() -> None:
+async def test_acknowledgement_followed_by_another_is_rejected() -> None:
     line, _ = await opened(lambda data: [(0.01, b"#"), (0.02, b"#")] if data == b"M" else hand_control(data))
     with pytest.raises(Garbled):
         await line.exchange(Send("M"), STOP)
@@ -93,14 +93,14 @@ async def test_an_acknowledgement_that_another_follows_is_none() -> None:
 
 
 @each("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
-def test_a_reply_of_another_form_is_none(reply: bytes) -> None:
+def test_reply_of_another_form_is_rejected(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
     outcome = Lx200ReplyRules().take(Send("GR"), reply)
     assert outcome is not None
     assert isinstance(outcome[0], Garbled)
 
 
-async def test_after_half_a_command_nothing_is_sent_for_a_while() -> None:
+async def test_line_stays_quiet_for_a_while_after_half_a_command() -> None:
     """The other half of a goto must not be made of what was meant to prove the line."""
     line, wire = await opened(hand_control)
     good, sent = wire.write, wire.sent
@@ -120,7 +120,7 @@ async def test_after_half_a_command_nothing_is_sent_for_a_while() -> None:
     await line.close()
 
 
-async def test_a_mute_port_is_opened_anew() -> None:
+async def test_mute_port_is_reopened() -> None:
     """A network bridge that was restarted may leave a connection that nobody answers on."""
     wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
     line = MountLink(wire, NexStarReplyRules(), WireLog(lambda: 0.0))
@@ -150,7 +150,7 @@ class _Port:
 
 
 @pytest.mark.real_time
-async def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_dead_reader_is_reported_and_a_partial_write_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.transport.wires.open_port", lambda url, baud: _Port())
     wire, lost = SerialTransport("/dev/none"), asyncio.Event()
     await wire.open(lambda data: None, lambda reason: lost.set())
@@ -176,7 +176,7 @@ def silence(bridge: Bridge) -> Callable[[], None]:
     return heal
 
 
-async def test_what_clients_are_told_while_the_line_is_down() -> None:
+async def test_clients_get_failures_while_the_line_is_down() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         position = await client.ask(b":GR#")
@@ -193,7 +193,7 @@ async def test_what_clients_are_told_while_the_line_is_down() -> None:
         assert await client.ask(b":GR#", 1.0) == b""
 
 
-async def test_a_hand_control_that_was_switched_off_comes_back_as_it_is() -> None:
+async def test_hand_control_switched_off_and_on_is_used_as_it_is() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         assert await client.ask(b":GW#") == b"PT1"
@@ -208,7 +208,7 @@ async def test_a_hand_control_that_was_switched_off_comes_back_as_it_is() -> Non
         assert (await client.ask(b":Sr05:00:00#:Sd+60*00:00#:MS#", until=b"#")).startswith(b"111")
 
 
-async def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
+async def test_meade_switched_off_and_on_is_set_to_high_precision_again() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         assert bridge.sim.high
         bridge.sim.high = False  # off and on between two questions
@@ -218,7 +218,7 @@ async def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
 
 
 @pytest.mark.parametrize("moves", [False, True])
-def test_a_digit_that_is_often_changed_is_seldom_believed(moves: bool) -> None:
+def test_line_that_often_corrupts_a_digit_seldom_gives_a_wrong_position(moves: bool) -> None:
     """The first digit of 30 % of the positions is 0: a quarter turn away, which no motor makes between two replies."""
 
     async def program() -> None:
@@ -248,7 +248,7 @@ def test_a_digit_that_is_often_changed_is_seldom_believed(moves: bool) -> None:
     run(program())
 
 
-async def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
+async def test_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         wire: Any = bridge.controller.line.wire
         good = wire.feed
@@ -260,7 +260,7 @@ async def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None
         assert await client.ask(b"L") == b"1#"
 
 
-async def test_reads_are_asked_again_only_when_something_changed() -> None:
+async def test_reads_are_repeated_only_after_a_change() -> None:
     """Steady answers cost one exchange each."""
     async with Bridge("cge") as bridge:
         await bridge.controller.verifier.exchange(Send("t"), READ)

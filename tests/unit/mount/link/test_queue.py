@@ -69,7 +69,7 @@ async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple
     return line, wire
 
 
-async def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
+async def test_line_does_one_exchange_at_a_time_and_stops_first() -> None:
     line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
     reads = [asyncio.ensure_future(line.exchange(Send("J"), READ)) for _ in range(3)]
     await asyncio.sleep(0.01)
@@ -82,7 +82,7 @@ async def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() ->
     await line.close()
 
 
-async def test_a_position_goes_before_other_reads_and_settings_however_long_these_have_waited() -> None:
+async def test_position_goes_before_other_reads_and_settings() -> None:
     """Its halves must be of one instant, and settings without end must not blind the hub."""
     line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
     others = [
@@ -98,7 +98,7 @@ async def test_a_position_goes_before_other_reads_and_settings_however_long_thes
 
 
 @each("priorities", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
-async def test_a_setting_gets_its_turn_whatever_goes_before_it(priorities: tuple[int, ...]) -> None:
+async def test_setting_is_sent_in_turn_under_any_load(priorities: tuple[int, ...]) -> None:
     """Two that ask without end, on a line that is slower than they are."""
     line, wire = await opened(lambda data: [(1.0, hand_control(data)[0][1])])
 
@@ -117,7 +117,7 @@ async def test_a_setting_gets_its_turn_whatever_goes_before_it(priorities: tuple
     await line.close()
 
 
-async def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> None:
+async def test_reply_time_is_measured_though_a_stop_follows_at_once() -> None:
     """A stop of a Meade has no reply: it is over before whoever asked before it has read its answer."""
     wire = Wire(lambda data: [(0.25, b"12:00:00#")] if data == b":GR#" else [])
     line = MountLink(wire, Lx200ReplyRules(), WireLog(lambda: 0.0))
@@ -133,7 +133,7 @@ async def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() 
     await line.close()
 
 
-async def test_a_late_answer_is_never_taken_for_the_next() -> None:
+async def test_late_answer_is_never_taken_for_the_next() -> None:
     """``J`` is answered after 4 s: too late. Echoes follow until the line is in step, then the next command."""
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -150,7 +150,7 @@ async def test_a_late_answer_is_never_taken_for_the_next() -> None:
     await line.close()
 
 
-async def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
+async def test_silent_mount_is_reported_down_and_comes_back() -> None:
     alive = True
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -174,7 +174,7 @@ async def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> 
     await line.close()
 
 
-async def test_a_lost_port_is_opened_again() -> None:
+async def test_lost_port_is_opened_again() -> None:
     line, wire = await opened(hand_control)
     assert wire.on_lost is not None
     wire.fail_to_open = 3
@@ -217,14 +217,14 @@ async def test_replies_are_framed_by_length(ask: Send, reply: bytes, expected: A
     await line.close()
 
 
-async def test_bytes_that_nobody_asked_for_are_dropped() -> None:
+async def test_unsolicited_bytes_are_dropped() -> None:
     line, wire = await opened(hand_control)
     wire.deliver(b"\x09#\x09#")
     assert (await line.exchange(Send("t")))["mode"] == 2
     await line.close()
 
 
-async def test_silence_can_be_an_answer() -> None:
+async def test_unanswered_request_leaves_the_line_up_after_a_check() -> None:
     line, wire = await opened(lambda data: [] if data == b"v" else hand_control(data))
     with pytest.raises(Silence):
         await line.exchange(Send("v", patience=1.0))
@@ -235,7 +235,7 @@ async def test_silence_can_be_an_answer() -> None:
     await line.close()
 
 
-async def test_a_garbled_answer_is_a_fault_and_not_the_end() -> None:
+async def test_garbled_answer_is_a_fault_and_the_line_stays_up() -> None:
     line, _ = await opened(lambda data: [(0.01, b"34AZ0500,12CE0500#")] if data == b"e" else hand_control(data))
     with pytest.raises(Exception, match="Garbled"):
         await line.exchange(Send("e"))

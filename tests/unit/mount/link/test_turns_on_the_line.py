@@ -37,7 +37,7 @@ def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[
 
 
 @each("priority", [POSITION, READ])
-def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_before_the_next(priority: int) -> None:
+def test_long_waiting_read_goes_before_settings_and_between_motions(priority: int) -> None:
     aged = Waits(priority, 1, NOW - AGED[priority] - 0.01)
     assert priorities(Waits(SETTING), aged) == [priority, SETTING]
     assert priorities(Waits(MOTION), aged) == [MOTION, priority]
@@ -45,14 +45,14 @@ def test_a_read_that_has_waited_long_goes_before_settings_and_after_a_motion_bef
     assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
 
 
-def test_a_read_waits_for_what_is_urgent_and_soon() -> None:
+def test_read_waits_for_urgent_and_imminent_orders() -> None:
     assert held_back(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
     assert held_back(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
     assert held_back(Waits(READ), NOW, None, typical_rtt=0.1) is None
     assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
 
 
-def test_what_begins_a_motion_by_hand_is_not_begun_late() -> None:
+def test_late_motion_by_hand_is_not_sent() -> None:
     arrow = Send("move", at_once_or_never=True)
     assert too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
     assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)

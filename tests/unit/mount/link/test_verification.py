@@ -13,7 +13,7 @@ from gateway.mount.link.transaction import LateReplies
 from tests.support.in_process_gateway import Bridge
 
 
-async def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_order_that_is_never_verified_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(late: LateReplies, ask: object, now: float) -> float:
         return now + 1e6
 
@@ -25,7 +25,7 @@ async def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.Mo
         assert bridge.controller.now() - began < 20.0
 
 
-async def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> None:
+async def test_missing_device_keeps_no_request_in_memory() -> None:
     """A fault that is raised holds on to everything it came through, as long as somebody holds on to the fault."""
     async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
@@ -36,7 +36,7 @@ async def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> 
         assert not [fault for fault in gc.get_objects() if isinstance(fault, NoDevice) and fault.__traceback__]
 
 
-async def test_no_client_makes_it_remember_without_end() -> None:
+async def test_verification_memory_is_bounded_for_any_client() -> None:
     async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
         for device in range(256):

@@ -30,14 +30,14 @@ def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3
     return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), resolution) for at, place in places]
 
 
-def test_it_is_done_when_the_axes_stand_still_after_a_run_on() -> None:
+def test_end_is_fulfilled_when_the_axes_rest_after_running_on() -> None:
     going = looks((99.6, 10.0), (100.0, 11.6), (100.4, 12.9), (100.8, 13.4))
     assert next_step(FAST, going[:2], 100.1) is Step.LOOK, "the looks before the end say nothing"
     assert next_step(FAST, going[:3], 100.4) is Step.LOOK, "it runs on"
     assert next_step(FAST, going, 100.8) is Step.DONE
 
 
-def test_one_that_was_lost_is_sent_again_at_growing_intervals_and_then_told() -> None:
+def test_lost_end_is_sent_again_at_growing_intervals_and_then_reported() -> None:
     ending, now, sent, told = FAST, 100.0, [100.0], []
     samples: list[AxisSample] = []
     while now < 160.0:
@@ -55,17 +55,17 @@ def test_one_that_was_lost_is_sent_again_at_growing_intervals_and_then_told() ->
     assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN) :])
 
 
-def test_only_the_axes_that_are_to_rest_count() -> None:
+def test_end_looks_only_at_the_axes_that_should_rest() -> None:
     one = Ending(frozenset({1}), 4.0, (100.0,))
     assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=2), 103.0) is Step.DONE
     assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is Step.SEND
 
 
-def test_across_the_north_it_is_no_jump() -> None:
+def test_azimuth_passing_north_is_no_jump() -> None:
     assert speed(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
 
 
-def test_a_coarse_position_says_nothing_before_it_could_have_changed() -> None:
+def test_coarse_position_is_not_judged_before_it_could_change() -> None:
     """Low precision: a tenth of a minute of right ascension is 90 arcseconds."""
     slow = Ending(frozenset({1}), 0.1, (100.0,))
     coarse = looks((100.4, 5.0), (100.8, 5.0), resolution=90 / 3600)
@@ -75,7 +75,7 @@ def test_a_coarse_position_says_nothing_before_it_could_have_changed() -> None:
 
 @some
 @given(st.floats(0.0, 2 * SLOW - 1e-9))
-def test_what_nobody_could_see_is_not_looked_for(rate: float) -> None:
+def test_motion_too_slow_to_be_seen_is_not_checked(rate: float) -> None:
     ending = Ending(frozenset({1}), rate, (0.0,))
     assert not visible(ending)
     assert next_step(ending, [], 100.0) is Step.DONE
@@ -83,7 +83,7 @@ def test_what_nobody_could_see_is_not_looked_for(rate: float) -> None:
 
 @some
 @given(st.floats(0.2, 8.0), st.floats(0.1, 1.0), st.floats(0.0, 2.0))
-def test_no_run_on_of_up_to_a_second_has_a_stop_sent_again(rate: float, every: float, begins: float) -> None:
+def test_run_on_of_up_to_a_second_causes_no_second_stop(rate: float, every: float, begins: float) -> None:
     """The motor loses its speed evenly, and its position is told at even intervals."""
     ending = Ending(frozenset({1}), rate, (0.0,))
 

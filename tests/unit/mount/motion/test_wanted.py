@@ -98,7 +98,7 @@ def waiting(desk: Desk) -> list[op.Operation]:
     return [order.operation for order in desk.wanted.pending]
 
 
-def test_what_was_asked_for_is_done_in_that_order_and_ends_come_first() -> None:
+def test_orders_are_done_in_sequence_and_ends_first() -> None:
     desk = Desk().ask(op.SetTracking(on=False), NORTH, EAST)
     assert desk.do() == op.SetTracking(on=False)
     desk.ask(op.StopAxis(2))
@@ -108,7 +108,7 @@ def test_what_was_asked_for_is_done_in_that_order_and_ends_come_first() -> None:
     assert desk.begin() is None and desk.wanted.next_moment() is None
 
 
-def test_a_newer_rate_takes_the_place_of_one_that_waits_and_not_of_one_under_way() -> None:
+def test_newer_rate_replaces_a_waiting_one_but_not_a_running_one() -> None:
     slow = op.Move(op.Direction.NORTH, op.Rate(name="center"))
     desk = Desk().ask(NORTH, slow)
     assert waiting(desk) == [slow]
@@ -120,7 +120,7 @@ def test_a_newer_rate_takes_the_place_of_one_that_waits_and_not_of_one_under_way
     assert desk.do() == NORTH
 
 
-def test_a_stop_ends_all_but_what_is_no_motion() -> None:
+def test_stop_cancels_every_wanted_motion_but_no_setting() -> None:
     desk = Desk().ask(NORTH, GOTO, PULSE, op.TrackRate(name="solar"), op.Sync(1.0, 1.0))
     desk.wanted = stopped(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
@@ -130,7 +130,7 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
 
 
 @each("halt", [op.StopAxis(1), op.StopAxis(2)])
-def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> None:
+def test_halt_without_an_arrow_cancels_a_goto_as_a_whole(halt: op.Operation) -> None:
     for under_way in (False, True):
         desk = Desk().ask(GOTO)
         if under_way:
@@ -140,7 +140,7 @@ def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> N
         assert waiting(desk) == []
 
 
-def test_the_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
+def test_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
     hand, other = HostActivity("10.0.0.1", 0.0), HostActivity("10.0.0.2", 0.0)
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
@@ -152,7 +152,7 @@ def test_the_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
     assert desk.wanted.owed
 
 
-def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
+def test_arrow_is_released_after_a_refused_goto() -> None:
     hand = HostActivity("10.0.0.1", 0.0)
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
@@ -164,7 +164,7 @@ def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
     assert desk.wanted.motion == NotOrdered()
 
 
-def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> None:
+def test_equal_halts_are_joined_and_repeated_ones_wait_their_turn() -> None:
     desk = Desk().ask(op.StopAxis(1), op.StopAxis(1), op.StopAxis(1))
     assert waiting(desk) == [op.StopAxis(1)]
     ranks = []
@@ -180,7 +180,7 @@ def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> No
     assert isinstance(last, Halt) and not last.keeps_repeating
 
 
-def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_other_axis() -> None:
+def test_arrow_in_preparation_restarts_behind_the_halt_of_the_other_axis() -> None:
     desk = Desk().ask(EAST)
     desk.begin()
     desk.ask(op.StopAxis(2))
@@ -189,7 +189,7 @@ def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_ot
     assert desk.do() == EAST
 
 
-def test_pulses_of_one_axis_follow_one_another_and_end_in_time() -> None:
+def test_pulses_of_one_axis_run_in_sequence_and_end_in_time() -> None:
     desk = Desk().ask(PULSE, op.PulseAxis(1, -1, 300), op.PulseAxis(2, 1, 300))
     assert desk.do(op.Pulsed(0.5, ends=False)) == PULSE
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(2, 1, 300)
@@ -200,7 +200,7 @@ def test_pulses_of_one_axis_follow_one_another_and_end_in_time() -> None:
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
 
 
-def test_the_rest_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
+def test_remainder_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
     long = op.PulseAxis(1, 1, 6000)
     desk = Desk().ask(long)
     desk.do(op.Pulsed(2.55, ends=True, left=3450))
@@ -210,14 +210,14 @@ def test_the_rest_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
     assert waiting(desk) == [op.StopAxis(1)] and desk.wanted.pulses == ()
 
 
-def test_an_end_counts_from_when_the_pulse_was_sent() -> None:
+def test_end_of_a_pulse_is_timed_from_its_sending() -> None:
     desk = Desk().ask(PULSE)
     desk.now = 7.0
     desk.do(op.Pulsed(0.5, ends=False, since=6.75))
     assert desk.wanted.next_moment() == 7.25
 
 
-def test_an_arrow_takes_the_place_of_a_pulse_whose_end_does_not_end_it() -> None:
+def test_arrow_replaces_a_pulse_whose_end_does_not_end_the_arrow() -> None:
     desk = Desk().ask(PULSE)
     desk.do(op.Pulsed(0.5, ends=False))
     desk.ask(EAST)
@@ -227,7 +227,7 @@ def test_an_arrow_takes_the_place_of_a_pulse_whose_end_does_not_end_it() -> None
     assert desk.wanted.by_hand == {1: EAST}
 
 
-def test_a_goto_ends_the_guiding_and_more_than_a_few_pulses_are_refused() -> None:
+def test_goto_ends_guiding_and_more_than_a_few_pulses_are_refused() -> None:
     desk = Desk().ask(PULSE)
     desk.do(op.Pulsed(0.5, ends=False))
     desk.ask(GOTO)
@@ -240,7 +240,7 @@ def test_a_goto_ends_the_guiding_and_more_than_a_few_pulses_are_refused() -> Non
 @some
 @given(st.lists(st.tuples(st.sampled_from(KINDS), st.booleans(), st.booleans()), max_size=30))
 @example([(NORTH, False, False), (op.StopAxis(2), False, False), (NORTH, False, False)])
-def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Operation, bool, bool]]) -> None:
+def test_stop_leaves_nothing_moving_after_any_orders(story: list[tuple[op.Operation, bool, bool]]) -> None:
     """And what waits ends, one after the other: nothing is kept for ever, nothing is done twice."""
     hand, desk = HostActivity("10.0.0.1", 0.0), Desk()
     for operation, carried_out, well in story:
@@ -268,7 +268,7 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
 
 @some
 @given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
-def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
+def test_halt_cancels_the_pending_orders_that_it_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
     wanted = Wanted(pending=tuple(ordered(number, one) for number, one in enumerate(asked, 1)))
     left = [order.operation for order in without_superseded(wanted, halt).pending]
     if isinstance(halt, op.StopAxis):
@@ -296,7 +296,7 @@ def test_motion_by_hand_is_one_value_of_two_axes() -> None:
     assert {axis for axis, _ in desk.wanted.motion} == {1}
 
 
-async def test_by_whose_order_it_moves_does_not_depend_on_who_asked_before() -> None:
+async def test_client_of_a_motion_does_not_depend_on_earlier_reads() -> None:
     """A stopped mount that runs on reports that it slews: that is no motion that a client ordered."""
     line: Any = SimpleNamespace(state="up", times=SimpleNamespace(typical_rtt=0.02))
     wanted, cache = WantedState(), ReadingsCache(line)

@@ -24,7 +24,7 @@ def two(rates: tuple[float, float], last: tuple[float, float] = (120.0, 30.0)) -
     return (at((last[0] - rates[0] * apart) % 360.0, last[1] - rates[1] * apart, 100.0 - apart), at(*last, 100.0))
 
 
-def test_a_place_goes_on_at_the_rate_of_the_last_two_readings() -> None:
+def test_extrapolated_position_continues_at_the_rate_of_two_readings() -> None:
     going = course(*two((4.0, -2.0)), fastest=FAST)
     assert place(going, 100.0) == pytest.approx((120.0, 30.0))
     assert place(going, 100.25) == pytest.approx((121.0, 29.5))
@@ -33,14 +33,14 @@ def test_a_place_goes_on_at_the_rate_of_the_last_two_readings() -> None:
     assert place(going, 99.0) == place(going, 99.95) == pytest.approx((119.8, 30.1)), "nobody is told of what was"
 
 
-def test_it_goes_round_over_0h_both_ways() -> None:
+def test_extrapolated_right_ascension_wraps_at_0h_both_ways() -> None:
     east = course(*two((4.0, 0.0), (359.0, 0.0)), fastest=FAST)
     west = course(*two((-4.0, 0.0), (1.0, 0.0)), fastest=FAST)
     assert place(east, 100.5) == pytest.approx((1.0, 0.0))
     assert place(west, 100.5) == pytest.approx((359.0, 0.0))
 
 
-def test_two_halves_that_came_one_after_the_other_are_told_of_one_instant() -> None:
+def test_halves_read_in_sequence_are_extrapolated_to_one_instant() -> None:
     before, last = at(100.0, 10.0, 99.5, late=0.2), at(104.0, 14.0, 100.0, late=0.2)
     assert place(course(before, last, fastest=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
 
@@ -57,19 +57,21 @@ def test_two_halves_that_came_one_after_the_other_are_told_of_one_instant() -> N
         (at(100.0, 84.0, 99.5), at(140.0, 84.0, 100.0), "round the pole"),
     ],
 )
-def test_where_nothing_can_be_reckoned_the_last_place_stands(before: Reading | None, last: Reading, why: str) -> None:
+def test_extrapolation_without_a_rate_repeats_the_last_position(
+    before: Reading | None, last: Reading, why: str
+) -> None:
     going = course(before, last, fastest=FAST)
     assert {place(going, 100.0 + n / 10.0) for n in range(20)} == {last.place}, why
 
 
-def test_the_readings_of_two_axes_have_no_pole_and_go_round() -> None:
+def test_extrapolated_axis_readings_wrap_and_have_no_pole() -> None:
     going = course(*two((0.0, 8.0), (10.0, 178.0)), fastest=FAST, polar=False)
     assert place(going, 100.5) == pytest.approx((10.0, -178.0))
     jump = course(at(10.0, 100.0, 99.5), at(10.0, 110.0, 100.0), fastest=FAST, polar=False)
     assert place(jump, 101.0) == (10.0, 110.0)
 
 
-def test_near_the_goal_at_most_half_of_what_is_left_is_gone() -> None:
+def test_extrapolation_near_the_target_covers_at_most_half_of_the_rest() -> None:
     going = course(*two((4.0, 0.0)), fastest=FAST, goal=(121.0, 30.0))
     assert place(going, 100.1)[0] == pytest.approx(120.4)
     assert place(going, 101.0)[0] == pytest.approx(120.5)
@@ -77,11 +79,11 @@ def test_near_the_goal_at_most_half_of_what_is_left_is_gone() -> None:
     assert place(there, 101.0)[0] == 120.0, "it has come past it between the readings"
 
 
-def test_who_leads_away_from_the_goal_goes_another_way_round() -> None:
+def test_motion_away_from_the_target_is_extrapolated_the_other_way_round() -> None:
     assert place(course(*two((4.0, 0.0)), fastest=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
 
 
-def test_what_may_be_the_last_digit_is_no_motion() -> None:
+def test_change_of_the_last_digit_is_no_motion() -> None:
     going = course(*two((4.0, 0.02)), fastest=FAST, resolution=20.0 / 3600.0)
     assert place(going, 101.0) == (pytest.approx(124.0), 30.0)
 
@@ -99,7 +101,7 @@ RA, DEC = st.floats(0.0, 359.999), st.floats(-80.0, 80.0)
     goal=st.none() | st.tuples(RA, DEC),
     now=st.floats(-1.0, 5.0),
 )
-def test_always(
+def test_extrapolation_never_passes_the_target_or_a_second_of_motion(
     rates: tuple[float, float],
     last: tuple[float, float],
     apart: float,

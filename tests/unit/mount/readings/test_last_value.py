@@ -26,7 +26,7 @@ def cut(bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize("presented", PLACES)
-async def test_a_read_that_waits_while_a_classic_calculates_is_answered(presented: str) -> None:
+async def test_read_during_a_classics_calculation_gets_the_last_value(presented: str) -> None:
     async with Bridge("lx200", driven="lx200", presented=presented, surface=None) as bridge:
         question, length = PLACES[presented]
         client = bridge.client()
@@ -42,7 +42,7 @@ async def test_a_read_that_waits_while_a_classic_calculates_is_answered(presente
 
 @pytest.mark.parametrize("driven", ["lx200", "nexstar"])
 @pytest.mark.parametrize("presented", PLACES)
-async def test_the_last_position_is_told_for_ten_seconds(presented: str, driven: str) -> None:
+async def test_last_position_is_repeated_for_ten_seconds(presented: str, driven: str) -> None:
     model = "lx200gps" if driven == "lx200" else "cpc"
     async with Bridge(model, driven=driven, presented=presented, surface=None) as bridge:
         question, length = PLACES[presented]
@@ -59,7 +59,7 @@ async def test_the_last_position_is_told_for_ten_seconds(presented: str, driven:
 
 
 @each("driven", ["lx200", "nexstar"])
-async def test_states_are_told_though_the_mount_never_was_there(driven: str) -> None:
+async def test_nexstar_surface_reports_safe_states_without_a_mount(driven: str) -> None:
     model = "lx200gps" if driven == "lx200" else "cpc"
     bridge = Bridge(model, driven=driven, presented="nexstar", surface=None)
     cut(bridge)
@@ -74,7 +74,7 @@ async def test_states_are_told_though_the_mount_never_was_there(driven: str) -> 
 
 
 @each("driven", ["lx200", "nexstar"])
-async def test_the_other_surface_tells_the_same_states(driven: str) -> None:
+async def test_lx200_surface_reports_safe_states_without_a_mount(driven: str) -> None:
     model = "lx200gps" if driven == "lx200" else "cpc"
     bridge = Bridge(model, driven=driven, presented="lx200", surface="autostar")
     cut(bridge)
@@ -87,7 +87,7 @@ async def test_the_other_surface_tells_the_same_states(driven: str) -> None:
     await bridge.controller.close()
 
 
-async def test_altitude_and_azimuth_are_worked_out_where_the_telescope_does_not_tell_them() -> None:
+async def test_altitude_and_azimuth_are_computed_where_the_telescope_lacks_them() -> None:
     async with Bridge("autostar", driven="lx200", surface="autostar") as bridge:
         wire: Any = bridge.controller.line.wire
         feed = wire.feed

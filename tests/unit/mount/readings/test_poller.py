@@ -34,17 +34,17 @@ def played(mount: str, driven: str, order: op.Operation, after: float, speed: fl
 
 
 @MOUNTS
-def test_tracking_that_was_switched_is_never_unknown(mount: str, driven: str) -> None:
+def test_tracking_stays_known_after_it_was_switched(mount: str, driven: str) -> None:
     first, then = played(mount, driven, op.SetTracking(False), 2.0)
     assert first in ("tracking", "not tracking") and then == "not tracking"
 
 
 @MOUNTS
-def test_a_mount_that_has_parked_is_shown_as_parked(mount: str, driven: str) -> None:
+def test_parked_mount_is_shown_as_parked(mount: str, driven: str) -> None:
     assert played(mount, driven, op.Park(), 120.0, speed=4.0)[1] == "parked"
 
 
-def test_a_mount_that_parks_is_never_shown_as_tracking_meanwhile() -> None:
+def test_parking_mount_is_never_shown_as_tracking() -> None:
     """Nobody need ask a hand control whose tracking the gateway itself has turned off."""
 
     async def program() -> list[str]:
@@ -60,7 +60,7 @@ def test_a_mount_that_parks_is_never_shown_as_tracking_meanwhile() -> None:
     assert run(program()) == ["slewing", "parked"]
 
 
-def test_tracking_that_the_owner_switches_at_the_hand_control_is_seen() -> None:
+def test_tracking_switched_at_the_hand_control_is_noticed() -> None:
     async def program() -> str:
         async with Bridge("6-8se") as bridge:
             await asyncio.sleep(3.0)

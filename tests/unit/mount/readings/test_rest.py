@@ -32,7 +32,7 @@ def bridge_of(driven: str, mount: str, version: str | None, config: dict[str, An
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("driven", "mount", "version", "config"), MOUNTS)
 @pytest.mark.parametrize("state", ["tracking", "not tracking", "not aligned", "coarse"])
-async def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
+async def test_resting_mount_is_recognised_with_and_without_tracking(
     driven: str, mount: str, version: str | None, config: dict[str, Any], state: str
 ) -> None:
     async with bridge_of(driven, mount, version, config, aligned=state != "not aligned") as bridge:
@@ -66,7 +66,7 @@ def _deaf(bridge: Bridge, *commands: bytes) -> None:
     *(("lx200", mount, None, {}) for mount in ("lx200", "lx200-16", "autostar", "lx200gps")),
 ])  # fmt: skip
 @pytest.mark.parametrize("rate", [9, 4])
-async def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
+async def test_acknowledged_stop_without_effect_is_not_reported_as_stopped(
     driven: str, mount: str, version: str | None, config: dict[str, Any], rate: int
 ) -> None:
     async with bridge_of(driven, mount, version, config) as bridge:
@@ -82,7 +82,7 @@ async def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
 @pytest.mark.parametrize(("driven", "mount"), [
     ("nexstar", "cge"), ("nexstar", "6-8se"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("lx200", "autostar"),
 ])  # fmt: skip
-async def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, mount: str) -> None:
+async def test_axis_that_turns_the_tube_on_the_spot_counts_as_moving(driven: str, mount: str) -> None:
     """At the pole or in the zenith, where a motor runs and the place on the sky stays the same."""
     async with bridge_of(driven, mount, None, {"highest": 90.0}, speed=4.0) as bridge:
         bridge.sim.truth()
@@ -99,7 +99,7 @@ async def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven:
         assert "still moves" in (await stopped(bridge.controller)).text
 
 
-def test_a_mount_that_runs_on_is_waited_for() -> None:
+def test_stop_waits_for_a_mount_that_runs_on() -> None:
     async def program() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
@@ -121,7 +121,7 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize("question", [b"e", b"E"])
-async def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
+async def test_invisible_mount_is_not_reported_as_stopped(question: bytes) -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
         bridge.client().tell(NORTH)
         await asyncio.sleep(3)
@@ -131,7 +131,7 @@ async def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> No
         assert answer.text.startswith("the stop was sent") and "cannot see" in answer.text
 
 
-async def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
+async def test_stop_on_a_line_that_is_down_is_reported_as_pending() -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
         bridge.client().tell(NORTH)
         await asyncio.sleep(3)
@@ -150,7 +150,7 @@ async def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> Non
         assert (await stopped(bridge.controller)).done
 
 
-async def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
+async def test_program_that_keeps_pressing_an_arrow_is_named_with_a_remedy() -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
         client = bridge.client()
 
@@ -166,7 +166,7 @@ async def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> Non
         assert "moving again" in answer.text and "stop --hold" in answer.text
 
 
-async def test_a_mount_that_hibernates_rests() -> None:
+async def test_hibernating_mount_counts_as_resting() -> None:
     async with bridge_of("nexstar", "cpc", None, {}) as bridge:
         bridge.client().tell(b"x")
         await asyncio.sleep(12)

@@ -15,7 +15,7 @@ from tests.support.sampling import as_a_rule
 
 
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
-def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(presented: str) -> None:
+def test_stop_of_a_motion_not_yet_begun_cancels_no_shared_read(presented: str) -> None:
     """An arrow right after a stop waits for the position; so do programs that poll, and the next stop is theirs not."""
     question, stop = (b":GR#", b":Q#") if presented == "lx200" else (b"e", b"M")
     arrow = b":Mn#" if presented == "lx200" else b"P\x02\x11\x24\x09\0\0\0"
@@ -42,7 +42,7 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
         run(program(0.04 * step))
 
 
-async def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
+async def test_client_that_gives_up_a_read_cancels_it_for_nobody() -> None:
     async with Bridge("cge") as bridge:
         waiting = asyncio.create_task(bridge.controller.read_now(op.Position()))
         other = asyncio.create_task(bridge.controller.read_now(op.Position()))
@@ -58,7 +58,7 @@ def stray(bridge: Any, data: bytes) -> None:
 
 @pytest.mark.parametrize("mount", ["lx200gps", "autostar", "lx200-16"])
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.2])
-async def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float) -> None:
+async def test_end_of_a_goto_is_noticed_after_a_stray_byte(mount: str, latency: float) -> None:
     """Two halves of a position fill a slow line nearly, and the bars of :D# come in the pauses between."""
     async with Bridge(mount, driven="lx200", presented="nexstar", surface="6-8se", latency=latency) as bridge:
         client = bridge.client()

@@ -34,7 +34,7 @@ def says_what_to_do(fault: Fault, *sources: str) -> None:
 
 
 @pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, CONFIGURED, PROGRAM], 2)))
-def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str) -> None:
+def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> None:
     sites, time = [Site(HERE, best), Site(FAR, other)], Time(EVENING, MOUNT)
     [found] = contradictions(sites, [time])
     assert "km away" in found.text
@@ -53,7 +53,7 @@ def test_a_site_that_contradicts_is_named_with_the_way_out(best: str, other: str
 
 @pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, COMPUTER, PROGRAM], 2)))
 @pytest.mark.parametrize("apart", [200.0, 9000.0, 9e5, 9e7])
-def test_a_clock_that_contradicts_is_named_with_the_way_out(best: str, other: str, apart: float) -> None:
+def test_contradicting_clock_is_named_with_a_remedy(best: str, other: str, apart: float) -> None:
     times = [Time(EVENING, best), Time(EVENING - apart, other, other == COMPUTER)]
     known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
     site = Site(HERE, MOUNT)
@@ -61,14 +61,14 @@ def test_a_clock_that_contradicts_is_named_with_the_way_out(best: str, other: st
     says_what_to_do(too_near(known, Sun(0.0, 0.0, False, times[1], site)), best, other)
 
 
-async def test_a_clock_that_is_off_is_told_although_no_site_is_known() -> None:
+async def test_wrong_clock_is_reported_though_no_site_is_known() -> None:
     async with Bridge(host_ahead=7200.0) as bridge:
         context = bridge.controller.context
         context.site_clock.mount_site = context.site_clock.gps_site = context.site_clock.configured = None
         assert "the clocks of the mount and of this computer differ by 2.0 hours" in contradiction_warning(context)
 
 
-def test_axes_that_are_off_are_named_with_the_way_out() -> None:
+def test_displaced_axes_are_named_with_a_remedy() -> None:
     known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, HERE))
     fault = too_near(known, Sun(0.0, 0.0, True, Time(EVENING, MOUNT), None, Shift(-180.0, 0.0, False)))
     assert "180 degrees off" in str(fault)

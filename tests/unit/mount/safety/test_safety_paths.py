@@ -35,7 +35,7 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
 
 @some
 @given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
-def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
+def test_path_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
     least = nearest(start, turn, sun)
     if least > limit + STEP:
         assert is_clear(start, turn, sun, limit)
@@ -45,7 +45,7 @@ def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pa
 
 @some
 @given(readings, st.tuples(angles, angles))
-def test_a_way_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
+def test_path_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
     length = max(map(abs, turn))
     end = start[0] + turn[0], start[1] + turn[1]
     assert separation(*axes_after(start, turn, 0.0), *start) < 1e-6
@@ -62,7 +62,7 @@ def test_a_way_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
         ((-90.0, 0.0), (45.0, 15.0), True),
     ],
 )
-def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: Pair, free: bool) -> None:
+def test_paths_from_the_origin_past_a_20_degree_circle_are_judged_right(turn: Pair, sun: Pair, free: bool) -> None:
     assert is_clear((0.0, 0.0), turn, sun, 20.0) is free
 
 
@@ -74,11 +74,13 @@ def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: P
         (10.0, None, 10.0), (-100.0, None, 100.0), (350.0, None, 10.0),  # a fork: both ways
     ],
 )  # fmt: skip
-def test_how_far_past_the_meridian(hour_angle: float, side: str | None, past: float) -> None:
+def test_distance_past_the_meridian_is_computed_for_each_pier_side(
+    hour_angle: float, side: str | None, past: float
+) -> None:
     assert past_meridian(turned_by_side(hour_angle, side), german=side is not None) == pytest.approx(past)
 
 
-def test_an_hour_angle_exactly_at_the_limit_is_allowed() -> None:
+def test_hour_angle_exactly_at_the_limit_is_allowed() -> None:
     limits = Limits(hour_angle=75.0)
     check_past(limits, 75.0, german=False)
     check_past(limits, 285.0, german=False)
@@ -93,7 +95,7 @@ def test_an_hour_angle_exactly_at_the_limit_is_allowed() -> None:
 
 @some
 @given(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0))
-def test_a_motion_that_leads_back_is_never_stopped(before: float, now: float) -> None:
+def test_motion_back_from_a_limit_is_never_stopped(before: float, now: float) -> None:
     limits = Limits(lowest=10.0, highest=80.0)
     if leaving(limits, before, now):
         assert (now < before and now < 10.0) or (now > before and now > 80.0)
@@ -105,7 +107,7 @@ NUMBERS = st.one_of(st.floats(), st.floats(-400, 400))
 
 @some
 @given(st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), NUMBERS)
-def test_a_path_of_any_numbers_is_judged_and_one_of_none_is_not_clear(
+def test_path_of_any_numbers_is_judged_and_one_without_numbers_is_not_clear(
     start: tuple[float, float], turn: tuple[float, float], place: tuple[float, float], limit: float
 ) -> None:
     free = is_clear(start, turn, place, limit)  # it ends

@@ -39,7 +39,7 @@ def view(now: Observed, limits: Limits, moving: Moving = Moving(False, {2: DOWN}
 
 
 @each(("lowest", "stops"), [(20.0, True), (10.0, False)])
-def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: float, stops: bool) -> None:
+def test_sinking_mount_is_stopped_where_the_next_reading_would_be_too_late(lowest: float, stops: bool) -> None:
     """4 degrees a second from 23 degrees: 1.15 s at least until it rests, so 4.6 degrees and more are needed."""
     verdict = allow(view(sinking(25.0, 4.0), Limits(lowest=lowest)))
     assert bool(verdict.reason) is stops
@@ -48,20 +48,20 @@ def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: flo
 
 
 @each(("moving", "ends"), [(Moving(False, {2: DOWN}), True), (Moving(True, {}), False), (Moving(False, {}), False)])
-def test_by_another_clock_only_an_arrow_ends_at_a_written_limit(moving: Moving, ends: bool) -> None:
+def test_contradicting_clock_ends_only_arrows_at_a_configured_limit(moving: Moving, ends: bool) -> None:
     sunk = seen(PositionSample(0.0, HERE, 60.0, further=(23.0,)), PositionSample(0.5, HERE, 59.0, further=(22.0,)))
     assert bool(allow(view(sunk, Limits(lowest=20.0), moving)).reason) is ends
 
 
-def test_what_leads_out_of_a_forbidden_place_is_allowed() -> None:
+def test_motion_out_of_a_forbidden_place_is_allowed() -> None:
     assert not allow(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
 
 
-def test_a_goto_knows_where_it_ends() -> None:
+def test_goto_is_judged_by_its_known_end() -> None:
     assert not allow(view(sinking(22.0, 4.0), Limits(lowest=19.99), Moving(True, {}))).reason
 
 
-def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> None:
+def test_slow_approach_to_the_sun_is_judged_from_the_farthest_distance() -> None:
     far = seen(PositionSample(0.0, HERE, suns=(60.0,)), PositionSample(1.0, HERE, suns=(59.0,)))
     assert not allow(view(far, Limits())).reason
     assert farthest(view(far, Limits())) == (59.0,)
@@ -76,9 +76,7 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
 
 
 @each(("distance", "stops"), [(24.0, True), (25.0, False)])
-def test_a_fast_approach_to_the_sun_ends_before_the_next_position_would_be_too_late(
-    distance: float, stops: bool
-) -> None:
+def test_fast_approach_to_the_sun_ends_before_the_next_reading(distance: float, stops: bool) -> None:
     """4 degrees a second: 4.2 degrees until it rests, if the next position is waited for."""
     fast = seen(PositionSample(0.0, HERE, suns=(distance + 2.0,)), PositionSample(0.5, HERE, suns=(distance,)))
     verdict = allow(view(fast, Limits()))
@@ -91,18 +89,18 @@ def test_a_fast_approach_to_the_sun_ends_before_the_next_position_would_be_too_l
     ("past", "reason"),
     [(PastNow(29.0, 1.0), True), (PastNow(29.0, -1.0), False), (PastNow(20.0, 1.0), False), (None, False)],
 )
-def test_past_the_meridian_only_what_turns_towards_the_pier_is_stopped(past: PastNow | None, reason: bool) -> None:
+def test_only_motion_towards_the_pier_is_stopped_past_the_meridian(past: PastNow | None, reason: bool) -> None:
     moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
     assert bool(allow(replace(view(moved, Limits(hour_angle=30.0)), past=past)).reason) is reason
 
 
 @each("moving", [Moving(True, {}), Moving(True, {}, ordered=False)])
-def test_no_goto_is_judged_by_its_hour_angle(moving: Moving) -> None:
+def test_goto_is_not_judged_by_its_hour_angle(moving: Moving) -> None:
     moved = seen(PositionSample(0.0, HERE, 40.0), PositionSample(1.0, HERE, 40.0))
     assert not allow(replace(view(moved, Limits(hour_angle=30.0), moving), past=PastNow(60.0, 4.0))).reason
 
 
-def test_a_goto_of_the_mount_s_own_may_end_just_before_a_limit() -> None:
+def test_goto_of_the_mount_itself_may_end_just_before_a_limit() -> None:
     """At 4 degrees a second it may brake in the remaining 2; it is stopped when it gets there."""
     by_itself = Moving(True, {}, ordered=False)
     verdict = allow(view(sinking(24.0, 4.0), Limits(lowest=20.0), by_itself))
@@ -119,24 +117,26 @@ def test_a_goto_of_the_mount_s_own_may_end_just_before_a_limit() -> None:
         (Limits(20.0, at_keys=(20.0, 90.0)).narrowed(30.0, 60.0), 20.0, 90.0),
     ],
 )
-def test_at_the_mount_s_own_keys_only_written_limits_count(limits: Limits, lowest: float, highest: float) -> None:
+def test_motion_at_the_mounts_keys_is_judged_by_configured_limits_only(
+    limits: Limits, lowest: float, highest: float
+) -> None:
     assert (limits.for_keys().lowest, limits.for_keys().highest) == (lowest, highest)
 
 
-def test_of_several_deadlines_the_soonest_counts() -> None:
+def test_soonest_of_several_deadlines_counts() -> None:
     moved = seen(PositionSample(0.0, HERE, 60.0, 0.0, (80.0,)), PositionSample(1.0, HERE, 59.0, 0.0, (79.0,)))
     verdict = allow(view(moved, Limits(lowest=0.0)))
     assert (verdict.reason, verdict.limit) == ("", "the altitude limit")
     assert verdict.within == pytest.approx(59.0 - TIMING.to_stop)
 
 
-def test_a_motion_that_begins_is_to_be_seen_before_it_can_come_to_a_limit() -> None:
+def test_first_reading_of_a_motion_is_due_before_it_can_reach_a_limit() -> None:
     looked = view(seen(PositionSample(50.0, HERE, 30.0)), Limits(lowest=10.0, sun=0.0))
     assert first_stretch(looked, 50.0, 2.0).within == pytest.approx(20.0 / 2.0 - TIMING.to_stop)
     assert first_stretch(looked, 50.0, 0.05).within is None
 
 
-def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_that_was() -> None:
+def test_motion_from_rest_starts_at_the_last_reading_and_forgets_its_rate() -> None:
     before = sinking(40.0, 1.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=True).last == replace(before.last, at=130.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=False).last == before.last
@@ -152,9 +152,7 @@ def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_t
         (Moving(True, {}), 1.5, 9.0, False),
     ],
 )
-def test_only_what_moves_by_hand_ends_where_no_position_comes(
-    moving: Moving, age: float, since: float, ends: bool
-) -> None:
+def test_only_motion_by_hand_ends_without_positions(moving: Moving, age: float, since: float, ends: bool) -> None:
     assert bool(why_blind(moving, age, since)) is ends
 
 
@@ -166,7 +164,7 @@ def test_axis_readings_need_an_alignment_unless_the_owner_allows_them() -> None:
     assert not needs_alignment(op.Move(op.Direction.SOUTH, op.Rate(key=1)), sync_aligns=False, unaligned="refuse")
 
 
-def test_a_mount_that_runs_on_longer_is_stopped_earlier() -> None:
+def test_mount_that_runs_on_longer_is_stopped_earlier() -> None:
     longer = StopTiming(0.05, 1, 0.4, run_on=2.5)
     assert longer.to_stop - TIMING.to_stop == pytest.approx(2.0)
     assert longer.overdue(9.0) - TIMING.overdue(9.0) == pytest.approx(2.0)

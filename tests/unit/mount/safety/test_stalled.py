@@ -32,7 +32,7 @@ def freeze(bridge: Any) -> None:
     ("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200")]
 )
 @pytest.mark.parametrize("motion", [b":RM#:Ms#", b":RS#:Me#", b":RC#:Ms#"])
-async def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven: str, motion: bytes) -> None:
+async def test_arrow_without_visible_motion_is_ended(mount: str, driven: str, motion: bytes) -> None:
     async with Bridge(mount, driven=driven, config={"lowest": 20.0}) as bridge:
         client = bridge.client()
         await client.ask(b":GR#")
@@ -54,7 +54,7 @@ async def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, d
 )
 @pytest.mark.parametrize("motion", [b":RM#:Mn#:Me#", b":RS#:Ms#", b":RS#:Mw#", b":RC#:Me#"])
 @pytest.mark.parametrize("latency", [0.05, 0.5])
-async def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
+async def test_arrow_with_visible_motion_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
     config = {"lowest": -90.0, "sun": 0.0}
     async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
         client = bridge.client()
@@ -66,7 +66,7 @@ async def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: by
         assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
 
-def test_over_the_pole_the_way_counts_in_pieces() -> None:
+def test_motion_over_the_pole_is_measured_piecewise() -> None:
     watch = StallWatch()
     for tick in range(40):
         dec = 85.0 + tick

@@ -16,7 +16,7 @@ from tests.support.sampling import as_a_rule
 
 
 @pytest.mark.parametrize("every", [0.3, 0.35, 0.5, 0.7])
-def test_a_program_that_asks_for_gotos_and_takes_them_back_does_not_hide_where_the_mount_is(every: float) -> None:
+def test_cancelled_gotos_do_not_delay_position_readings(every: float) -> None:
     """They go to the line before positions do; on a slow one more than a second may pass without one."""
 
     async def program(height: float) -> None:
@@ -41,7 +41,7 @@ def test_a_program_that_asks_for_gotos_and_takes_them_back_does_not_hide_where_t
 
 @pytest.mark.parametrize(("motor", "limits"), [(UP, {"highest": 80.0}), (DOWN, {"lowest": 20.0})])
 @pytest.mark.parametrize("from_the_first", [True, False])
-async def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
+async def test_motion_without_positions_ends_before_the_limit(
     motor: bytes, limits: dict[str, float], from_the_first: bool
 ) -> None:
     async with Bridge("6-8se", presented="nexstar", surface="cpc", config=limits) as bridge:
@@ -57,7 +57,7 @@ async def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
         assert any("estimated from its speed" in note for note in notes(bridge))
 
 
-async def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
+async def test_motion_ended_in_time_triggers_no_deadline() -> None:
     async with Bridge("6-8se", presented="nexstar", surface="cpc", config={"highest": 80.0}) as bridge:
         client = bridge.client()
         client.tell(UP)
@@ -70,7 +70,7 @@ async def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
         assert not bridge.controller.stops
 
 
-async def test_the_nearest_of_two_limits_rings_and_a_later_one_does_not_put_it_off() -> None:
+async def test_nearest_of_two_limits_sets_the_deadline() -> None:
     rung: list[str] = []
     deadline = StopDeadline(asyncio.get_running_loop(), rung.append)
     deadline.arm(2.0, "second")

@@ -44,7 +44,7 @@ def refused(so_far: SyncSum, distance: float, *turns: tuple[float, float], limit
     return ""
 
 
-def test_the_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
+def test_sync_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
     east = SyncSum().added(place(350.0, 60.0), place(10.0, 60.0), [(20.0, 0.0)])
     assert (east.east, east.axes) == (pytest.approx(10.0), ((20.0, 0.0),))
     assert SyncSum(3.0, 1.0).added(place(), place(0.0, 3.0), [(0.0, 3.0)]).size == pytest.approx(5.0)
@@ -63,19 +63,21 @@ def test_the_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
     ((90.0, 14.99), 30.0, (-85.0, 0.04), "30 degrees from the present position"),  # within the limit
 ])  # fmt: skip
 @pytest.mark.safety_line(8)
-def test_what_is_refused(so_far: tuple[float, float], distance: float, turn: tuple[float, float], why: str) -> None:
+def test_sync_beyond_the_sum_is_refused(
+    so_far: tuple[float, float], distance: float, turn: tuple[float, float], why: str
+) -> None:
     said = refused(SyncSum(turned=so_far), distance, turn)
     assert why in said and bool(said) == bool(why)
 
 
 @pytest.mark.safety_line(8)
-def test_the_sum_on_the_sky_stays_within_the_limit() -> None:
+def test_sync_sum_on_the_sky_stays_within_the_limit() -> None:
     after = SyncSum(0.0, 14.8, (90.0, 0.0))
     assert "16 degrees off" in refused(after, 0.9, (0.0, 0.9))
     assert refused(after, -0.9, (0.0, -0.9)) == ""
 
 
-def test_both_sums_count_where_the_axes_may_have_been_turned_around() -> None:
+def test_both_sync_sums_count_where_the_axes_may_be_reversed() -> None:
     """Beyond the pole a mount may keep the way in which its tube points there, or turn it around."""
     around = (0.0, 0.9), (-180.0, -6.9)
     then = SyncSum().added(place(), place(0.0, 0.9), around)
@@ -101,7 +103,9 @@ async def pointed(bridge: Bridge, ra: float, dec: float) -> op.Equatorial:
     ("cpc", "nexstar", True, True), ("cge", "nexstar", False, True), ("cgem", "nexstar", True, True),
     ("lx200gps", "lx200", False, False), ("autostar", "lx200", True, False), ("lx200-16", "lx200", False, True),
 ])  # fmt: skip
-async def test_the_sum_is_what_the_axes_were_turned_by(mount: str, driven: str, south: bool, equatorial: bool) -> None:
+async def test_sync_sum_equals_the_correction_of_the_axes(
+    mount: str, driven: str, south: bool, equatorial: bool
+) -> None:
     """Both sides of the pier, both hemispheres: the correction of the simulated axes is the truth."""
     site = (-33.0, 10.0) if south else (45.0, 10.0)
     async with Bridge(mount, driven=driven, site=site, config={"site": site, "lowest": -90.0}) as bridge:
@@ -123,7 +127,7 @@ async def test_the_sum_is_what_the_axes_were_turned_by(mount: str, driven: str, 
 
 @pytest.mark.parametrize("start", [EVENING, DAY])
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("autostar", "lx200")])
-async def test_near_the_zenith_a_small_sync_turns_the_azimuth_far_and_can_be_taken_back(
+async def test_small_sync_near_the_zenith_turns_azimuth_far_and_can_be_undone(
     mount: str, driven: str, start: float
 ) -> None:
     async with Bridge(mount, driven=driven, start=start) as bridge:
@@ -154,7 +158,7 @@ async def test_small_syncs_do_not_add_up_beyond_the_limit(mount: str, driven: st
         assert await sync_north(bridge, way * 9.0) is None
 
 
-async def test_a_new_alignment_begins_anew() -> None:
+async def test_new_alignment_resets_the_sync_sum() -> None:
     """The hand control is switched off and on, and aligned again."""
     async with Bridge("cpc") as bridge:
         assert await sync_north(bridge, 14.0) is None
@@ -166,7 +170,7 @@ async def test_a_new_alignment_begins_anew() -> None:
         assert await sync_north(bridge, 14.0) is None
 
 
-async def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
+async def test_position_jump_faster_than_a_motor_counts_as_a_new_alignment() -> None:
     async with Bridge("cpc") as bridge:
         assert await sync_north(bridge, 14.0) is None
         mechanics, now = bridge.sim.mechanics, bridge.clock()
@@ -181,7 +185,7 @@ async def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
         assert bridge.controller.synced.value == SyncSum()
 
 
-async def test_the_sum_outlives_the_gateway(tmp_path: Path) -> None:
+async def test_sync_sum_survives_a_restart(tmp_path: Path) -> None:
     async with Bridge("cpc", state=tmp_path) as first:
         assert await sync_north(first, 14.0) is None
     async with Bridge("cpc", state=tmp_path, on=first) as second:

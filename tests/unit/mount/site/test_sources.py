@@ -107,7 +107,7 @@ async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
-async def test_no_program_has_tracking_switched_off_far_from_a_limit(mount: str) -> None:
+async def test_no_program_causes_tracking_to_end_far_from_a_limit(mount: str) -> None:
     async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
         client = bridge.client()
         await client.ask(as_lx200(*low_target(bridge, 55.0)), until=b"0")
@@ -120,7 +120,7 @@ async def test_no_program_has_tracking_switched_off_far_from_a_limit(mount: str)
         assert altitude(bridge) == pytest.approx(55.0, abs=1.0)
 
 
-async def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_told_again() -> None:
+async def test_reported_altitude_is_the_true_one_and_the_set_site_is_read_back() -> None:
     async with Bridge("cge", config={"lowest": LIMIT}) as bridge:
         client = bridge.client()
         await client.ask(as_lx200(*low_target(bridge, 40.0)), until=b"0")
@@ -139,7 +139,7 @@ async def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_s
         (None, -21600.0, b"the computer (6.0 hours from the mount)"),
     ],
 )
-def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
+def test_goto_forbidden_by_one_of_two_sources_is_refused_and_both_are_named(
     site: tuple[float, float] | None, ahead: float, words: bytes
 ) -> None:
     """30 degrees high in the south-east by the mount, below a written limit by the other source."""
@@ -166,9 +166,7 @@ def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
         (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
     ],
 )
-async def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
-    changed: bytes, asked: bytes, told: bytes
-) -> None:
+async def test_change_at_the_hand_control_is_noticed_within_a_minute(changed: bytes, asked: bytes, told: bytes) -> None:
     """Also after a program has set something else."""
     async with Bridge("cpc") as bridge:
         client = bridge.client()
@@ -184,7 +182,7 @@ async def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
 # --- which source counts ----------------------------------------------------------------------------------------
 
 
-def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_computer_a_program_last() -> None:
+def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING, None)
     best = BestSources(site_clock)
     ReadBy(site_clock, NOBODY).keep_site(op.SetSite(1.0, 1.0))
@@ -215,7 +213,7 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
         (0.0, None, True, [COMPUTER]),
     ],
 )
-def test_a_computer_that_has_lost_its_clock_counts_only_where_no_better_source_tells(
+def test_computer_without_a_clock_counts_only_where_no_better_source_exists(
     host: float, ahead: float | None, told: bool, sources: list[str]
 ) -> None:
     """``host`` and ``ahead`` are by how much this computer's and the mount's clocks are ahead, None if it has none."""
@@ -233,7 +231,7 @@ def test_a_computer_that_has_lost_its_clock_counts_only_where_no_better_source_t
     assert not any("computer" in one.text for one in contradictions(best.sites(), best.times())) or host == 0.0
 
 
-def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
+def test_gps_without_a_fix_and_small_differences_cause_no_warning() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
     best = BestSources(site_clock)
     site_clock.take_gps(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
@@ -247,7 +245,7 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
     ("ahead", "doubted", "contradicts"),
     [(-7200.0, False, True), (20 * 86400.0, False, True), (-7200.0, True, False), (20 * 86400.0, True, False)],
 )
-def test_a_computer_without_a_battery_contradicts_nobody(ahead: float, doubted: bool, contradicts: bool) -> None:
+def test_computer_without_a_clock_battery_contradicts_no_source(ahead: float, doubted: bool, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None, "doubtful" if doubted else "auto")
     site_clock.take_mount_site(op.Place(45.0, 10.0))
@@ -261,7 +259,7 @@ SINCE_1970 = -EVENING + 1000.0
 
 
 @pytest.mark.parametrize(("sun", "told", "done"), [(20.0, False, False), (20.0, True, True), (0.0, False, True)])
-async def test_a_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done: bool) -> None:
+async def test_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done: bool) -> None:
     config = {"lowest": -90.0, "sun": sun, "site": [45.0, 10.0]}
     async with Bridge("gt", "101.0", config=config, host_ahead=SINCE_1970) as bridge:
         client = bridge.client()

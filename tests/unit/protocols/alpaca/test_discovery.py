@@ -23,7 +23,7 @@ def ports(places: list[tuple[str, int]], asker: str, question: bytes = QUESTION)
     return [json.loads(reply)["AlpacaPort"] for reply in answers(question, places, asker)]
 
 
-def test_who_is_told_what() -> None:
+def test_alpaca_discovery_answers_only_ports_that_the_asker_reaches() -> None:
     assert ports([EVERYWHERE, HERE], "192.0.2.7") == [11111], "another computer does not reach the second one"
     assert ports([EVERYWHERE, HERE], "127.0.0.1") == [11111, 4040]
     assert ports([EVERYWHERE], "192.0.2.7", b"alpacadiscovery1 and more") == [11111]
@@ -35,7 +35,9 @@ def test_who_is_told_what() -> None:
 
 @each(("family", "host", "place"), [(socket.AF_INET, "127.0.0.1", EVERYWHERE),
                                                       (socket.AF_INET6, "::1", ("::", 11111))])  # fmt: skip
-def test_two_servers_share_the_port(family: socket.AddressFamily, host: str, place: tuple[str, int]) -> None:
+def test_two_alpaca_servers_share_the_discovery_port(
+    family: socket.AddressFamily, host: str, place: tuple[str, int]
+) -> None:
     """The one that is asked answers; the other's socket may be open at the same time."""
 
     async def program() -> None:
@@ -64,7 +66,7 @@ def _free(family: socket.AddressFamily, host: str) -> int:
         return int(tried.getsockname()[1])
 
 
-async def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_discovery_finds_surfaces_that_speak_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[list[tuple[str, int]]] = []
     ended: list[bool] = []
 
@@ -82,7 +84,7 @@ async def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch
     assert ended == [True]
 
 
-async def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_discovery_port_in_use_is_reported_and_nothing_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     async def failing(places: object) -> object:
         raise OSError(98, "UDP port 32227: Address already in use")
 
@@ -94,7 +96,7 @@ async def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: 
     assert len(said) == 1 and "UDP port 32227: Address already in use" in said[0]
 
 
-async def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
+async def test_skysafari_discovery_offers_no_alpaca_port() -> None:
     own = DiscoveryAnswers(lambda text: None)
     await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
     assert own.skyfi_port == 0

@@ -24,11 +24,11 @@ ASCOM = {
 }  # fmt: skip
 
 
-def test_every_refusal_has_the_number_of_ascom() -> None:
+def test_every_refusal_has_the_error_number_of_ascom() -> None:
     assert numbers() == {name: told for told, names in ASCOM.items() for name in names}
 
 
-def test_a_held_mount_is_not_a_telescope_without_gotos() -> None:
+def test_held_mount_is_not_reported_as_a_telescope_without_gotos() -> None:
     assert number(errors.Held()) == 0x40B
     assert number(errors.NearSun()) == 0x40B
     assert number(errors.NoAnswer()) == 0x500

@@ -52,7 +52,7 @@ def served(look: Callable[[list[str]], Awaitable[Any]], *simulators: SimulatedAl
     return asyncio.run(program())
 
 
-def test_discovery_finds_each_telescope_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_lists_each_telescope_of_an_alpaca_server_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two addresses of a server are one telescope; a server that is none offers nothing."""
     loopback = IPv4Address("127.0.0.1"), IPv4Network("127.0.0.0/8")
     monkeypatch.setattr(finding, "ipv4_networks", lambda: [loopback])
@@ -77,7 +77,7 @@ def test_discovery_finds_each_telescope_once(monkeypatch: pytest.MonkeyPatch) ->
     assert not any(one.gateway for one in found)
 
 
-def test_the_line_to_type() -> None:
+def test_detect_prints_the_run_command_for_an_alpaca_telescope() -> None:
     sim = SimulatedAlpaca("polar", clock=lambda: EVENING)
     [finding_there] = served(ask_servers, sim)
     where = finding_there.place.url
@@ -87,7 +87,7 @@ def test_the_line_to_type() -> None:
     assert f'at = "alpaca@{where}"' in toml(finding_there)
 
 
-def test_a_server_may_have_a_name() -> None:
+def test_alpaca_server_may_be_given_by_name() -> None:
     sim = SimulatedAlpaca(clock=lambda: EVENING)
 
     async def look(where: list[str]) -> list[OfferedMount]:
@@ -102,20 +102,20 @@ def test_a_server_may_have_a_name() -> None:
 @pytest.mark.parametrize(
     "told", [None, [], {"Value": "nothing"}, {"Value": [{"DeviceType": "Camera", "DeviceNumber": 0}, 7]}]
 )
-def test_a_server_without_a_telescope(told: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detect_reports_an_alpaca_server_without_a_telescope(told: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     sim = SimulatedAlpaca(clock=lambda: EVENING)
     monkeypatch.setattr(SimulatedAlpaca, "request", lambda *_: (200, json.dumps(told)))
     assert served(finding.find, sim) == []
 
 
-def test_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_detect_reports_that_no_alpaca_server_answered(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         assert main(["detect", f"http://127.0.0.1:{closed.getsockname()[1]}"]) == 1
     assert "no mount was found" in capsys.readouterr().out
 
 
-def test_a_gateway_is_named_as_one() -> None:
+def test_detect_names_a_gateway_among_alpaca_servers() -> None:
     async def program() -> str:
         async def load() -> web.Application:
             app = application()
@@ -136,7 +136,7 @@ def test_a_gateway_is_named_as_one() -> None:
     assert "mount-gateway" in text and "it needs no second gateway: nexstar@sim" in text
 
 
-def test_a_gateway_that_would_drive_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gateway_recognises_itself_by_its_token_in_a_row_of_gateways(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tokens of gateways in a row are all there; one's own is refused."""
     monkeypatch.setattr(chain, "_behind", {})
     chain.check("http://a", {"ServerName": "another"}), chain.check("http://b", {"Gateways": ["first", "second", 3]})

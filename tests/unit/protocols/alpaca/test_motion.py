@@ -47,7 +47,7 @@ def driver(**facts: Any) -> AlpacaDriver:
     return mount
 
 
-def test_a_moving_axis_is_stopped_first_whatever_is_known_of_its_speeds() -> None:
+def test_alpaca_driver_stops_a_moving_axis_whatever_speeds_are_known() -> None:
     mount = driver(moving={2: 4.0}, movable={1: False, 2: False})
     assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
     mount.moving[1] = 4.0
@@ -55,7 +55,7 @@ def test_a_moving_axis_is_stopped_first_whatever_is_known_of_its_speeds() -> Non
 
 
 @pytest.mark.parametrize("able", [ABSENT, Refused("busy"), True])
-def test_an_axis_counts_as_one_that_moves_until_the_server_denies_it(able: Any) -> None:
+def test_alpaca_axis_counts_as_moving_until_the_server_denies_it(able: Any) -> None:
     mount = driver()
     assert mount.may_move(1) and mount.may_move(2)
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=able, axisrates=[])
@@ -65,7 +65,7 @@ def test_an_axis_counts_as_one_that_moves_until_the_server_denies_it(able: Any) 
 
 
 @pytest.mark.parametrize("place", [("NaN", "NaN"), (1.0, float("inf")), (25.0, 10.0), (-1.0, 10.0), (1.0, 90.5)])
-def test_an_impossible_position_of_the_list_is_asked_for_singly(place: tuple[Any, Any]) -> None:
+def test_impossible_position_in_the_device_state_is_requested_singly(place: tuple[Any, Any]) -> None:
     mount = driver(lists_state=True)
     state = [{"Name": "RightAscension", "Value": place[0]}, {"Name": "Declination", "Value": place[1]}]
     answers = {"devicestate": state, "rightascension": {"ra": 15.0}, "declination": {"dec": 20.0}}
@@ -74,7 +74,7 @@ def test_an_impossible_position_of_the_list_is_asked_for_singly(place: tuple[Any
 
 
 @pytest.mark.parametrize("state", [[], [{"Name": "RightAscension", "Value": 1.0}], Refused("busy")])
-def test_what_the_list_leaves_out_is_asked_for_and_else_stays_as_it_was(state: Any) -> None:
+def test_value_missing_from_the_device_state_is_requested_or_stays(state: Any) -> None:
     mount = driver(lists_state=True, tracks=True, parked=False)
     play(read_status(mount), devicestate=state, tracking=False, atpark=True)
     assert (mount.tracks, mount.parked) == (False, True)
@@ -82,7 +82,7 @@ def test_what_the_list_leaves_out_is_asked_for_and_else_stays_as_it_was(state: A
     assert (mount.tracks, mount.parked) == (False, True)
 
 
-def test_a_stop_that_is_not_there_once_is_no_stop() -> None:
+def test_alpaca_stop_that_leaves_the_mount_moving_is_reported_as_refused() -> None:
     ranges = {1: ((0.0, 4.0),), 2: ((0.0, 4.0),)}
     with pytest.raises(Refused, match="stop was refused"):
         play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
@@ -93,7 +93,7 @@ def test_a_stop_that_is_not_there_once_is_no_stop() -> None:
 
 
 @pytest.mark.parametrize("refracts", [True, False])
-def test_refraction_in_its_altitudes_does_not_hide_a_wrong_equinox(refracts: bool) -> None:
+def test_refraction_in_altitudes_does_not_hide_a_wrong_equinox(refracts: bool) -> None:
     """It raises the tube by 1.6' at 31 degrees; the clock is 12 s wrong besides, and more is no agreement."""
     mount = driver(equinox="j2000", declared=True)
     place = {"siderealtime": 100.0, "rightascension": 100.0, "declination": -14.0, "sitelatitude": 45.0}
@@ -104,7 +104,7 @@ def test_refraction_in_its_altitudes_does_not_hide_a_wrong_equinox(refracts: boo
     assert play(compare_equinox(mount), **place)[1] == ("jnow" if refracts else None)
 
 
-def test_no_speed_is_greater_than_the_fastest() -> None:
+def test_alpaca_arrow_is_never_faster_than_the_fastest_rate() -> None:
     mount = driver()
     rates = [{"Minimum": 0.004, "Maximum": 0.004}, {"Minimum": 10.0, "Maximum": 10.0}]
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=True, axisrates=rates)
@@ -113,7 +113,7 @@ def test_no_speed_is_greater_than_the_fastest() -> None:
     assert mount.ranges[1] == () and not mount.supports("moveaxis")
 
 
-def test_a_goto_that_is_given_up_is_ended_as_well() -> None:
+def test_abandoned_alpaca_goto_is_ended() -> None:
     """The server may take it so late that nobody would watch it."""
     answers = {"slewtocoordinatesasync": Silence(), "slewing": False, "abortslew": None}
     sent, fault = play(goto(driver(model="german"), op.Goto(10.0, 20.0)), **answers)

@@ -29,7 +29,7 @@ def answering(own: RehearsalMount, instead: Callable[[bytes], bytes | None]) -> 
 
 
 @each("kept", [b":SL", b":SC"])
-async def test_a_clock_that_the_mount_refuses_is_an_error(kept: bytes) -> None:
+async def test_clock_refused_by_the_mount_is_an_alpaca_error(kept: bytes) -> None:
     async with stage("lx200gps", "lx200") as own:
         client = await connected(own)
         assert await ask(client, "put utcdate UTCDate=2026-06-01T12:00:00Z") is None
@@ -38,7 +38,7 @@ async def test_a_clock_that_the_mount_refuses_is_an_error(kept: bytes) -> None:
         assert (await ask(client, "get utcdate")).startswith("2026-06-01T12:00"), "the mount's own counts"
 
 
-async def test_a_program_that_gives_utc_is_served_with_a_zone_that_the_mount_takes() -> None:
+async def test_alpaca_utc_date_is_set_with_a_zone_that_the_mount_accepts() -> None:
     async with stage("lx200gps", "lx200") as own:
         client = await connected(own)
         answering(own, lambda frame: b"0" if frame.startswith(b":SG") and frame[:6] != b":SG+00" else None)
@@ -47,7 +47,7 @@ async def test_a_program_that_gives_utc_is_served_with_a_zone_that_the_mount_tak
         assert "2026-06-01T12:00:29" <= await ask(client, "get utcdate") < "2026-06-01T12:00:32"  # in whole seconds
 
 
-async def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
+async def test_tracking_that_does_not_begin_is_an_alpaca_error_and_gotos_still_pass() -> None:
     """Its :GW# goes on saying N: the program is told, and its gotos are let through all the same."""
     async with stage("lx200gps", "lx200") as own:
         exact_sky.load(own.controller.astrometry.sky)
@@ -63,7 +63,7 @@ async def test_tracking_that_does_not_begin_is_an_error_and_no_circle() -> None:
         assert own.sim.slewing
 
 
-async def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
+async def test_alpaca_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
     async with stage(speed=20.0) as own:
         client, other = await connected(own), own.client("192.0.2.7")
         await ask(client, "put park")
@@ -74,7 +74,7 @@ async def test_a_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
         assert b"M" in own.wire and await ask(client, "get atpark") is True
 
 
-async def test_a_rate_between_two_of_the_mount_is_the_next_slower_one() -> None:
+async def test_alpaca_rate_between_two_of_the_mount_uses_the_slower_one() -> None:
     async with stage("lx200gps", "lx200") as own:
         client = await connected(own)
         rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
@@ -93,7 +93,7 @@ async def test_a_rate_between_two_of_the_mount_is_the_next_slower_one() -> None:
         assert "0.5 degrees a second is done at" in told
 
 
-def test_an_error_has_a_value_of_the_type_of_its_member() -> None:
+def test_alpaca_error_has_a_value_of_the_type_of_its_member() -> None:
     commands = load("alpaca").commands
     values = {name: empty_value(commands[name]).get("Value") for name in ("atpark", "altitude", "rightascension",
               "sideofpier", "axisrates", "utcdate", "name", "trackingrates")}  # fmt: skip

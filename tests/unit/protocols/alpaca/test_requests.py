@@ -8,13 +8,13 @@ from gateway.protocols.alpaca.http.requests import BadRequest, parse_request
 from tests.support.each import each
 
 
-def test_a_question_has_its_parameters_in_any_case() -> None:
+def test_alpaca_get_accepts_parameter_names_in_any_case() -> None:
     asked = parse_request("GET", "canmoveaxis", [("AXIS", "1"), ("cLiEnTiD", "17"), ("clienttransactionid", "4")])
     assert asked.line == b"get canmoveaxis Axis=1\n"
     assert (asked.client, asked.transaction, asked.command.name) == (17, 4, "canmoveaxis")
 
 
-def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
+def test_alpaca_put_requires_the_exact_case_of_parameter_names() -> None:
     place = [("Declination", "22.01"), ("RightAscension", "5.5"), ("clientid", "17")]
     asked = parse_request("PUT", "slewtocoordinatesasync", place)
     assert asked.line == b"put slewtocoordinatesasync RightAscension=5.5 Declination=22.01\n"
@@ -42,7 +42,9 @@ def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
         ("PUT", "abortslew", [("ClientTransactionID", "٣")], "ClientTransactionID"),
     ],
 )
-def test_what_cannot_be_understood(method: str, member: str, pairs: list[tuple[str, str]], words: str) -> None:
+def test_malformed_alpaca_request_is_rejected(
+    method: str, member: str, pairs: list[tuple[str, str]], words: str
+) -> None:
     with pytest.raises(BadRequest, match=words) as refused:
         parse_request(method, member, pairs)
     assert not refused.value.allow
@@ -50,13 +52,13 @@ def test_what_cannot_be_understood(method: str, member: str, pairs: list[tuple[s
 
 @each(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
                                                         ("POST", "tracking", "GET, PUT")])  # fmt: skip
-def test_another_method_than_the_member_has(method: str, member: str, allow: str) -> None:
+def test_alpaca_request_with_the_wrong_method_is_rejected(method: str, member: str, allow: str) -> None:
     with pytest.raises(BadRequest) as refused:
         parse_request(method, member, [])
     assert refused.value.allow == allow
 
 
-def test_no_text_of_a_program_ends_the_line() -> None:
+def test_text_in_an_alpaca_request_cannot_end_the_line() -> None:
     asked = parse_request("PUT", "action", [("Action", "a b\nput park\n"), ("Parameters", "%#ä")])
     assert asked.line.count(b"\n") == 1 and asked.line.count(b" ") == 3
     assert asked.command.request.decode(asked.line) == {"action": "a b\nput park\n", "parameters": "%#ä"}

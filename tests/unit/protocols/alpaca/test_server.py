@@ -92,7 +92,7 @@ async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     assert all(guest.closed for guest in mount.guests)
 
 
-async def test_a_value_and_the_numbers_of_the_request() -> None:
+async def test_alpaca_reply_holds_the_value_and_the_transaction_numbers() -> None:
     async with served() as own:
         own.mount.answers[b"get altitude\n"] = b"45.5\n"
         first = await own.ask("GET", API + "altitude?ClientID=7&ClientTransactionID=31")
@@ -105,7 +105,7 @@ async def test_a_value_and_the_numbers_of_the_request() -> None:
         assert [name for name, _ in own.mount.said] == ["127.0.0.1:id-7", "127.0.0.1:id-0"]
 
 
-async def test_an_order_has_its_parameters_in_the_body() -> None:
+async def test_alpaca_put_reads_its_parameters_from_the_body() -> None:
     async with served() as own:
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "7", "ClientTransactionID": "2"}
         status, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
@@ -116,7 +116,7 @@ async def test_an_order_has_its_parameters_in_the_body() -> None:
         assert status == 400
 
 
-async def test_a_refusal_is_answered_with_its_number() -> None:
+async def test_alpaca_refusal_holds_its_error_number() -> None:
     async with served() as own:
         own.mount.answers[b"put park\n"] = b'{"ErrorNumber": 1024, "ErrorMessage": "no"}\n'
         status, answer = await own.ask("PUT", API + "park")
@@ -145,13 +145,13 @@ async def test_a_refusal_is_answered_with_its_number() -> None:
         ("GET", "/elsewhere", 404),
     ],
 )
-async def test_what_is_not_understood_reaches_no_mount(method: str, path: str, status: int) -> None:
+async def test_malformed_alpaca_request_reaches_no_mount(method: str, path: str, status: int) -> None:
     async with served() as own:
         assert (await own.ask(method, path))[0] == status
         assert own.mount.said == []
 
 
-async def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
+async def test_alpaca_body_sent_in_pieces_is_read_whole() -> None:
     """Half a number would be another number, and the mount would go elsewhere."""
     async with served() as own:
 
@@ -167,7 +167,7 @@ async def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
             assert own.mount.said[-1][1] == b"put targetdeclination TargetDeclination=22.0145\n"
 
 
-async def test_a_body_that_does_not_come_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_body_that_never_arrives_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.transport.web_server.REQUEST_TIMEOUT", 0.2)
     async with served() as own:
 
@@ -196,7 +196,7 @@ MULTIPART = (
 @each(
     "kind", ["multipart/form-data; boundary=xY7", "application/x-www-form-urlencoded", "application/json", "text/plain"]
 )
-async def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str) -> None:
+async def test_alpaca_body_is_read_by_its_content_and_not_its_type(body: bytes, kind: str) -> None:
     async with served() as own:
         asked = await own.ask("PUT", API + "slewtocoordinatesasync", data=body, headers={"Content-Type": kind})
         assert asked[0] == 200
@@ -217,7 +217,7 @@ async def test_the_content_of_a_body_decides_not_its_type(body: bytes, kind: str
         (b"x" * 9000, 413),
     ],
 )
-async def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
+async def test_unreadable_alpaca_body_is_rejected(body: bytes, status: int) -> None:
     async with served() as own:
         form = {"Content-Type": "application/x-www-form-urlencoded"}
         for member in ("connected", "slewtocoordinatesasync"):
@@ -244,7 +244,7 @@ async def test_a_body_that_cannot_be_read(body: bytes, status: int) -> None:
         ({"Sec-Fetch-Site": "none"}, 200),
     ],
 )
-async def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str], status: int) -> None:
+async def test_alpaca_server_refuses_foreign_origins_and_host_names(headers: dict[str, str], status: int) -> None:
     async with served(names=("pier.example.org", "203.0.113.7")) as own:
         for method, path in (("PUT", API + "abortslew"), ("GET", API + "name"), ("GET", "/management/apiversions"),
                              ("GET", "/setup")):  # fmt: skip
@@ -259,7 +259,7 @@ async def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str,
 @each(("first", "status"), [("GET / HTTP/1.0", 404), ("GET /setup HTTP/1.0", 200), ("GET /setup HTTP/1.1", 400),
                             ("GET /setup HTTP/1.0\r\nHost: rebound.example.com", 403),
                             ("GET /setup HTTP/1.0\r\nOrigin: http://evil.example", 403)])  # fmt: skip
-async def test_a_program_that_does_not_say_whom_it_means_speaks_http_1_0(first: str, status: int) -> None:
+async def test_alpaca_request_without_a_host_is_answered_as_http_1_0(first: str, status: int) -> None:
     async with served() as own:
         reader, writer = await asyncio.open_connection(*own.url.removeprefix("http://").split(":"))
         writer.write(f"{first}\r\n\r\n".encode())
@@ -268,7 +268,7 @@ async def test_a_program_that_does_not_say_whom_it_means_speaks_http_1_0(first: 
         writer.close()
 
 
-async def test_a_preflight_is_refused() -> None:
+async def test_alpaca_preflight_is_refused() -> None:
     async with served() as own:
         asks = {"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT"}
         async with own.http.options(own.url + API + "park", headers=asks) as response:
@@ -276,7 +276,7 @@ async def test_a_preflight_is_refused() -> None:
         assert own.mount.said == []
 
 
-async def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_slow_alpaca_client_delays_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "TIMEOUT", 0.3)
     async with served() as own:
         own.mount.answers[b"get azimuth\n"] = None
@@ -293,7 +293,7 @@ async def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyP
         assert again["Value"] == 45.5
 
 
-async def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
+async def test_awaited_alpaca_goto_blocks_only_its_request() -> None:
     async with served() as own:
         own.mount.answers |= {b"get slewing\n": b"true\n", b"get altitude\n": b"45.5\n"}
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
@@ -307,7 +307,7 @@ async def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
         assert status == 200 and answer["ErrorNumber"] == 0
 
 
-async def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> None:
+async def test_alpaca_goto_that_ended_short_is_an_error_for_its_waiter() -> None:
     async with served() as own:
         own.mount.answers[programs.ENDED_SHORT] = b'"the goto ended 26.0 degrees from its goal"\n'
         own.mount.answers[b"get slewing\n"] = b"false\n"
@@ -318,7 +318,7 @@ async def test_a_goto_that_ended_short_is_an_error_of_whoever_waits_for_it() -> 
         assert answer["ErrorNumber"] == 0
 
 
-async def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
+async def test_waiting_for_arrival_keeps_no_arrow_alive() -> None:
     """The dead man's switch would let a motion by hand of a vanished program go on for ever."""
     async with served() as own:
         own.mount.answers[b"get slewing\n"] = b"true\n"
@@ -334,7 +334,7 @@ async def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> Non
         assert [guest.closed for guest in own.mount.guests] == [False, True]
 
 
-async def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_stop_is_sent_however_many_requests_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "WAITING", 2)
     monkeypatch.setattr(programs, "MOST", 2)
     monkeypatch.setattr(programs, "TIMEOUT", 1.0)
@@ -351,13 +351,13 @@ async def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch)
         assert [line for _, line in own.mount.said].count(b"put abortslew\n") == 2
 
 
-async def test_who_is_not_let_in() -> None:
+async def test_alpaca_server_refuses_clients_outside_allow() -> None:
     async with served() as own:
         own.mount.refuses = True
         assert (await own.ask("GET", API + "altitude"))[0] == 403
 
 
-async def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_server_remembers_a_bounded_number_of_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "MOST", 3)
     async with served() as own:
         for client in range(6):
@@ -365,7 +365,7 @@ async def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -
         assert [guest.closed for guest in own.mount.guests] == [True] * 3 + [False] * 3
 
 
-async def test_who_only_looks_drives_out_nobody_who_has_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_reading_alpaca_clients_do_not_displace_a_connected_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """A web page may send GETs without end, each with another ClientID."""
     monkeypatch.setattr(programs, "MOST", 3)
     async with served() as own:
@@ -378,7 +378,7 @@ async def test_who_only_looks_drives_out_nobody_who_has_connected(monkeypatch: p
 @pytest.mark.parametrize(
     "sent", [b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nA: " + b"a" * 9000, b":Mn#\x01##\r\n\r\n"]
 )
-async def test_what_is_no_http_is_answered_and_leaves_no_traceback(
+async def test_bytes_that_are_no_http_are_answered_without_a_traceback(
     sent: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with served() as own:
@@ -392,7 +392,7 @@ async def test_what_is_no_http_is_answered_and_leaves_no_traceback(
     assert caplog.records == []
 
 
-async def test_management() -> None:
+async def test_alpaca_management_describes_server_and_devices() -> None:
     async with served() as own:
         _, versions = await own.ask("GET", "/management/apiversions?ClientTransactionID=9")
         assert versions["Value"] == [1] and versions["ClientTransactionID"] == 9
@@ -410,7 +410,7 @@ async def test_management() -> None:
         assert (await own.ask("GET", "/setup/v1/telescope/1/setup"))[0] == 400
 
 
-async def test_whoever_connects_first_is_answered_when_the_server_is_there() -> None:
+async def test_early_alpaca_client_is_answered_when_the_server_is_loaded() -> None:
     """The request comes in two pieces, before aiohttp is loaded; another connection breaks off."""
     async with served() as own:
         host, port = own.url.removeprefix("http://").split(":")

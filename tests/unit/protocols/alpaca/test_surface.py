@@ -33,7 +33,7 @@ async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> Visitor:
     return client
 
 
-async def test_whoever_vanishes_moves_nothing_any_more() -> None:
+async def test_vanished_alpaca_program_moves_nothing_after_half_a_minute() -> None:
     """Half a minute after its last request the axis rests; the requests of another program do not hold it."""
     async with stage() as own:
         client, other = await connected(own), await connected(own, "192.0.2.7")
@@ -45,7 +45,7 @@ async def test_whoever_vanishes_moves_nothing_any_more() -> None:
         assert await ask(other, "get slewing") is False
 
 
-async def test_abort_ends_everything_whoever_asks() -> None:
+async def test_alpaca_abort_ends_all_motion_of_any_program() -> None:
     async with stage() as own:
         client, other = await connected(own), own.client("192.0.2.7")
         await ask(client, f"put slewtocoordinatesasync {CRAB}")
@@ -56,7 +56,7 @@ async def test_abort_ends_everything_whoever_asks() -> None:
         assert not own.sim.slewing and await ask(client, "get slewing") is False
 
 
-async def test_who_may_only_look_changes_nothing() -> None:
+async def test_look_only_alpaca_program_changes_nothing() -> None:
     async with stage(access=AccessRules(read_only=True)) as own:
         client = await connected(own)
         assert isinstance(await ask(client, "get rightascension"), float)
@@ -69,7 +69,7 @@ async def test_who_may_only_look_changes_nothing() -> None:
 
 @pytest.mark.parametrize("latitude", [45.0, -45.0])
 @pytest.mark.parametrize(("mount", "version"), [("cge", "4.21"), ("cgem", "5.31")])
-async def test_the_side_of_the_pier_is_the_one_that_was_foretold(mount: str, version: str, latitude: float) -> None:
+async def test_alpaca_pier_side_after_a_goto_is_the_predicted_one(mount: str, version: str, latitude: float) -> None:
     """East of the pier it looks west, in either hemisphere and whatever letter the hand control tells."""
     async with stage(mount, version=version, site=(latitude, 10.0), speed=20.0) as own:
         exact_sky.load(own.controller.astrometry.sky)

@@ -8,7 +8,7 @@ from tests.support.each import each
 
 
 @each("more", range(6))
-def test_the_longest_command_is_as_long_with_colons_as_without(more: int) -> None:
+def test_longest_lx200_command_has_the_same_length_with_and_without_colons(more: int) -> None:
     for filling in (b"x", b":"):
         frames = Lx200Framer().feed(b":S" + filling * (LONGEST - 5 + more) + b"1#", 0.0)
         if LONGEST - 2 + more <= LONGEST:

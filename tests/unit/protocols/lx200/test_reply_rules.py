@@ -20,7 +20,7 @@ from tests.support.each import each
     ({"GT": b"60.1#"}, "GT", b"57.9#", b"57.9#"),
     ({"GD": b"+00\xdf00:00#"}, "LI", b"M31 * GAL#", b"M31 * GAL#"),
 ])  # fmt: skip
-def test_a_reply_is_written_as_the_telescope_writes(
+def test_cached_lx200_reply_is_written_in_the_notation_of_the_telescope(
     answers: dict[str, bytes], command: str, reply: bytes, written: bytes
 ) -> None:
     notation = Notation()

@@ -41,7 +41,7 @@ def apart(made: Mechanics, now: float, ra: float, dec: float) -> float:
 
 @each("latitude", SITES)
 @each("build", BUILDS)
-def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: float) -> None:
+def test_simulated_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: float) -> None:
     made = mount(build, latitude)
     ra, dec = made.truth(START)
     before = made.axes(START)
@@ -60,7 +60,9 @@ def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: floa
 @each("latitude", SITES)
 @each("build", BUILDS)
 @each("where", [(25.0, 10.0), (-60.0, -20.0), (-5.0, 5.0), (40.0, 20.0)])
-def test_goto_arrives_exactly_on_the_moving_target(build: Build, latitude: float, where: tuple[float, float]) -> None:
+def test_simulated_goto_arrives_exactly_on_the_moving_target(
+    build: Build, latitude: float, where: tuple[float, float]
+) -> None:
     made = mount(build, latitude)
     ra = made.sky.sidereal(START) - where[0]
     made.goto_sky(START, ra, where[1])
@@ -76,7 +78,7 @@ def test_goto_arrives_exactly_on_the_moving_target(build: Build, latitude: float
 
 
 @each("build", BUILDS)
-def test_each_axis_of_a_goto_never_turns_back(build: Build) -> None:
+def test_simulated_goto_never_reverses_an_axis(build: Build) -> None:
     made = mount(build, 45.0, on=False)
     made.goto_axes(START, 130.0, 70.0)
     seen = [made.axes(START + n / 4) for n in range(400)]
@@ -88,7 +90,7 @@ def test_each_axis_of_a_goto_never_turns_back(build: Build) -> None:
     assert max(slow) < 0.5  # the last of it is crept
 
 
-def test_speed_shortens_gotos_only() -> None:
+def test_simulation_speed_shortens_only_gotos() -> None:
     usual, quick = mount(Build.GERMAN, 45.0), mount(Build.GERMAN, 45.0)
     quick.speed = 10.0
     for made in (usual, quick):
@@ -100,7 +102,7 @@ def test_speed_shortens_gotos_only() -> None:
 
 
 @each("speed", [4.0, 20.0])
-def test_a_hurried_goto_that_nobody_looks_at_ends_at_its_goal(speed: float) -> None:
+def test_unobserved_sped_up_goto_ends_at_its_target(speed: float) -> None:
     made = mount(Build.ALTAZ, 48.1)
     made.speed = speed
     ra, dec = made.truth(START + 1.0)
@@ -108,7 +110,7 @@ def test_a_hurried_goto_that_nobody_looks_at_ends_at_its_goal(speed: float) -> N
     assert apart(made, START + 61.0, ra + 40.0, dec - 10.0) < 1.0
 
 
-def test_what_is_seen_does_not_depend_on_looking() -> None:
+def test_simulated_position_does_not_depend_on_being_read() -> None:
     looked, blind = mount(Build.ALTAZ, 45.0), mount(Build.ALTAZ, 45.0)
     for made in (looked, blind):
         made.goto_sky(START, 100.0, 60.0)
@@ -119,7 +121,7 @@ def test_what_is_seen_does_not_depend_on_looking() -> None:
 
 
 @each("latitude", SITES)
-def test_gentle_rates_add_to_equatorial_tracking_and_others_suspend_it(latitude: float) -> None:
+def test_slow_simulated_rates_add_to_tracking_and_fast_ones_suspend_it(latitude: float) -> None:
     made = mount(Build.GERMAN, latitude, ramps=False)
     west = made.geometry.pole
     ra, _ = made.truth(START)
@@ -136,7 +138,7 @@ def test_gentle_rates_add_to_equatorial_tracking_and_others_suspend_it(latitude:
     assert made.tracking(START + 71)
 
 
-def test_stopping_an_axis_that_rests_changes_nothing() -> None:
+def test_stopping_a_resting_simulated_axis_changes_nothing() -> None:
     for build in BUILDS:
         made = mount(build, 45.0)
         made.move(START + 1, 1, 0.0)
@@ -144,7 +146,7 @@ def test_stopping_an_axis_that_rests_changes_nothing() -> None:
         assert made.tracking(START + 2)
 
 
-def test_in_alt_az_the_other_motor_keeps_its_last_rate() -> None:
+def test_simulated_alt_az_motor_keeps_its_rate_while_the_other_is_moved() -> None:
     made = mount(Build.ALTAZ, 45.0, ramps=False)
     before, after = made.axes(START), made.axes(START + 1)
     made.move(START + 1, 2, 1.0)
@@ -153,7 +155,7 @@ def test_in_alt_az_the_other_motor_keeps_its_last_rate() -> None:
     assert later[1] - after[1] == pytest.approx(1.0)
 
 
-def test_stopping_one_axis_of_a_goto_leaves_the_other() -> None:
+def test_stopping_one_simulated_axis_of_a_goto_leaves_the_other() -> None:
     made = mount(Build.GERMAN, 45.0)
     made.goto_axes(START, 100.0, 60.0)
     made.move(START + 1, 2, 0.0)
@@ -163,7 +165,7 @@ def test_stopping_one_axis_of_a_goto_leaves_the_other() -> None:
     assert made.tracking(START + 2)
 
 
-def test_a_goto_replaces_one_under_way() -> None:
+def test_newer_simulated_goto_replaces_the_running_one() -> None:
     made = mount(Build.ALTAZ, 45.0)
     made.goto_sky(START, 100.0, 60.0)
     there = made.axes(START + 2)
@@ -172,7 +174,7 @@ def test_a_goto_replaces_one_under_way() -> None:
     assert apart(made, START + 300, 50.0, 30.0) < 0.01
 
 
-def test_a_sync_moves_the_belief_and_not_the_tube() -> None:
+def test_simulated_sync_changes_coordinates_but_not_the_tube() -> None:
     for build in BUILDS:
         made = mount(build, -34.0)
         truth, axes = made.truth(START), made.axes(START)
@@ -184,7 +186,7 @@ def test_a_sync_moves_the_belief_and_not_the_tube() -> None:
         assert separation(*made.believed(START + 300), 210.0, -35.0) < 1e-6
 
 
-def test_german_mounts_choose_their_side_and_show_the_pole_passed() -> None:
+def test_simulated_german_mount_chooses_its_side_and_shows_the_pole_passed() -> None:
     made = mount(Build.GERMAN, 45.0, ramps=False)
     lst = sidereal_time(START, 10.0)
     made.goto_sky(START, lst + 30.0, 60.0)
@@ -196,7 +198,7 @@ def test_german_mounts_choose_their_side_and_show_the_pole_passed() -> None:
     assert made.truth(START + 320)[1] == pytest.approx(80.0)
 
 
-def test_a_motor_sent_alone_rests_where_it_was_sent() -> None:
+def test_simulated_motor_sent_alone_rests_at_its_goal() -> None:
     made = mount(Build.GERMAN, 45.0)
     made.goto_axis(START, 2, 80.0)
     assert made.slewing(START + 1, 2) and not made.slewing(START + 1, 1)
@@ -205,13 +207,13 @@ def test_a_motor_sent_alone_rests_where_it_was_sent() -> None:
     assert turned * 3600 == pytest.approx(150.41, abs=0.01)  # the other one tracks on
 
 
-def test_rates_have_a_greatest() -> None:
+def test_simulated_rates_have_a_maximum() -> None:
     made = mount(Build.ALTAZ, 45.0, on=False, ramps=False)
     made.set_rate(START, 1, 50.0)
     assert wrap180(made.axes(START + 1)[0] - made.axes(START)[0]) == pytest.approx(4.0)
 
 
-def test_a_fork_put_on_its_wedge_keeps_pointing() -> None:
+def test_simulated_fork_put_on_its_wedge_keeps_pointing() -> None:
     made = mount(Build.ALTAZ, 45.0)
     place = made.truth(START)
     made.rebuild(START, Build.WEDGE)
@@ -221,7 +223,7 @@ def test_a_fork_put_on_its_wedge_keeps_pointing() -> None:
     assert apart(made, START + 3600, *place) < 0.1
 
 
-def test_another_site_leaves_the_axes_and_follows_what_is_in_view() -> None:
+def test_new_site_leaves_simulated_axes_and_tracks_the_visible_place() -> None:
     for build in BUILDS:
         made = mount(build, 45.0)
         axes = made.axes(START)

@@ -30,7 +30,7 @@ def second(made: Mechanics, seconds: float) -> float:
     return made.axes(START + seconds)[1]
 
 
-def test_a_hand_rate_is_reached_in_a_second_and_run_on_from_in_another() -> None:
+def test_simulated_rate_is_reached_and_left_in_a_second() -> None:
     made = mount()
     made.set_rate(START, 2, 4.0)
     assert [second(made, t) - 20.0 for t in (0.0, 0.5, 1.0, 1.5, 2.0)] == pytest.approx([0.0, 0.5, 2.0, 4.0, 6.0])
@@ -39,7 +39,7 @@ def test_a_hand_rate_is_reached_in_a_second_and_run_on_from_in_another() -> None
     assert [second(made, t) - 20.0 for t in (2.0, 2.5, 3.0, 9.0)] == pytest.approx([6.0, 7.5, 8.0, 8.0])
 
 
-def test_a_slower_rate_is_reached_sooner_and_another_way_later() -> None:
+def test_slower_simulated_rate_is_reached_sooner_and_a_reversal_later() -> None:
     made = mount()
     made.set_rate(START, 2, 1.0)
     assert [second(made, t) - 20.0 for t in (0.25, 1.25)] == pytest.approx([0.125, 1.125])
@@ -47,7 +47,7 @@ def test_a_slower_rate_is_reached_sooner_and_another_way_later() -> None:
     assert [second(made, t) - 20.0 for t in (1.5, 2.25, 3.25)] == pytest.approx([1.25, 0.125, -2.875])
 
 
-def test_a_stop_while_it_still_gathers_speed() -> None:
+def test_simulated_stop_while_accelerating_brakes_from_the_reached_speed() -> None:
     made = mount()
     made.set_rate(START, 2, 4.0)
     made.set_rate(START + 0.5, 2, 0.0)  # two degrees a second by then
@@ -55,7 +55,7 @@ def test_a_stop_while_it_still_gathers_speed() -> None:
     assert made.runs_on(START + 0.9) and made.moving(START + 0.9)
 
 
-def test_a_goto_gathers_speed_creeps_and_arrives_exactly() -> None:
+def test_simulated_goto_accelerates_creeps_and_arrives_exactly() -> None:
     """39.5 degrees: 1 s up, 35.5078 degrees at full speed, 0.9375 s down to a quarter of a degree a second.
 
     The last half degree: 1.96875 s, and 0.0625 s down to rest.
@@ -71,7 +71,7 @@ def test_a_goto_gathers_speed_creeps_and_arrives_exactly() -> None:
     assert not made.moving(START + 99.0)
 
 
-def test_a_goto_that_is_cancelled_runs_on_and_then_tracks() -> None:
+def test_cancelled_simulated_goto_runs_on_and_then_tracks() -> None:
     made = mount(on=True)
     made.goto_axes(START, 60.0, 60.0)
     assert second(made, 3.0) == pytest.approx(30.0)
@@ -82,7 +82,7 @@ def test_a_goto_that_is_cancelled_runs_on_and_then_tracks() -> None:
     assert made.speeds(START + 4.1)[0] == pytest.approx(SIDEREAL_RATE, abs=1e-6)
 
 
-def test_a_goto_hurried_by_the_simulation_is_ended_as_hurriedly() -> None:
+def test_sped_up_simulated_goto_brakes_as_fast() -> None:
     made = mount()
     made.speed = 6.0
     made.goto_axes(START, 60.0, 80.0)
@@ -93,7 +93,7 @@ def test_a_goto_hurried_by_the_simulation_is_ended_as_hurriedly() -> None:
 
 
 @each("build", list(Build))
-def test_pulses_are_exact(build: Build) -> None:
+def test_simulated_guide_pulses_are_exact(build: Build) -> None:
     made, other = mount(build, on=True), mount(build, on=True)
     made.pulse(START + 1.0, 2, 0.5 * SIDEREAL_RATE, 2.0)
     guided, followed = made.axes(START + 3.0), other.axes(START + 3.0)
@@ -101,7 +101,7 @@ def test_pulses_are_exact(build: Build) -> None:
     assert wrap180(guided[0] - followed[0]) == pytest.approx(0.0, abs=1e-7)
 
 
-def test_without_ramps_everything_is_at_once() -> None:
+def test_simulated_motion_without_ramps_is_immediate() -> None:
     made = mount()
     made.acceleration = math.inf
     made.set_rate(START, 2, 4.0)
@@ -138,7 +138,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
 
 @pytest.mark.parametrize("build", list(Build))
 @pytest.mark.parametrize("seed", range(as_a_rule(2, whole=4)))
-def test_whatever_is_ordered_no_motor_jumps(build: Build, seed: int) -> None:
+def test_no_order_makes_a_simulated_motor_jump(build: Build, seed: int) -> None:
     """Places follow speeds, and speeds change at twice the acceleration at most: off one order and on to another."""
     chance, made = Random(seed), mount(build, on=True)
     step = 1.0 / 64.0
@@ -157,7 +157,7 @@ def test_whatever_is_ordered_no_motor_jumps(build: Build, seed: int) -> None:
         before, speeds = here, then
 
 
-def test_the_zenith_asks_for_no_speed_that_a_motor_lacks() -> None:
+def test_simulated_tracking_through_the_zenith_keeps_the_motor_speed() -> None:
     """There the azimuth of what is tracked turns round in no time: it must not be run on from for minutes."""
     made = mount(Build.ALTAZ, on=True)
     made.goto_axes(START, 10.0, 90.0)

@@ -51,7 +51,7 @@ def put(simulator: Any, first: float, second: float) -> Truth:
 # --- what each field means ----------------------------------------------------------------------------------------
 
 
-def test_an_alt_az_fork_as_it_is_switched_on() -> None:
+def test_true_position_of_a_new_alt_az_fork_is_its_switch_on_position() -> None:
     simulator, _ = mount("nexstar", "6-8se", aligned=False)
     seen = truth_of(simulator)
     assert (seen.t, seen.axis1, seen.axis2) == (EVENING, 180.0, 45.0)
@@ -60,7 +60,7 @@ def test_an_alt_az_fork_as_it_is_switched_on() -> None:
     assert (seen.rate1, seen.rate2, seen.moving, seen.tracking) == (0.0, 0.0, False, False)
 
 
-def test_a_fork_driven_over_the_zenith_looks_the_other_way() -> None:
+def test_true_position_of_a_fork_over_the_zenith_is_on_the_other_side() -> None:
     simulator, _ = mount("nexstar", "6-8se")
     seen = put(simulator, 180.0, 100.0)
     assert (seen.axis2, seen.altitude) == pytest.approx((100.0, 80.0))
@@ -78,7 +78,7 @@ def test_a_fork_driven_over_the_zenith_looks_the_other_way() -> None:
         (190.0, 140.0, 10.0, 40.0, 10.0),
     ],
 )
-def test_a_german_mount_beyond_its_meridian(
+def test_true_position_of_a_german_mount_beyond_its_meridian_is_right(
     first: float, second: float, hour_angle: float | None, dec: float, past: float
 ) -> None:
     """In the north axis 1 is the hour angle; past 90 degrees of axis 2 the tube is on the other side of the pier."""
@@ -99,7 +99,7 @@ def test_a_german_mount_beyond_its_meridian(
 @each("start", MOMENTS)
 @each("site", SITES)
 @each(("protocol", "model"), [("nexstar", "cpc"), ("nexstar", "cge"), ("lx200", "lx200")])
-def test_against_another_almanac(protocol: str, model: str, site: tuple[float, float], start: float) -> None:
+def test_true_position_agrees_with_pyephem(protocol: str, model: str, site: tuple[float, float], start: float) -> None:
     """PyEphem's sidereal time, horizon and Sun: the tube is seen where a star of that place would be."""
     simulator, _ = mount(protocol, model, site, start)
     chance = Random(1)
@@ -131,7 +131,7 @@ def test_against_another_almanac(protocol: str, model: str, site: tuple[float, f
         assert seen.altitude == pytest.approx(math.degrees(height), abs=0.02)
 
 
-def test_rates_and_what_turns() -> None:
+def test_truth_reports_rates_and_turning_axes() -> None:
     """Four degrees a second, reached in a second; the fork's other motor rests."""
     simulator, clock = mount("nexstar", "nexstar-gps", aligned=False)
     simulator.feed(b"P\x02\x11\x24\x09\0\0\0")
@@ -151,7 +151,7 @@ def test_rates_and_what_turns() -> None:
     assert not rests.moving and rests.rate2 == 0.0 and rests.axis2 == pytest.approx(53.0, abs=1e-4)
 
 
-def test_tracking_is_no_motion_and_a_pulse_is() -> None:
+def test_truth_counts_a_pulse_as_motion_but_not_tracking() -> None:
     simulator, clock = mount("nexstar", "cge")
     seen = truth_of(simulator)
     assert seen.tracking and not seen.moving
@@ -163,7 +163,7 @@ def test_tracking_is_no_motion_and_a_pulse_is() -> None:
     assert not truth_of(simulator).moving
 
 
-def test_a_polar_mount_tracks_again_once_its_slow_declination_arrow_is_released() -> None:
+def test_simulated_polar_mount_tracks_after_a_slow_declination_arrow() -> None:
     simulator, clock = mount("nexstar", "avx")
     simulator.feed(b"P\x03\x11\x06\x00\x1e\0\0")  # 7.5 arcseconds a second
     clock.now += 2.0
@@ -175,7 +175,7 @@ def test_a_polar_mount_tracks_again_once_its_slow_declination_arrow_is_released(
     assert seen.rate1 * 3600.0 == pytest.approx(15.041, abs=0.001)
 
 
-def test_an_alt_az_mount_whose_arrow_was_released_does_not_track_yet() -> None:
+def test_simulated_alt_az_mount_does_not_track_right_after_an_arrow() -> None:
     """Both of its motors would have to follow the sky."""
     simulator, clock = mount("nexstar", "cpc")
     for key in (b"\x05", b"\x00"):
@@ -224,14 +224,14 @@ def unmoved(simulator: Any, clock: Clock, words: list[bytes]) -> None:
 
 @each("model", ["cpc", "cge", "6-8se", "cgx"])
 @each("aligned", [True, False])
-def test_nothing_that_a_nexstar_program_says_moves_the_truth(model: str, aligned: bool) -> None:
+def test_no_nexstar_setting_changes_the_true_position(model: str, aligned: bool) -> None:
     simulator, clock = mount("nexstar", model, aligned=aligned)
     simulator.feed(b"T\x00")
     unmoved(simulator, clock, NEXSTAR)
 
 
 @each("model", ["autostar", "lx200gps", "lx200-16"])
-def test_nothing_that_an_lx200_program_says_moves_the_truth(model: str) -> None:
+def test_no_lx200_setting_changes_the_true_position(model: str) -> None:
     """A fork is put on its wedge and taken off in between: by the belief of another latitude the tube would swing."""
     simulator, clock = mount("lx200", model)
     simulator.feed(b":AL#")
@@ -239,7 +239,7 @@ def test_nothing_that_an_lx200_program_says_moves_the_truth(model: str) -> None:
     unmoved(simulator, clock, LX200)
 
 
-def test_a_wrong_site_turns_an_alt_az_mount_that_tracks_and_the_truth_shows_it() -> None:
+def test_wrong_site_turns_a_tracking_alt_az_mount_in_truth() -> None:
     """What the motors really do counts: told that it stands in the south, it follows a sky that is not there."""
     simulator, clock = mount("nexstar", "cpc")
     simulator.feed(b"W\x21\x38\x33\x01\x97\x0c\x07\x00")
@@ -253,7 +253,7 @@ def test_a_wrong_site_turns_an_alt_az_mount_that_tracks_and_the_truth_shows_it()
 # --- sampling ---------------------------------------------------------------------------------------------------
 
 
-async def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
+async def test_suspended_computer_leaves_out_the_missed_time_in_the_truth_file() -> None:
     clock = Clock()
     simulator, seen = SimulatedHandControl("cge", clock=clock), []
     sampler = asyncio.get_running_loop().create_task(sample(simulator, seen.append))
@@ -265,7 +265,7 @@ async def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
     assert [round(one.t - EVENING, 1) for one in seen] == [0.0, 0.1, 60.1, 60.2]
 
 
-def test_a_line_is_one_object_with_these_names() -> None:
+def test_truth_line_is_one_object_with_documented_names() -> None:
     simulator, _ = mount("nexstar", "cpc")
     line = truth_of(simulator).line()
     assert line.endswith("}\n") and line.count("\n") == 1
@@ -277,7 +277,7 @@ def test_a_line_is_one_object_with_these_names() -> None:
     assert told["past_meridian"] is None and told["tracking"] is True and told["altitude"] == 45.0
 
 
-def test_the_command_writes_it_and_several_programs_talk_to_the_same_mount(tmp_path: Path) -> None:
+def test_sim_command_writes_the_truth_while_several_programs_use_the_mount(tmp_path: Path) -> None:
     """The site is set and the mount synced to over one connection; another one sees that, and the file does not."""
     file = tmp_path / "truth.jsonl"
     sim = Running(
@@ -311,14 +311,14 @@ def test_the_command_writes_it_and_several_programs_talk_to_the_same_mount(tmp_p
     assert seen[-1]["tracking"] is False
 
 
-def test_a_file_that_cannot_be_written_is_said_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_truth_file_is_reported_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "nowhere" / "truth.jsonl"
     assert main(["sim", "nexstar:cge", "--at", "tcp://127.0.0.1:0", "--truth", str(path)]) == 2
     assert f"cannot write {path}" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only where there is a full device")
-def test_a_file_that_takes_no_more_ends_the_mount(
+def test_truth_file_that_becomes_unwritable_ends_the_simulated_mount(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("gateway.cli.serve.sim.plain_file", os.open)

@@ -78,7 +78,7 @@ class Judged(Telescope):
 
 @pytest.mark.parametrize("latitude", [45.0, -33.5])
 @pytest.mark.parametrize("kind", KINDS)
-async def test_ascoms_judge(kind: str, latitude: float) -> None:
+async def test_simulated_alpaca_telescope_passes_ascoms_judge(kind: str, latitude: float) -> None:
     loop = asyncio.get_running_loop()
     scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time(), site=(latitude, 10.0))), {}
     for name, check in CHECKS.items():
@@ -91,7 +91,7 @@ async def test_ascoms_judge(kind: str, latitude: float) -> None:
     assert found.keys() == KNOWN[kind], found
 
 
-def test_every_member_has_ascoms_type_and_parameters() -> None:
+def test_every_alpaca_member_has_ascoms_type_and_parameters() -> None:
     kinds = {"number": (float, int), "integer": int, "boolean": bool, "string": str, "array": list}
     program = Program()
     program.put("targetrightascension", TargetRightAscension=5.5), program.put("targetdeclination", TargetDeclination=2)
@@ -109,7 +109,7 @@ def test_every_member_has_ascoms_type_and_parameters() -> None:
             assert program.http("PUT", DEVICE + member, **others, **{name.lower(): "1"})[0] == 400, (member, name)
 
 
-def test_what_is_not_understood_is_400() -> None:
+def test_simulated_alpaca_server_answers_400_to_a_malformed_request() -> None:
     program = Program()
     for method, member, given in (
         ("GET", "RightAscension", {}), ("GET", "nothing", {}), ("PUT", "rightascension", {}), ("POST", "connected", {}),
@@ -122,7 +122,7 @@ def test_what_is_not_understood_is_400() -> None:
     assert program.sim.request("PUT", DEVICE + "tracking", b'{"Tracking": true}', "application/json")[0] == 400
 
 
-def test_connecting_both_ways() -> None:
+def test_simulated_alpaca_telescope_connects_in_both_ways() -> None:
     program = Program(connected=False)
     assert program.answer("GET", "tracking")["ErrorNumber"] == NOT_CONNECTED and program.get("connected") is False
     program.put("connect")
@@ -137,7 +137,7 @@ def test_connecting_both_ways() -> None:
         assert older.http(method, DEVICE + member)[0] == 400
 
 
-def test_what_it_lacks_and_what_it_tells() -> None:
+def test_simulated_alpaca_telescope_reports_missing_abilities_and_refuses_them() -> None:
     program = Program(lacks=frozenset({"synctocoordinates", "siderealtime", "tracking_put"}), tells={"slewing": False})
     assert [program.get(f"can{word}") for word in ("sync", "settracking", "park")] == [False, False, True]
     assert program.put("synctocoordinates", RightAscension=5, Declination=5) == NOT_IMPLEMENTED
@@ -149,7 +149,7 @@ def test_what_it_lacks_and_what_it_tells() -> None:
 
 
 @pytest.mark.parametrize("quiet", [False, True])
-def test_slewing_while_an_axis_is_moved(quiet: bool) -> None:
+def test_simulated_alpaca_telescope_reports_slewing_while_an_axis_moves(quiet: bool) -> None:
     program = Program(quiet_axes=quiet, senses=(-1, 1))
     program.put("slewtocoordinatesasync", RightAscension=5.5, Declination=22)
     program.now += 100.0
@@ -163,7 +163,7 @@ def test_slewing_while_an_axis_is_moved(quiet: bool) -> None:
     assert program.get("slewing") is False and program.get("tracking") is True and program.sim.tracking
 
 
-def test_the_equinox_that_it_sends() -> None:
+def test_simulated_alpaca_telescope_uses_the_equinox_that_it_reports() -> None:
     program = Program(sends_j2000=True, tells={"equatorialsystem": 1})
     program.put("slewtocoordinatesasync", RightAscension=5.5, Declination=22)
     program.now += 100.0
@@ -172,7 +172,7 @@ def test_the_equinox_that_it_sends() -> None:
     assert 0.2 < ra - 82.5 < 0.5 and abs(dec - 22.0) < 0.1 and program.get("equatorialsystem") == 1
 
 
-def test_a_slew_that_is_answered_at_its_end() -> None:
+def test_simulated_alpaca_server_can_answer_a_slew_at_its_end() -> None:
     later: list[tuple[float, bytes]] = []
     program = Program()
     feed = program.sim.connection(lambda seconds, reply: later.append((seconds, reply)))
@@ -183,7 +183,7 @@ def test_a_slew_that_is_answered_at_its_end() -> None:
     assert reply == b"null\n" and feed(b"get slewing\n") == b"false\n" and 5.0 < seconds < 60.0
 
 
-def test_its_clock_and_site() -> None:
+def test_simulated_alpaca_telescope_stores_its_clock_and_site() -> None:
     program, deaf = Program(), Program(keeps_clock=True)
     for one in (program, deaf):
         assert one.put("utcdate", UTCDate="2026-06-01T01:02:03Z") == 0 == one.put("sitelatitude", SiteLatitude=-30.5)
@@ -191,7 +191,7 @@ def test_its_clock_and_site() -> None:
     assert program.get("sitelatitude") == -30.5 and program.put("utcdate", UTCDate="soon") == INVALID
 
 
-def test_bytes_over_http() -> None:
+def test_simulated_alpaca_server_accepts_requests_in_pieces_and_several_at_once() -> None:
     """Requests may arrive in pieces, and several at once."""
     program = Program()
     feed = program.sim.connection()
@@ -205,6 +205,6 @@ def test_bytes_over_http() -> None:
     assert feed(b"GET /nowhere HTTP/1.1\r\n\r\n").startswith(b"HTTP/1.1 400 ")
 
 
-def test_an_unknown_model() -> None:
+def test_unknown_alpaca_model_is_refused() -> None:
     with pytest.raises(UserError, match="german, altaz, polar"):
         SimulatedAlpaca("fork", clock=lambda: EVENING)

@@ -27,7 +27,7 @@ TURNS = [
 
 
 @each(("order", "answer"), TURNS)
-def test_a_sleeping_telescope_turns_nothing_until_it_is_woken(order: bytes, answer: bytes) -> None:
+def test_sleeping_simulated_meade_turns_no_motor_until_woken(order: bytes, answer: bytes) -> None:
     sim, clock = meade("lx200gps")
     assert sim.feed(overhead(sim) + b":Sa+60*00#:Sz120*00#:hN#") == b"1111"
     before = sim.mechanics.axes(clock.now)
@@ -43,14 +43,14 @@ def test_a_sleeping_telescope_turns_nothing_until_it_is_woken(order: bytes, answ
 
 
 @each(("tells_altaz", "said"), [(False, b"PN1"), (True, b"AN1")])
-def test_gw_tells_how_it_stands(tells_altaz: bool, said: bytes) -> None:
+def test_simulated_meade_reports_its_alignment_mode_by_gw(tells_altaz: bool, said: bytes) -> None:
     sim, _ = meade("autostar", land_tells_altaz=tells_altaz)
     assert sim.feed(b":GW#:AP#:GW#\x06:AL#:GW#\x06:AP#:GW#") == b"AT1PT1P" + said + b"LPT1"
 
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-async def test_tracking_off_and_on_leaves_a_polar_telescope_polar(model: str, tells_altaz: bool) -> None:
+async def test_tracking_off_and_on_leaves_a_polar_meade_polar(model: str, tells_altaz: bool) -> None:
     """Asked for its mode in between, as INDIGO does: :AA# would end the polar alignment."""
     bridge = Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
     bridge.sim.land_tells_altaz = tells_altaz
@@ -72,7 +72,7 @@ async def test_tracking_off_and_on_leaves_a_polar_telescope_polar(model: str, te
 
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
-async def test_a_telescope_that_is_taken_off_its_wedge_is_seen_to_be(tells_altaz: bool) -> None:
+async def test_meade_taken_off_its_wedge_is_noticed(tells_altaz: bool) -> None:
     """At its keys, tracking off before and afterwards: the alignment mode tells that the A is meant."""
     bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
     bridge.sim.land_tells_altaz = tells_altaz
@@ -87,7 +87,7 @@ async def test_a_telescope_that_is_taken_off_its_wedge_is_seen_to_be(tells_altaz
         assert not bridge.driver.equatorial
 
 
-async def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
+async def test_program_is_told_that_the_meade_sleeps() -> None:
     """It would say yes to the goto and stay where it is."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
         client = bridge.client()
@@ -105,7 +105,7 @@ async def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
         assert bridge.sim.slewing
 
 
-async def test_a_telescope_that_was_woken_at_its_keys_moves_again() -> None:
+async def test_meade_woken_at_its_keys_moves_again() -> None:
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
         client = bridge.client()
         assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"

@@ -17,7 +17,7 @@ ARCSECOND = 1.0 / 3600.0
 
 @each("site", SITES)
 @each("model", MODELS)
-def test_tracking_rates(model: str, site: tuple[float, float]) -> None:
+def test_simulated_meade_tracks_at_the_documented_rates(model: str, site: tuple[float, float]) -> None:
     """Arcseconds that right ascension grows by in an hour: the Sun's 148 and the Moon's 1281."""
     for command, drift in ((b":TQ#", 0.0), (b":TS#", 147.8), (b":TL#", 1281.0), (b":TM#", 0.0)):
         sim, clock = meade(model, site)
@@ -32,7 +32,7 @@ def test_tracking_rates(model: str, site: tuple[float, float]) -> None:
         assert separation(*sim.truth(), *after) < ARCSECOND
 
 
-def test_a_slew_keeps_the_tracking_rate() -> None:
+def test_simulated_meade_keeps_its_tracking_rate_after_a_slew() -> None:
     sim, clock = meade("lx200")
     assert sim.feed(b":U#:TS#" + overhead(sim) + b":MS#:GT#") == b"11060.0#"
     clock.now += 600
@@ -41,7 +41,7 @@ def test_a_slew_keeps_the_tracking_rate() -> None:
     assert wrap180(sim.truth()[0] - before[0]) / ARCSECOND == pytest.approx(147.8, abs=1.0)
 
 
-def test_hertz() -> None:
+def test_simulated_meade_tracks_at_a_rate_given_in_hertz() -> None:
     classic, _ = meade("lx200")
     assert classic.feed(b":GT#:ST060.0#") == b"60.1#0", "in manual mode only"
     assert classic.feed(b":TM#:ST060.2#:ST056.3#:ST056.4#:GT#") == b"00156.4#"
@@ -51,7 +51,7 @@ def test_hertz() -> None:
     assert gps.feed(b":GT#:ST057.9#:GT#") == b"+60.0#1+57.9#"
 
 
-def test_a_classic_that_is_given_a_mode_begins_anew() -> None:
+def test_simulated_classic_restarts_tracking_when_given_a_mode() -> None:
     sim, clock = meade("lx200")
     sim.feed(b":U#" + overhead(sim) + b":MS#")
     clock.now += 300
@@ -65,7 +65,7 @@ def test_a_classic_that_is_given_a_mode_begins_anew() -> None:
 
 
 @each("model", ["autostar", "lx200gps"])
-def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
+def test_simulated_autostar_and_lx200gps_switch_tracking_by_mode_letters(model: str) -> None:
     sim, clock = meade(model)
     assert sim.feed(b":AL#:GW#\x06:AA#:GW#\x06") == b"AN1LAT1A"
     before = sim.truth()
@@ -78,7 +78,7 @@ def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
 
 @each("model", ["autostar", "lx200gps"])
 @each("site", SITES)
-def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
+def test_arrows_of_a_simulated_fork_move_in_altitude_and_azimuth(model: str, site: tuple[float, float]) -> None:
     """North and south move in altitude, west with and east against azimuth."""
     for letter, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"w", 0, 1), (b"e", 0, -1)):
         sim, clock = meade(model, site, ramps=False)
@@ -94,7 +94,7 @@ def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
 
 @each("model", MODELS)
 @each("site", SITES)
-def test_a_polar_telescope_tracks_once_its_east_key_is_released(model: str, site: tuple[float, float]) -> None:
+def test_polar_meade_tracks_once_its_east_key_is_released(model: str, site: tuple[float, float]) -> None:
     """Even if north is still pressed: :Qe halts eastward motion only."""
     sim, clock = meade(model, site)
     sim.feed(b":AP#")
@@ -114,7 +114,7 @@ def test_a_polar_telescope_tracks_once_its_east_key_is_released(model: str, site
 
 
 @each("model", MODELS)
-def test_guiding_adds_to_tracking(model: str) -> None:
+def test_simulated_guiding_adds_to_tracking(model: str) -> None:
     sim, clock = meade(model)
     before = sim.truth()
     sim.feed(b":RG#:Mn#")
@@ -130,7 +130,7 @@ def test_guiding_adds_to_tracking(model: str) -> None:
     assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(guided, abs=0.5)
 
 
-def test_rates_of_an_lx200gps() -> None:
+def test_simulated_lx200gps_moves_at_its_rates() -> None:
     sim, clock = meade("lx200gps", ramps=False)
     sim.feed(b":RS#")
     for command, axis, rate in ((b":RE03.0#:Mn#", 1, 3.0), (b":RA02.0#:Mw#", 0, 2.0), (b":RA00.0#:Mw#", 0, 8.0)):
@@ -146,12 +146,12 @@ def test_rates_of_an_lx200gps() -> None:
 
 
 @each(("model", "fastest"), [("lx200", 8), ("lx200-16", 4), ("autostar", 8), ("lx200gps", 8)])
-def test_the_fastest_rate(model: str, fastest: int) -> None:
+def test_simulated_meade_accepts_sw_only_up_to_its_fastest_rate(model: str, fastest: int) -> None:
     sim, _ = meade(model)
     assert sim.feed(f":Sw1#:Sw9#:Sw2#:Sw{fastest}#:Sw{fastest + 1}#".encode()) == b"00110"
 
 
-def test_bars_of_a_classic_are_counted_for_each_axis() -> None:
+def test_simulated_classic_counts_distance_bars_for_each_axis() -> None:
     sim, _ = meade("lx200")
     before = sim.position()
     hours = (before[0] + 30.0) % 360.0 / 15.0
@@ -161,7 +161,7 @@ def test_bars_of_a_classic_are_counted_for_each_axis() -> None:
 
 
 @each("model", ["autostar", "lx200gps"])
-def test_park_and_sleep(model: str) -> None:
+def test_simulated_meade_parks_and_sleeps(model: str) -> None:
     sim, clock = meade(model)
     sim.feed(b":hP#")
     assert sim.feed(b":D#") == b"\x7f#"
@@ -178,7 +178,7 @@ def test_park_and_sleep(model: str) -> None:
         assert sim.tracking
 
 
-def test_a_parked_polar_telescope_points_at_its_pole() -> None:
+def test_parked_polar_meade_points_at_its_pole() -> None:
     for site, pole in ((SITES[0], 90.0), (SITES[1], -90.0)):
         sim, clock = meade("lx200-16", site)
         sim.feed(b":hP#")
@@ -189,7 +189,7 @@ def test_a_parked_polar_telescope_points_at_its_pole() -> None:
 
 
 @each(("model", "deaf"), [("lx200-16", b""), ("lx200gps", b"\x15")])
-def test_home(model: str, deaf: bytes) -> None:
+def test_simulated_meade_seeks_and_reports_its_home(model: str, deaf: bytes) -> None:
     sim, clock = meade(model)
     sim.feed(overhead(sim) + b":MS#")
     clock.now += 300
@@ -202,7 +202,7 @@ def test_home(model: str, deaf: bytes) -> None:
     assert sim.feed(b":Gc#") == b"24#"
 
 
-def test_restart_forgets_the_target_and_the_formats() -> None:
+def test_simulated_meade_forgets_target_and_formats_at_a_restart() -> None:
     sim, _ = meade("lx200gps")
     sim.feed(overhead(sim) + b":U#:So10#:SMHOME#:AL#")
     assert sim.feed(b":I#") == b"X"

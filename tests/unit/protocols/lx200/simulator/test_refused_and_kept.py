@@ -15,7 +15,7 @@ from tests.support.simulated_meade import MODELS, SITES, Line, meade, overhead
 
 
 @each("model", ["lx200", "lx200-16"])
-def test_the_second_string_of_a_new_date_comes_when_a_classic_has_calculated(model: str) -> None:
+def test_simulated_classic_sends_the_second_date_text_after_calculating(model: str) -> None:
     sim, clock = meade(model)
     line = Line(sim)
     assert line.send(b":SC03/20/26#") == b"1Updating        planetary data. #"
@@ -27,7 +27,7 @@ def test_the_second_string_of_a_new_date_comes_when_a_classic_has_calculated(mod
 
 
 @each("model", ["autostar", "lx200gps"])
-def test_the_others_answer_a_new_date_at_once(model: str) -> None:
+def test_simulated_autostar_and_lx200gps_answer_a_new_date_at_once(model: str) -> None:
     sim, _ = meade(model)
     line = Line(sim)
     assert line.send(b":SC03/20/26#") == b"1Updating Planetary Data#" + b" " * 24 + b"#"
@@ -35,7 +35,7 @@ def test_the_others_answer_a_new_date_at_once(model: str) -> None:
 
 
 @each(("command", "seconds"), [(b":gT#", 60.0), (b":Aa#", 120.0)])
-def test_an_lx200gps_says_nak_while_it_is_busy(command: bytes, seconds: float) -> None:
+def test_simulated_lx200gps_says_nak_while_busy(command: bytes, seconds: float) -> None:
     sim, clock = meade("lx200gps")
     line = Line(sim)
     assert line.send(command) == b""
@@ -46,23 +46,23 @@ def test_an_lx200gps_says_nak_while_it_is_busy(command: bytes, seconds: float) -
     assert line.send(b":D#") == b"#"
 
 
-def test_who_cannot_wait_has_it_done_at_once() -> None:
+def test_simulated_meade_finishes_long_work_at_once_for_a_caller_that_cannot_wait() -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(b":gT#:Aa#:D#") == b"11#"
 
 
-def test_an_lx200gps_on_a_wedge_does_not_align_itself() -> None:
+def test_simulated_lx200gps_on_a_wedge_does_not_align_itself() -> None:
     sim, _ = meade("lx200gps")
     assert Line(sim).send(b":AP#:Aa#\x06") == b"0P"
 
 
-def test_gps_time_is_the_true_time() -> None:
+def test_simulated_gps_time_is_the_true_time() -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(b":SL05:00:00#:GL#") == b"105:00:00#"
     assert sim.feed(b":gT#:GL#:GC#") == b"122:00:00#01/15/26#"
 
 
-def test_the_date_of_an_lx200gps_is_the_date_of_universal_time() -> None:
+def test_simulated_lx200gps_counts_its_date_in_universal_time() -> None:
     sim, _ = meade("lx200gps", utc_offset=5.0)
     assert sim.feed(b":GC#:GL#") == b"01/16/26#03:00:00#"
     sim.feed(b":SC01/15/26#")
@@ -72,7 +72,7 @@ def test_the_date_of_an_lx200gps_is_the_date_of_universal_time() -> None:
 # --- the port of a classic ----------------------------------------------------------------------------------------
 
 
-def test_a_classic_drops_what_it_cannot_read() -> None:
+def test_simulated_classic_drops_unreadable_bytes() -> None:
     sim, _ = meade("lx200", tolerant=True)
     assert sim.feed(b":Sd+22\xdf00#") == b""
     assert sim.feed(b":Sd+22*00#") == b"1"
@@ -84,7 +84,7 @@ def test_a_classic_drops_what_it_cannot_read() -> None:
     assert other.feed(b":Sd+22\xdf00#") == b"1"
 
 
-def test_every_connection_has_its_own_half_commands() -> None:
+def test_half_commands_of_two_connections_do_not_mix() -> None:
     sim, _ = meade("lx200")
     one, other = Line(sim), Line(sim)
     assert one.send(b":G") == b""
@@ -93,7 +93,7 @@ def test_every_connection_has_its_own_half_commands() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_nothing_that_is_sent_breaks_it(model: str) -> None:
+def test_simulated_meade_survives_any_bytes(model: str) -> None:
     dice = random.Random(model)
     names = [*load("lx200").commands, "", "Xy"]
     for _ in range(as_a_rule(12, whole=30)):
@@ -113,7 +113,7 @@ def test_nothing_that_is_sent_breaks_it(model: str) -> None:
 
 
 @each(("model", "first"), [("autostar", 0), ("lx200-16", 0), ("lx200", 1), ("lx200gps", 1)])
-def test_four_sites(model: str, first: int) -> None:
+def test_simulated_meade_stores_four_sites(model: str, first: int) -> None:
     sim, _ = meade(model)
     sim.feed(f":W{first + 1}#:Sg120*30#:St-10*15#".encode())
     assert b"120\xdf30" in sim.feed(b":Gg#")
@@ -123,7 +123,7 @@ def test_four_sites(model: str, first: int) -> None:
     assert sim.feed(b":Gt#")[:6] == b"-10\xdf15"
 
 
-def test_names_of_sites() -> None:
+def test_simulated_meade_stores_site_names() -> None:
     classic, _ = meade("lx200")
     assert classic.feed(b":SMLAX#:SNHOME#") == b"10"
     assert classic.feed(b":GM#:GN#") == b"LAX" + b" " * 9 + b"\x02#" + b"ST2" + b" " * 10 + b"#"
@@ -131,7 +131,7 @@ def test_names_of_sites() -> None:
     assert gps.feed(b":SMIrvine#:GM#") == b"1Irvine#"
 
 
-def test_offsets_of_whole_and_half_hours() -> None:
+def test_simulated_meade_accepts_offsets_of_whole_and_half_hours() -> None:
     for model, zero in (("lx200", b"+0#"), ("autostar", b"+00#")):
         sim, _ = meade(model)
         assert sim.feed(b":GG#") == zero
@@ -139,7 +139,7 @@ def test_offsets_of_whole_and_half_hours() -> None:
 
 
 @each("model", MODELS)
-def test_objects(model: str) -> None:
+def test_simulated_meade_finds_objects(model: str) -> None:
     sim, _ = meade(model)
     if not sim.high:
         sim.feed(b":U#")
@@ -161,7 +161,7 @@ def test_objects(model: str) -> None:
         assert sim.feed(b":LI#:Lf#:Lo9#:Ls9#") == b"M31 EX GAL MAG 3.5 SZ178.0'#0 - Objects found#11"
 
 
-def test_the_moon_is_refused_while_it_is_down() -> None:
+def test_simulated_meade_refuses_the_moon_below_the_horizon() -> None:
     sim, clock = meade("lx200gps")
     seen = set()
     for _ in range(25):
@@ -174,7 +174,7 @@ def test_the_moon_is_refused_while_it_is_down() -> None:
     assert seen == {b"00", b"11"}
 
 
-def test_limits_refuse_in_the_model_s_words() -> None:
+def test_simulated_meade_refuses_limits_in_the_words_of_its_model() -> None:
     for model, low, high in (
         ("lx200", b"1Object below    horizon.        #", b"2Object above    higher limit.  #"),
         ("autostar", b"1Object Below Horizon.#", b"2Object Below Higher.#"),
@@ -184,7 +184,7 @@ def test_limits_refuse_in_the_model_s_words() -> None:
         assert sim.feed(b":So85*#:MS#:So00*#:Sh30#:MS#:Sh90#:MS#") == b"1" + low + b"11" + high + b"10"
 
 
-def test_settings_that_are_checked() -> None:
+def test_simulated_meade_rejects_settings_out_of_range() -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(b":SyGpDcO#:Gy#:SyGALAX#") == b"1GpDcO#0"
     assert sim.feed(b":SS12:00:00#:GS#") == b"112:00:00#"

@@ -32,12 +32,12 @@ GENUINE = {
 }
 
 
-def test_every_command_of_the_manual_has_a_handler() -> None:
+def test_every_command_of_the_meade_manual_has_a_simulator_handler() -> None:
     known = load("lx200").commands
     assert {name for name, command in known.items() if not command.beyond} <= set(HANDLERS) <= set(known)
 
 
-def test_a_command_without_a_handler_is_unknown_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_simulated_meade_ignores_a_command_without_a_handler(monkeypatch: pytest.MonkeyPatch) -> None:
     sim, _ = meade("autostar")
     monkeypatch.delitem(HANDLERS, "D")
     assert sim.feed(b":D#:GR#") == sim.feed(b":GR#") != b""
@@ -52,7 +52,7 @@ def understood(name: str, reply: bytes) -> bool:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_every_form_of_the_manual_is_answered_as_real_ones_do(model: str) -> None:
+def test_simulated_meade_answers_every_form_of_the_manual_as_real_ones_do(model: str) -> None:
     wrong = []
     for name, example, models, shapes in rows("lx200_forms.txt"):
         sim, _ = meade(model)
@@ -75,7 +75,7 @@ def test_every_form_of_the_manual_is_answered_as_real_ones_do(model: str) -> Non
 
 
 @each("way", ["whole", "byte by byte", "with trailing bytes"])
-def test_framing(way: str) -> None:
+def test_simulated_meade_frames_commands_at_the_hash(way: str) -> None:
     sim, _ = meade()
     data = b"#:GVP#\x06:GC#"
     if way == "byte by byte":
@@ -85,7 +85,7 @@ def test_framing(way: str) -> None:
     assert reply == b"LX2001#A01/15/26#"
 
 
-def test_replies_of_an_lx200gps_seen_on_the_wire() -> None:
+def test_simulated_lx200gps_replies_as_recorded_on_the_wire() -> None:
     sim, _ = meade("lx200gps", (52 + 10 / 60 + 44 / 3600, 5.385))
     assert sim.feed(b":GVP#:GVN#") == b"LX2001#4.2l#"
     assert sim.feed(b":Gt#") == b"+52\xdf10:44#"
@@ -97,7 +97,7 @@ def test_replies_of_an_lx200gps_seen_on_the_wire() -> None:
     assert sim.feed(b":GX..#:V#") == b""
 
 
-def test_replies_of_a_classic() -> None:
+def test_simulated_classic_replies_as_recorded() -> None:
     sim, _ = meade("lx200", utc_offset=-8.0)
     assert sim.feed(b":GVP#:GW#:Mgn0500#:MA#:h?#") == b""
     assert sim.feed(b":GG#") == b"+8#"
@@ -111,7 +111,7 @@ def test_replies_of_a_classic() -> None:
     assert sim.feed(b":TM#:ST060.0#") == b"1"
 
 
-def test_an_autostar_says_no_to_a_good_latitude_and_takes_it() -> None:
+def test_simulated_autostar_rejects_a_valid_latitude_but_stores_it() -> None:
     sim, _ = meade("autostar")
     assert sim.feed(b":St-33*30#") == b"0"
     assert sim.feed(b":Gt#") == b"-33\xdf30#"
@@ -119,7 +119,9 @@ def test_an_autostar_says_no_to_a_good_latitude_and_takes_it() -> None:
 
 @each("site", SITES)
 @each("model", ["lx200", "lx200-16"])
-def test_arrows_of_a_polar_mount(model: str, site: tuple[float, float]) -> None:
+def test_arrows_of_a_simulated_polar_mount_move_in_right_ascension_and_declination(
+    model: str, site: tuple[float, float]
+) -> None:
     for direction, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"e", 0, 1), (b"w", 0, -1)):
         sim, clock = meade(model, site, ramps=False)
         before = sim.truth()

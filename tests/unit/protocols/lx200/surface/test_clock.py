@@ -78,7 +78,9 @@ def instants(mount: Mount) -> list[float]:
 @each("order", itertools.permutations(("SG", "SL", "SC")))
 @each("pause", [0.0, 0.05, 0.7, 1.5])
 @each("each_its_connection", [False, True])
-def test_any_order_makes_one_instant(order: tuple[str, ...], pause: float, each_its_connection: bool) -> None:
+def test_lx200_date_time_and_offset_in_any_order_make_one_instant(
+    order: tuple[str, ...], pause: float, each_its_connection: bool
+) -> None:
     talk, since_time = Talk(), 0.0
     for index, name in enumerate(order):
         if index:
@@ -95,7 +97,7 @@ def test_any_order_makes_one_instant(order: tuple[str, ...], pause: float, each_
 
 
 @each("offset", OFFSETS)
-def test_utc_is_exact_for_every_offset_and_spelling(offset: float) -> None:
+def test_lx200_utc_is_exact_for_every_offset_and_spelling(offset: float) -> None:
     for spelling, text in _some(itertools.product(spellings(offset), LOCAL), offset):
         local = datetime.fromisoformat(text)
         talk = Talk()
@@ -107,7 +109,7 @@ def test_utc_is_exact_for_every_offset_and_spelling(offset: float) -> None:
 
 @each("offset", OFFSETS)
 @pytest.mark.parametrize("utc_date", [False, True])
-def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc_date: bool) -> None:
+def test_lx200gps_surface_takes_the_date_nearer_to_the_hosts_clock(offset: float, utc_date: bool) -> None:
     """By the manual its date is UTC's; programs send the local one as well."""
     for text, error in _some(itertools.product(LOCAL, (-3600, 0, 3600)), offset):
         local = datetime.fromisoformat(text)
@@ -122,7 +124,7 @@ def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc
 
 @each("host", ["2023-01-01 00:00:00", "2026-07-01 00:00:00", "2026-07-09 00:00:00"])
 @each(("offset", "local", "sent"), [(b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26")])
-def test_an_lx200gps_goes_by_the_manual_where_the_host_has_lost_its_clock(
+def test_lx200gps_surface_takes_the_date_as_utc_where_the_host_lost_its_clock(
     host: str, offset: bytes, local: str, sent: str
 ) -> None:
     """Either reading is days away from it, so which is nearer says nothing: the date that was sent is UTC's."""
@@ -132,14 +134,14 @@ def test_an_lx200gps_goes_by_the_manual_where_the_host_has_lost_its_clock(
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00" if offset == b"+05" else "2026-07-03 19:00:00")]
 
 
-def test_other_models_take_the_local_date_whatever_the_host_says() -> None:
+def test_other_lx200_surfaces_take_the_local_date_whatever_the_host_says() -> None:
     talk = Talk(model="lx200")
     talk.now = unix("2026-07-04 00:00:00")
     talk.send(b":SG+05#:SL21:30:00#:SC07/04/26#")
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]
 
 
-def test_clock_is_set_two_quiet_seconds_after_the_last_piece() -> None:
+def test_lx200_clock_is_set_two_quiet_seconds_after_the_last_piece() -> None:
     talk = Talk()
     talk.send(b":SL20:00:00#")
     talk.wait(1.5)
@@ -152,7 +154,7 @@ def test_clock_is_set_two_quiet_seconds_after_the_last_piece() -> None:
     assert len(talk.mount.of(op.SetClock)) == 1
 
 
-def test_an_offset_alone_moves_no_clock() -> None:
+def test_lx200_offset_alone_changes_no_clock() -> None:
     talk = Talk()
     talk.send(b":SG+05#")
     talk.wait(10)
@@ -162,7 +164,7 @@ def test_an_offset_alone_moves_no_clock() -> None:
 
 
 @each("question", [b":GL#", b":GC#", b":GG#", b":Ga#", b":GS#"])
-def test_a_question_about_time_hands_on_what_is_there_first(question: bytes) -> None:
+def test_lx200_time_query_first_applies_the_pieces_already_set(question: bytes) -> None:
     talk = Talk()
     talk.send(b":SL23:00:00#:SC03/22/26#")
     assert talk.mount.of(op.SetClock) == []
@@ -174,7 +176,7 @@ def test_a_question_about_time_hands_on_what_is_there_first(question: bytes) -> 
     assert talk.send(b":GC#:GL#") == b"03/22/26#23:00:00#"
 
 
-def test_a_refused_piece_leaves_the_others_alone() -> None:
+def test_refused_piece_of_an_lx200_clock_leaves_the_others_alone() -> None:
     talk = Talk()
     assert talk.send(b":SG+05#:SL24:00:00#:SC02/30/26#:SC13/01/26#:SL12:61:00#:SGabc#:SG+15#") == b"1000000"
     assert talk.send(b":SL21:30:00#") == b"1"
@@ -182,7 +184,7 @@ def test_a_refused_piece_leaves_the_others_alone() -> None:
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]
 
 
-def test_stamp_sets_local_date_and_time_at_once_whatever_the_host_says() -> None:
+def test_lx200_stamp_sets_local_date_and_time_at_once() -> None:
     talk = Talk(model="lx200gps")
     talk.now = unix("2023-01-01 00:00:00")
     assert talk.send(b":SG+05#:hI260704213000#") == b"11"
@@ -195,7 +197,7 @@ def test_stamp_sets_local_date_and_time_at_once_whatever_the_host_says() -> None
 
 @some
 @given(st.integers(946684800, 4102444799), st.sampled_from(OFFSETS), st.sampled_from(OFFSETS))
-def test_two_clients_with_their_own_offsets_hear_the_same_utc(now: int, one: float, other: float) -> None:
+def test_two_lx200_clients_with_different_offsets_read_the_same_utc(now: int, one: float, other: float) -> None:
     mount = Mount()
     mount.clock = op.Moment(float(now), one)
     first, second = Talk(mount), Talk(mount)
@@ -211,7 +213,7 @@ def _printed(offset: float) -> float:
     return offset - 0.25 if offset % 1 == 0.75 else offset
 
 
-def test_twelve_hours_are_a_clients_own() -> None:
+def test_twelve_hour_format_belongs_to_one_lx200_client() -> None:
     one, other = Talk(mount := Mount()), Talk(mount)
     assert one.send(b":Gc#:H#:Gc#:GL#:Ga#") == b"24#12#20:15:30#08:15:30#"
     assert other.send(b":Gc#") == b"24#"
@@ -220,7 +222,7 @@ def test_twelve_hours_are_a_clients_own() -> None:
         assert one.send(b":Ga#") == b"%s:05:07#" % shown
 
 
-def test_every_offset_that_is_taken_can_be_told() -> None:
+def test_every_accepted_lx200_offset_can_be_reported() -> None:
     """In tenths of an hour, those of no zone on Earth, too."""
     talk = Talk(Mount())
     for tenths in range(-160, 161):

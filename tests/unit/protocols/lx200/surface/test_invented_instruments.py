@@ -13,7 +13,7 @@ from tests.support.in_process_gateway import Bridge
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
 
 
-def test_without_a_receiver_the_sentence_says_that_there_is_no_fix() -> None:
+def test_gps_sentence_without_a_receiver_reports_no_fix() -> None:
     """The status is the third field of RMC: A a fix, V none."""
     talk = Talk(model="lx200gps")
     assert talk.send(b":gps#").split(b",")[2] == b"V"
@@ -23,7 +23,7 @@ def test_without_a_receiver_the_sentence_says_that_there_is_no_fix() -> None:
 
 
 @pytest.mark.parametrize(("mount", "status"), [("6-8se", b"V"), ("slt", b"V"), ("cpc", b"A")])
-async def test_the_status_is_the_mounts(mount: str, status: bytes) -> None:
+async def test_gps_fix_status_is_that_of_the_mount(mount: str, status: bytes) -> None:
     async with Bridge(mount, surface="lx200gps") as bridge:
         client = bridge.client()
         heard = await client.ask(b":gps#", until=b"#")
@@ -33,12 +33,12 @@ async def test_the_status_is_the_mounts(mount: str, status: bytes) -> None:
 
 
 @each("model", MODELS)
-def test_no_temperature_without_a_thermometer(model: str) -> None:
+def test_temperature_query_without_a_thermometer_reports_none(model: str) -> None:
     assert Talk(model=model).send(b":fT#") == b""
 
 
 @each("model", MODELS)
-def test_high_precision_pointing_is_never_on(model: str) -> None:
+def test_high_precision_pointing_is_always_reported_off(model: str) -> None:
     """The reply is the setting after the command: 14 bytes, no #."""
     talk = Talk(model=model)
     assert talk.send(b":P#") == b"LOW  PRECISION"
@@ -47,7 +47,7 @@ def test_high_precision_pointing_is_never_on(model: str) -> None:
 
 
 @each("model", MODELS)
-def test_the_sidereal_time_is_that_of_clock_and_site(model: str) -> None:
+def test_reported_sidereal_time_follows_clock_and_site(model: str) -> None:
     talk = Talk(model=model)
     told = talk.send(b":GS#")
     assert talk.send(b":SS12:00:00#") == b"0"
@@ -56,7 +56,7 @@ def test_the_sidereal_time_is_that_of_clock_and_site(model: str) -> None:
     assert talk.send(b":GS#") == told
 
 
-async def test_what_a_real_telescope_has_is_told_through() -> None:
+async def test_thermometer_and_gps_of_a_real_telescope_are_passed_through() -> None:
     """An LX200GPS behind the gateway has a thermometer and a receiver of its own."""
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
         client = bridge.client()

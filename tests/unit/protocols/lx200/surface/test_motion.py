@@ -40,11 +40,11 @@ def asked(*frames: bytes, model: str = "autostar") -> list[Any]:
         (b":RG#:RS#", Rate(name="max")),
     ],
 )
-def test_an_arrow_moves_at_the_rate_chosen(letter: bytes, direction: Direction, choice: bytes, rate: Rate) -> None:
+def test_lx200_arrow_moves_at_the_chosen_rate(letter: bytes, direction: Direction, choice: bytes, rate: Rate) -> None:
     assert asked(choice + b":M%s#" % letter) == [op.Move(direction, rate)]
 
 
-def test_a_rate_is_a_clients_own() -> None:
+def test_lx200_rate_belongs_to_one_client() -> None:
     one, other = Talk(mount := Mount()), Talk(mount)
     one.send(b":RS#")
     other.send(b":RG#:Mn#")
@@ -52,7 +52,7 @@ def test_a_rate_is_a_clients_own() -> None:
     assert [move.rate for move in mount.of(op.Move)] == [Rate(name="guide"), Rate(name="max")]
 
 
-def test_the_fastest_rate_is_what_sw_allows() -> None:
+def test_lx200_sw_limits_the_fastest_rate() -> None:
     talk = Talk()
     assert talk.send(b":Sw4#:Mn#") == b"1"
     assert talk.send(b":RG#:Mn#:RS#:Mn#") == b""
@@ -62,13 +62,13 @@ def test_the_fastest_rate_is_what_sw_allows() -> None:
     assert talk.mount.of(op.Move)[-1].rate == fastest
 
 
-def test_axis_rates_hold_for_their_axis_until_another_is_chosen() -> None:
+def test_lx200_axis_rate_holds_for_its_axis_until_another_is_chosen() -> None:
     moves = asked(b":RA1.5#:RE0.2#:Mw#:Mn#:RM#:Mw#:Mn#", model="lx200gps")
     assert [move.rate for move in moves] == [Rate(degrees=1.5), Rate(degrees=0.2), Rate(name="find"), Rate(name="find")]
     assert [move.rate for move in asked(b":RC#:RA1.5#:Mn#:RA0#:Me#", model="lx200gps")] == [Rate(name="center")] * 2
 
 
-def test_the_guide_rate_is_a_fraction_of_sidereal_on_both_axes() -> None:
+def test_lx200_guide_rate_is_a_sidereal_fraction_on_both_axes() -> None:
     first, second = asked(b":Rg7.5#", model="lx200gps")
     assert (first.axis, second.axis) == (1, 2)
     assert first.rate == second.rate == pytest.approx(0.4986, abs=1e-3)
@@ -78,7 +78,7 @@ def test_the_guide_rate_is_a_fraction_of_sidereal_on_both_axes() -> None:
 # --- stops and guiding --------------------------------------------------------------------------------------------
 
 
-def test_a_stop_ends_everything_and_a_directions_stop_its_axis() -> None:
+def test_lx200_stop_ends_all_motion_and_a_directional_stop_its_axis() -> None:
     assert asked(b":Q#") == [op.AbortMotion()]
     assert asked(b":Qn#:Qs#:Qe#:Qw#") == [op.StopAxis(2), op.StopAxis(2), op.StopAxis(1), op.StopAxis(1)]
 
@@ -93,16 +93,16 @@ def test_a_stop_ends_everything_and_a_directions_stop_its_axis() -> None:
         (b":Mgn999999#", op.Pulse(Direction.NORTH, 60000)),
     ],
 )
-def test_a_guide_pulse_has_a_direction_and_milliseconds(frame: bytes, pulse: op.Pulse) -> None:
+def test_lx200_guide_pulse_has_direction_and_milliseconds(frame: bytes, pulse: op.Pulse) -> None:
     assert asked(frame) == [pulse]
 
 
 @each("frame", [b":Mg#", b":Mgn#", b":Mgx0500#", b":Mgn-500#", b":Mgnabc#"])
-def test_half_a_guide_pulse_moves_nothing(frame: bytes) -> None:
+def test_half_an_lx200_guide_pulse_moves_nothing(frame: bytes) -> None:
     assert asked(frame) == []
 
 
-def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
+def test_lx200_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
     talk = Talk()
     talk.mount.fault = NoAnswer()
     assert talk.send(b":Mn#:Qn#:Q#:Mgn0500#:hP#:TQ#:AL#:AP#:F+#:hW#") == b""
@@ -130,7 +130,7 @@ def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
         (b":ST058.0#:TQ#:TM#", b"58.0#", op.TrackRate(factor=58.0 / 60.16427)),
     ],
 )
-def test_tracking_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
+def test_lx200_tracking_rate_command_sets_the_drive_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
     talk = Talk()
     talk.send(frames)
     assert talk.mount.of(op.TrackRate)[-1] == rate
@@ -138,14 +138,14 @@ def test_tracking_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
 
 
 @each("frame", [b":ST000.0#", b":ST100.0#", b":ST#", b":T000.000#", b":T100.0#", b":T#", b":T-59.5#"])
-def test_an_impossible_tracking_rate_is_refused(frame: bytes) -> None:
+def test_impossible_lx200_tracking_rate_is_refused(frame: bytes) -> None:
     talk = Talk()
     assert talk.send(frame + b":GT#") == b"060.1#"
     assert talk.mount.of(op.TrackRate) == []
 
 
 @each("frame", [b":ST059.5#", b":T059.5#"])
-def test_a_rate_that_the_mount_cannot_track_at_is_refused_not_passed_over_in_silence(frame: bytes) -> None:
+def test_lx200_tracking_rate_that_the_mount_lacks_is_refused_by_a_reply(frame: bytes) -> None:
     """A program waits for the character."""
     talk = Talk()
     talk.mount.faults[op.TrackRate] = Unsupported("This mount tracks at the sidereal rate only.")
@@ -153,25 +153,25 @@ def test_a_rate_that_the_mount_cannot_track_at_is_refused_not_passed_over_in_sil
 
 
 @each(("start", "step", "told"), [(b":T050.2#", b":T-#", b"50.0#"), (b":T069.8#", b":T+#", b"70.0#")])
-def test_steps_of_the_tracking_rate_end_where_rates_end(start: bytes, step: bytes, told: bytes) -> None:
+def test_lx200_tracking_rate_steps_end_at_the_range(start: bytes, step: bytes, told: bytes) -> None:
     talk = Talk()
     assert talk.send(start + step * 5 + b":GT#") == b"1" + told
     assert all(0 < rate.factor < 1.7 for rate in talk.mount.of(op.TrackRate))
 
 
-def test_the_rate_is_the_mounts_so_every_client_hears_it() -> None:
+def test_lx200_tracking_rate_is_shared_by_all_clients() -> None:
     one, other = Talk(), Talk()
     other.mount = one.mount
     one.send(b":TL#")
     assert other.send(b":GT#") == b"58.7#"
 
 
-def test_land_mode_puts_tracking_off_and_the_others_put_it_on() -> None:
+def test_lx200_land_mode_turns_tracking_off_and_other_modes_on() -> None:
     assert asked(b":AL#") == [op.SetTracking(on=False)]
     assert asked(b":AP#") == asked(b":AA#") == [op.SetTracking(on=True)]
 
 
-def test_park_home_and_sleep() -> None:
+def test_lx200_park_home_and_sleep_commands_become_operations() -> None:
     assert asked(b":hP#:hF#:hS#:hN#:hW#", model="lx200gps") == [
         op.Park(),
         op.Home(),

@@ -23,14 +23,14 @@ WITH_HORIZON = ["autostar", "lx200-16", "lx200gps"]
         b":So-5400#", b":So#", b":Sh45.5.5#", b":Shab#",
     ],
 )  # fmt: skip
-def test_a_limit_is_0_to_90_degrees(model: str, bad: bytes) -> None:
+def test_lx200_altitude_limit_accepts_0_to_90_degrees(model: str, bad: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":So10*#:Sh80#") == b"11"
     assert talk.send(bad) == b"0"
     assert talk.send(b":Go#:Gh#") == b"10*#80*#"
 
 
-def test_four_digits_of_a_limit_are_arcminutes_as_one_program_sends_them() -> None:
+def test_four_digits_of_an_lx200_limit_are_read_as_arcminutes() -> None:
     assert Talk().send(b":So00#:Sh5400#:Go#:Gh#") == b"1100*#90*#"
     assert Talk().send(b":So0600#:Sh4800#:Go#:Gh#") == b"1110*#80*#"
 
@@ -42,7 +42,7 @@ def test_four_digits_of_a_limit_are_arcminutes_as_one_program_sends_them() -> No
         b":SCab/cd/ef#", b":SGab#",
     ],
 )  # fmt: skip
-def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
+def test_letters_instead_of_a_number_get_one_lx200_answer(bad: bytes) -> None:
     """A program waits for its one character."""
     talk = Talk()
     assert talk.send(bad) == b"0"
@@ -66,7 +66,7 @@ def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
         (b":SL12:60:00#", b":GL#", b"13:00:00#"),
     ],
 )
-def test_sixty_carries_in_a_target_and_in_a_time(said: bytes, asked: bytes, told: bytes) -> None:
+def test_sixty_carries_over_in_lx200_targets_and_times(said: bytes, asked: bytes, told: bytes) -> None:
     """As INDIGO rounds, and Hamlib: the mount goes where the program meant."""
     talk = Talk()
     assert talk.send(b":Sr05:00:00#:Sd+20*00:00#") == b"11"
@@ -74,14 +74,14 @@ def test_sixty_carries_in_a_target_and_in_a_time(said: bytes, asked: bytes, told
     assert talk.send(b":MS#") != b"1No target set.#"
 
 
-def test_the_sixtieth_second_of_a_day_is_the_next_midnight() -> None:
+def test_sixtieth_second_of_a_day_is_read_as_the_next_midnight() -> None:
     talk = Talk()
     assert talk.send(b":SC03/22/26#")[:1] == b"1"
     assert talk.send(b":SL23:59:60#:GC#:GL#") == b"103/23/26#00:00:00#"
 
 
 @each("bad", [b":SL12:34:61#", b":SL12:99:00#", b":SL24:00:00#", b":SL23:60:60#", b":SL-12:00:00#"])
-def test_a_time_of_day_that_is_none(bad: bytes) -> None:
+def test_impossible_lx200_time_is_refused(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":GL#") == b"20:15:30#"
     assert talk.send(bad) == b"0"
@@ -90,7 +90,7 @@ def test_a_time_of_day_that_is_none(bad: bytes) -> None:
 
 
 @each("bad", [b":Sz-10*00#", b":Sz+10*00#", b":Sh85.5#", b":Sh+85#", b":So10.5*#", b":SF21.5#", b":SB1.5#", b":SB+1#"])
-def test_a_sign_or_decimals_that_a_form_has_not_are_refused(bad: bytes) -> None:
+def test_unexpected_sign_or_decimals_in_an_lx200_number_are_refused(bad: bytes) -> None:
     talk = Talk(model="lx200gps")
     assert talk.send(b":So10*#:Sh80#") == b"11"
     assert talk.send(bad) == b"0"
@@ -98,7 +98,7 @@ def test_a_sign_or_decimals_that_a_form_has_not_are_refused(bad: bytes) -> None:
 
 
 @each("model", WITH_HORIZON)
-def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
+def test_sixty_carries_over_where_programs_round_to_it(model: str) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz 179*60#:Sa+29*60#:MA#") == b"110"
     assert talk.mount.asked[-1].az == 180.0  # type: ignore[attr-defined]
@@ -107,7 +107,7 @@ def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
 
 
 @each("bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#", b":St+40*61#", b":St+40*99#"])
-def test_sixty_one_is_no_minute(bad: bytes) -> None:
+def test_sixty_one_is_refused_as_minutes_or_seconds(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":Sg074*30#:St+40*45#") == b"11"
     assert talk.send(bad) == b"0"
@@ -115,7 +115,7 @@ def test_sixty_one_is_no_minute(bad: bytes) -> None:
 
 
 @each("bad", [b":Se+181*00#", b":Se-181*00#", b":Se+360*00#", b":Se+200*00#", b":SE+91*00#"])
-def test_a_place_on_the_moon_is_on_the_moon(bad: bytes) -> None:
+def test_lunar_coordinates_beyond_the_moon_are_refused(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":SE+20*00#:Se-010*30#") == b"11"
     assert talk.send(bad) == b"0"
@@ -142,7 +142,9 @@ SETTERS = [
 
 
 @each(("name", "good", "bad", "replies"), SETTERS)
-def test_each_number_has_a_range(name: str, good: list[bytes], bad: list[bytes], replies: tuple[bytes, bytes]) -> None:
+def test_lx200_number_out_of_range_is_refused(
+    name: str, good: list[bytes], bad: list[bytes], replies: tuple[bytes, bytes]
+) -> None:
     for one in good:
         assert Talk(model="lx200gps").send(one) == replies[0], one
     for one in bad:
@@ -157,7 +159,7 @@ def test_each_number_has_a_range(name: str, good: list[bytes], bad: list[bytes],
 
 @each("model", WITH_HORIZON)
 @each("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*10#"])
-def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(model: str, out: bytes) -> None:
+def test_altitude_outside_the_slew_range_is_refused_and_selects_nothing(model: str, out: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz180*00#:Sa+30*00#") == b"11"
     assert talk.send(out) == b"0"
@@ -165,12 +167,12 @@ def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(mode
     assert not talk.mount.slewing
 
 
-def test_the_slew_range_is_what_this_client_narrowed_it_to() -> None:
+def test_slew_range_is_narrowed_by_its_client() -> None:
     talk = Talk()
     assert talk.send(b":So20*#:Sh70#:Sa+19*50#:Sa+20*00#:Sa+70*00#:Sa+70*10#") == b"110110"
 
 
-def test_the_slew_range_is_the_owners() -> None:
+def test_slew_range_is_bounded_by_the_owner() -> None:
     talk = Talk()
     talk.session.settings = replace(talk.session.settings, limits=Limits(lowest=-5.0))
     assert talk.send(b":Sa-04*00#:Sa-06*00#") == b"10"
@@ -179,7 +181,7 @@ def test_the_slew_range_is_the_owners() -> None:
 # --- small commands without a reply ----------------------------------------------------------------------------------
 
 
-def test_a_focus_speed_that_is_none_changes_nothing() -> None:
+def test_invalid_focus_speed_changes_nothing() -> None:
     talk = Talk(model="lx200gps")
     assert talk.send(b":F3#:F0#:F5#:F9#:F+#") == b""
     assert talk.mount.asked[-1].speed == 3  # type: ignore[attr-defined]
@@ -188,7 +190,7 @@ def test_a_focus_speed_that_is_none_changes_nothing() -> None:
 # --- a client that only looks ----------------------------------------------------------------------------------------
 
 
-def test_limits_that_leave_nothing_between_them_are_refused() -> None:
+def test_lx200_limits_that_leave_no_range_are_refused() -> None:
     """The manual's text has the two the other way round: a program that goes by it would lock itself out."""
     talk = Talk()
     assert talk.send(b":Sh00#:Gh#") == b"090*#"

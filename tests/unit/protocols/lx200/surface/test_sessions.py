@@ -33,7 +33,7 @@ def gateway(test: Callable[[FakeGateway], Awaitable[None]]) -> Callable[[], None
 
 
 @gateway
-async def test_the_next_connection_of_a_host_goes_on_where_the_last_ended(gateway: FakeGateway) -> None:
+async def test_next_connection_of_a_host_continues_the_lx200_session(gateway: FakeGateway) -> None:
     first = gateway.connect()
     assert await first.ask(SETTINGS) == b"111"
     first.close()
@@ -45,7 +45,7 @@ async def test_the_next_connection_of_a_host_goes_on_where_the_last_ended(gatewa
 
 
 @gateway
-async def test_after_a_minute_nothing_is_left(gateway: FakeGateway) -> None:
+async def test_lx200_session_is_forgotten_after_a_minute(gateway: FakeGateway) -> None:
     first = gateway.connect()
     await first.ask(SETTINGS)
     first.close()
@@ -54,7 +54,7 @@ async def test_after_a_minute_nothing_is_left(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_nothing_is_left_to_another_host(gateway: FakeGateway) -> None:
+async def test_lx200_session_is_not_continued_by_another_host(gateway: FakeGateway) -> None:
     first = gateway.connect("192.168.4.2")
     await first.ask(SETTINGS)
     first.close()
@@ -63,7 +63,7 @@ async def test_nothing_is_left_to_another_host(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_an_open_connection_leaves_nothing(gateway: FakeGateway) -> None:
+async def test_open_connection_hands_its_lx200_session_to_nobody(gateway: FakeGateway) -> None:
     first = gateway.connect()
     await first.ask(SETTINGS)
     second = gateway.connect()
@@ -73,7 +73,7 @@ async def test_an_open_connection_leaves_nothing(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_it_is_a_copy(gateway: FakeGateway) -> None:
+async def test_continued_lx200_session_is_a_copy(gateway: FakeGateway) -> None:
     first = gateway.connect()
     await first.ask(SETTINGS)
     first.close()
@@ -84,7 +84,7 @@ async def test_it_is_a_copy(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_the_one_that_closed_last_is_the_one_that_counts(gateway: FakeGateway) -> None:
+async def test_last_closed_connection_hands_on_its_lx200_session(gateway: FakeGateway) -> None:
     first, second = gateway.connect(), gateway.connect()
     await first.ask(b":Sr01:00:00#")
     await second.ask(b":Sr02:00:00#")
@@ -95,7 +95,7 @@ async def test_the_one_that_closed_last_is_the_one_that_counts(gateway: FakeGate
 
 
 @gateway
-async def test_connections_that_overlap_go_on_too(gateway: FakeGateway) -> None:
+async def test_overlapping_connections_continue_the_lx200_session(gateway: FakeGateway) -> None:
     """A program that opens the next connection before it has closed the one before loses no target."""
     first = gateway.connect()
     await first.ask(b":Sr05:34:32#")
@@ -109,7 +109,7 @@ async def test_connections_that_overlap_go_on_too(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_a_refused_half_is_left_to_the_next_as_well(gateway: FakeGateway) -> None:
+async def test_refused_half_of_a_target_stays_refused_in_the_next_connection(gateway: FakeGateway) -> None:
     heard = b""
     for frame in (b":Sr05:34:32#", b":Sd+22*00:52#", b":Sd+99*00:00#", b":MS#"):
         connection = gateway.connect()
@@ -122,7 +122,7 @@ async def test_a_refused_half_is_left_to_the_next_as_well(gateway: FakeGateway) 
 
 
 @gateway
-async def test_three_connections_make_one_instant(gateway: FakeGateway) -> None:
+async def test_clock_set_over_three_connections_makes_one_instant(gateway: FakeGateway) -> None:
     for frame in (b":SG+05#", b":SL21:30:00#", b":SC07/04/26#"):
         connection = gateway.connect()
         await connection.ask(frame)
@@ -135,7 +135,7 @@ async def test_three_connections_make_one_instant(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_a_closed_connections_pause_ends_all_the_same(gateway: FakeGateway) -> None:
+async def test_clock_pieces_of_a_closed_connection_are_applied_after_the_pause(gateway: FakeGateway) -> None:
     connection = gateway.connect()
     await connection.ask(b":SC07/04/26#:SL21:30:00#")
     connection.close()
@@ -147,7 +147,7 @@ async def test_a_closed_connections_pause_ends_all_the_same(gateway: FakeGateway
 
 
 @gateway
-async def test_a_pause_ends_on_a_mount_that_tells_no_time_too(gateway: FakeGateway) -> None:
+async def test_clock_pieces_are_applied_on_a_mount_that_tells_no_time(gateway: FakeGateway) -> None:
     perform = gateway.mount.perform
 
     def timeless(operation: op.Operation) -> object:
@@ -165,7 +165,7 @@ async def test_a_pause_ends_on_a_mount_that_tells_no_time_too(gateway: FakeGatew
 
 
 @gateway
-async def test_a_repeated_question_is_answered_anew_when_anything_has_changed(gateway: FakeGateway) -> None:
+async def test_repeated_query_is_answered_anew_after_any_change(gateway: FakeGateway) -> None:
     connection = gateway.connect()
     assert [await connection.ask(b":GR#") for _ in range(3)] == [b"12:34:56#"] * 3
     assert await connection.ask(b":U#") + await connection.ask(b":GR#") == b"12:34.9#"
@@ -177,7 +177,7 @@ async def test_a_repeated_question_is_answered_anew_when_anything_has_changed(ga
 
 
 @gateway
-async def test_a_pair_is_one_instant_however_often_it_was_asked(gateway: FakeGateway) -> None:
+async def test_position_pair_is_of_one_instant_however_often_queried(gateway: FakeGateway) -> None:
     connection = gateway.connect()
     for degrees in range(10, 40):
         gateway.mount.position = op.Equatorial(degrees * 15.0 / 2, degrees / 2)

@@ -42,7 +42,7 @@ def _place(talk: Talk) -> tuple[Any, Any]:
         (b" 122\xdf25", -(122 + 25 / 60), b"+122*25#"),
     ],
 )
-def test_longitude(sent: bytes, east: float, told: bytes) -> None:
+def test_lx200_longitude_is_converted_from_west_positive(sent: bytes, east: float, told: bytes) -> None:
     talk = Talk()
     assert talk.send(b":Sg%s#:Gg#" % sent) == b"1" + told
     assert _place(talk) == (None, pytest.approx(east))
@@ -50,7 +50,7 @@ def test_longitude(sent: bytes, east: float, told: bytes) -> None:
 
 @some
 @given(st.integers(0, 21599))
-def test_signed_and_unsigned_longitudes_are_one_place(west: int) -> None:
+def test_signed_and_unsigned_lx200_longitudes_mean_the_same_place(west: int) -> None:
     """In arcminutes; a longitude of 180 degrees has two signs."""
     unsigned = b"%03d*%02d" % divmod(west, 60)
     signed = (b"-%03d*%02d" % divmod(21600 - west, 60)) if west > 10800 else b"+" + unsigned
@@ -61,7 +61,7 @@ def test_signed_and_unsigned_longitudes_are_one_place(west: int) -> None:
 
 @some
 @given(st.integers(-5400, 5400))
-def test_latitude(north: int) -> None:
+def test_lx200_latitude_is_set_and_reported(north: int) -> None:
     text = b"%s%02d*%02d" % (b"-" if north < 0 else b"+", *divmod(abs(north), 60))
     talk = Talk()
     assert talk.send(b":St%s#:Gt#" % text) == b"1" + text + b"#"
@@ -69,7 +69,7 @@ def test_latitude(north: int) -> None:
 
 
 @each("refused", [b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#"])
-def test_an_impossible_place_is_refused(refused: bytes) -> None:
+def test_impossible_lx200_site_is_refused(refused: bytes) -> None:
     talk = Talk()
     assert talk.send(refused) == b"0"
     assert talk.mount.asked == []
@@ -80,7 +80,7 @@ def test_an_impossible_place_is_refused(refused: bytes) -> None:
 
 
 @each(("model", "longest"), [("autostar", 15), ("lx200", 3), ("lx200-16", 3), ("lx200gps", 15)])
-def test_a_name_is_as_long_as_the_models_and_saved(model: str, longest: int) -> None:
+def test_lx200_site_name_is_cut_to_the_models_length_and_saved(model: str, longest: int) -> None:
     talk, saved = Talk(model=model), []
     talk.session.common.changed = lambda: saved.append(1)
     name = b"Observatory Alpha"[:longest]
@@ -90,7 +90,7 @@ def test_a_name_is_as_long_as_the_models_and_saved(model: str, longest: int) -> 
     assert len(saved) == 4
 
 
-def test_names_are_everybodys_and_never_empty() -> None:
+def test_lx200_site_names_are_shared_and_never_empty() -> None:
     one, other = Talk(), Talk()
     other.session.common = one.session.common
     assert one.send(b":SNHOME#") == b"1"
@@ -106,12 +106,12 @@ def test_names_are_everybodys_and_never_empty() -> None:
     ("model", "names"),
     [("autostar", b"SITE 1#SITE 2#SITE 3#SITE 4#"), ("lx200", b"ST1#ST2#ST3#ST4#"), ("lx200-16", b"ST1#ST2#ST3#ST4#")],
 )
-def test_sites_that_nobody_has_named_can_be_told_apart(model: str, names: bytes) -> None:
+def test_unnamed_lx200_sites_can_be_told_apart(model: str, names: bytes) -> None:
     assert Talk(model=model).send(b":GM#:GN#:GO#:GP#") == names
 
 
 @each(("model", "numbers"), [("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234")])
-def test_selecting_a_stored_site_makes_it_the_site(model: str, numbers: bytes) -> None:
+def test_selecting_a_stored_lx200_site_sets_it(model: str, numbers: bytes) -> None:
     talk = Talk(model=model)
     for index, number in enumerate(numbers):
         talk.send(b":W%c#:St+4%d*30#:Sg01%d*15#" % (number, index, index))
@@ -125,7 +125,7 @@ def test_selecting_a_stored_site_makes_it_the_site(model: str, numbers: bytes) -
     assert first.longitude == pytest.approx(-10.25)
 
 
-def test_zero_is_the_first_site_where_they_count_from_one() -> None:
+def test_site_zero_selects_the_first_site_where_numbers_start_at_one() -> None:
     talk = Talk(model="lx200gps")
     talk.send(b":W1#:St+40*30#:Sg010*15#:W2#:St+50*00#:Sg020*00#")
     talk.send(b":W0#")
@@ -133,7 +133,7 @@ def test_zero_is_the_first_site_where_they_count_from_one() -> None:
 
 
 @each(("model", "command"), [("autostar", b":W1#"), ("autostar", b":W4#"), ("lx200gps", b":W9#")])
-def test_selecting_an_unknown_or_impossible_site_moves_nothing(model: str, command: bytes) -> None:
+def test_selecting_an_unknown_lx200_site_changes_nothing(model: str, command: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(command + b":Gt#:Gg#") == b"+37*17#+122*25#"
     assert talk.mount.of(op.SetSite) == []

@@ -25,7 +25,7 @@ ARGUMENTS = (
 
 
 @each("name", [name for name in NAMES if name != "ACK"])
-def test_no_argument_upsets_a_command(name: str) -> None:
+def test_no_argument_breaks_an_lx200_command(name: str) -> None:
     """As a rule each with one model, and every command with all of them."""
     every = as_a_rule(len(MODELS), whole=1)
     for number, argument in enumerate(ARGUMENTS, len(name)):
@@ -48,7 +48,7 @@ def test_no_argument_upsets_a_command(name: str) -> None:
     )
 )
 @example([b":SG", b"-15:00", b"#"])
-def test_no_bytes_upset_the_surface(pieces: list[bytes]) -> None:
+def test_no_bytes_break_the_lx200_surface(pieces: list[bytes]) -> None:
     talk = Talk()
     talk.send(b"".join(pieces))
     talk.wait(3)
@@ -66,7 +66,7 @@ def _degrees(text: bytes) -> float:
 
 @some
 @given(st.floats(0, 360, exclude_max=True), st.floats(-90, 90))
-def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) -> None:
+def test_both_lx200_precisions_are_exact_to_half_their_last_digit(ra: float, dec: float) -> None:
     long, short = Talk(mount := Mount()), Talk(mount)
     short.send(b":U#")
     mount.position, mount.horizontal = op.Equatorial(ra, dec), op.Horizontal(ra, dec)
@@ -83,7 +83,7 @@ def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) ->
 
 
 @each("start", ["high", "low"])
-def test_the_format_is_a_clients_own(start: str) -> None:
+def test_lx200_precision_belongs_to_one_client(start: str) -> None:
     long, short = (
         (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#")
         if start == "high"
@@ -104,7 +104,7 @@ def test_the_format_is_a_clients_own(start: str) -> None:
     ("first", "second", "before", "after"),
     [(b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#")],
 )
-def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after: bytes) -> None:
+def test_lx200_position_pair_is_of_one_instant(first: bytes, second: bytes, before: bytes, after: bytes) -> None:
     def moved() -> Talk:
         talk = Talk()
         talk.send(first)
@@ -136,21 +136,23 @@ def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after
         (op.Tracking.OFF, False, True, b"P", b"PN0"),
     ],
 )
-def test_state(tracking: op.Tracking, aligned: bool, equatorial: bool, ack: bytes, state: bytes) -> None:
+def test_lx200_surface_reports_tracking_mode_and_alignment(
+    tracking: op.Tracking, aligned: bool, equatorial: bool, ack: bytes, state: bytes
+) -> None:
     talk = Talk()
     talk.mount.status = op.Status(tracking, aligned=aligned, equatorial=equatorial)
     assert talk.send(b"\x06:GW#") == ack + state
     assert Talk(talk.mount, model="lx200gps").send(b":Aa#") == (b"1" if aligned else b"0")
 
 
-def test_l_is_said_only_to_the_client_that_asked_for_land_mode() -> None:
+def test_land_mode_is_reported_only_to_the_client_that_set_it() -> None:
     one, other = Talk(mount := Mount()), Talk(mount)
     assert one.send(b"\x06:AL#\x06") == b"PL"
     assert other.send(b"\x06") == b"P"
     assert one.send(b":AP#\x06:AL#:AA#\x06") == b"PP"
 
 
-def test_the_alignment_menu_marks_the_present_mode() -> None:
+def test_lx200_alignment_menu_marks_the_current_mode() -> None:
     talk = Talk(model="lx200")
     marked = [talk.send(b":G%d#" % entry).startswith(b">") for entry in range(3)]
     assert marked == [False, True, False]
@@ -160,13 +162,13 @@ def test_the_alignment_menu_marks_the_present_mode() -> None:
 
 
 @each(("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")])
-def test_identity_is_the_presented_models(model: str, product: bytes, firmware: bytes) -> None:
+def test_lx200_surface_tells_the_identity_of_the_presented_model(model: str, product: bytes, firmware: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":GVP#:GVN#") == product + b"#" + firmware + b"#"
     assert talk.mount.asked == []
 
 
-def test_a_restart_takes_up_service_and_forgets_this_client() -> None:
+def test_lx200_restart_unparks_and_resets_its_client() -> None:
     talk = Talk(model="lx200gps")
     talk.send(b":U#:H#:AL#:Sr05:34:32#:Sd+22*00:52#:So30#")
     assert talk.send(b":I#") == b"X"
@@ -175,7 +177,7 @@ def test_a_restart_takes_up_service_and_forgets_this_client() -> None:
     assert Talk().send(b":I#") == b"", "an Autostar has no reply"
 
 
-def test_a_silent_mount_is_answered_with_silence() -> None:
+def test_lx200_surface_is_silent_while_the_mount_is_silent() -> None:
     talk = Talk()
     talk.mount.fault = NoAnswer()
     assert talk.send(b"\x06:GW#:GR#:GD#:D#:GZ#:GA#:h?#:G0#") == b""

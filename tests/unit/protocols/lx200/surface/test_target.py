@@ -23,7 +23,7 @@ REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+45*99
 
 
 @each("half", REFUSED_RA + REFUSED_DEC)
-def test_a_refused_half_clears_the_whole_target(half: bytes) -> None:
+def test_refused_half_clears_the_whole_lx200_target(half: bytes) -> None:
     talk = Talk()
     assert talk.send(TARGET) == b"11"
     assert talk.send(half) == b"0"
@@ -33,7 +33,7 @@ def test_a_refused_half_clears_the_whole_target(half: bytes) -> None:
 
 
 @each("other", [b":Sd+22*00:52#", b":Sr05:34:32#"])
-def test_one_half_after_a_refusal_is_no_target(other: bytes) -> None:
+def test_half_a_target_after_a_refusal_is_no_target(other: bytes) -> None:
     talk = Talk()
     talk.send(TARGET + b":Sr25:00:00#")
     assert talk.send(other + b":MS#") == b"11No target set.#"
@@ -41,7 +41,7 @@ def test_one_half_after_a_refusal_is_no_target(other: bytes) -> None:
 
 
 @each("half", [b":Sa+91*00#", b":Saabc#", b":Sz361*00#", b":Sz#"])
-def test_a_refused_horizontal_half_clears_that_target_alone(half: bytes) -> None:
+def test_refused_horizontal_half_clears_only_the_horizontal_target(half: bytes) -> None:
     talk = Talk()
     assert talk.send(TARGET + b":Sz180*00#:Sa+45*00#" + half + b":MA#") == b"111101"
     assert talk.send(b":MS#") == b"0"
@@ -49,7 +49,7 @@ def test_a_refused_horizontal_half_clears_that_target_alone(half: bytes) -> None
 
 @some
 @given(st.integers(0, 86399), st.integers(-324000, 324000))
-def test_a_target_is_read_back_as_it_was_set(ra: int, dec: int) -> None:
+def test_lx200_target_is_read_back_as_set(ra: int, dec: int) -> None:
     hours = b"%02d:%02d:%02d" % (ra // 3600, ra // 60 % 60, ra % 60)
     size = abs(dec)
     degrees = b"%s%02d*%02d:%02d" % (b"-" if dec < 0 else b"+", size // 3600, size // 60 % 60, size % 60)
@@ -61,7 +61,7 @@ def test_a_target_is_read_back_as_it_was_set(ra: int, dec: int) -> None:
     assert sync.dec == pytest.approx(dec / 3600)
 
 
-def test_a_goto_carries_the_target_and_this_clients_limits() -> None:
+def test_lx200_goto_carries_its_target_and_the_clients_limits() -> None:
     talk = Talk()
     talk.send(TARGET + b":So10#:Sh80#:MS#")
     (goto,) = talk.mount.of(op.Goto)
@@ -70,7 +70,7 @@ def test_a_goto_carries_the_target_and_this_clients_limits() -> None:
     assert (goto.lowest, goto.highest, goto.track) == (10.0, 80.0, True)
 
 
-def test_a_goto_of_a_client_in_land_mode_starts_no_tracking() -> None:
+def test_lx200_goto_in_land_mode_starts_no_tracking() -> None:
     talk = Talk()
     talk.send(b":AL#" + TARGET + b":MS#:AP#:MS#")
     assert [goto.track for goto in talk.mount.of(op.Goto)] == [False, True]
@@ -90,7 +90,7 @@ def test_a_goto_of_a_client_in_land_mode_starts_no_tracking() -> None:
         (errors.Unsupported("The mount # is too old."), b"1The mount   is too old.#"),
     ],
 )
-def test_a_goto_is_refused_with_a_digit_and_words(fault: errors.Fault, reply: bytes) -> None:
+def test_lx200_goto_is_refused_with_a_digit_and_a_text(fault: errors.Fault, reply: bytes) -> None:
     talk = Talk()
     talk.mount.fault = fault
     assert talk.send(TARGET + b":MS#") == b"11" + reply
@@ -107,7 +107,7 @@ def _altitude(mount: Mount, ra: float, dec: float) -> float:
     return mount.sky.horizon(ra, dec, mount.site.latitude, mount.site.longitude, mount.clock.unix)[1]
 
 
-def test_a_target_exactly_at_a_limit_is_allowed() -> None:
+def test_target_exactly_at_a_limit_is_allowed() -> None:
     talk = Talk()
     altitude = _altitude(talk.mount, (5 + 34 / 60 + 32 / 3600) * 15, 22 + 52 / 3600)
     assert 40 < altitude < 80
@@ -121,7 +121,7 @@ def test_a_target_exactly_at_a_limit_is_allowed() -> None:
         assert talk.send(TARGET + b":MS#") == b"11" + reply
 
 
-def test_an_altitude_exactly_at_a_clients_limit_is_allowed() -> None:
+def test_altitude_exactly_at_a_clients_limit_is_allowed() -> None:
     talk = Talk()
     assert talk.send(b":Sz180*00#:So20#:Sh60*#") == b"111"
     assert talk.send(b":Sa+20*00#:MA#:Sa+60*00#:MA#") == b"1010"
@@ -136,7 +136,7 @@ def _limited(lowest: float, highest: float) -> Talk:
     return talk
 
 
-def test_a_client_narrows_the_operators_limits() -> None:
+def test_lx200_client_may_narrow_the_operators_limits() -> None:
     talk = _limited(10, 80)
     assert talk.send(b":Go#:Gh#") == b"10*#80*#"
     assert talk.send(b":So20#:Sh4200#:Go#:Gh#") == b"1120*#70*#"
@@ -147,7 +147,7 @@ def test_a_client_narrows_the_operators_limits() -> None:
 @some
 @example(0, 5400)
 @given(st.integers(0, 90), st.integers(1000, 5400))
-def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> None:
+def test_no_lx200_client_widens_the_operators_limits(lowest: int, highest: int) -> None:
     talk = _limited(10, 80)
     low = b"1" if lowest < 80 else b"0"  # nothing would be left
     high = b"1" if highest / 60.0 > (max(10, lowest) if low == b"1" else 10) else b"0"
@@ -157,7 +157,7 @@ def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> Non
     assert talk.send(b":Sz000*00#:Sa+09*50#:MA#:Sa+80*10#:MA#") == b"10101"
 
 
-def test_limits_are_each_clients_own() -> None:
+def test_lx200_limits_belong_to_one_client() -> None:
     one, other = Talk(mount := Mount()), Talk(mount)
     assert one.send(b":So30#:Sz180*00#:Sa+20*00#:MA#") == b"1101"
     assert other.send(b":Go#:Sz180*00#:Sa+20*00#:MA#") == b"00*#110"
@@ -166,7 +166,7 @@ def test_limits_are_each_clients_own() -> None:
 # --- sync, bars ---------------------------------------------------------------------------------------------------
 
 
-def test_a_sync_says_by_its_text_whether_it_was_done() -> None:
+def test_lx200_sync_text_says_whether_it_was_done() -> None:
     near, far = b":Sr12:40:00#:Sd+45*00:00#", b":Sr05:34:32#:Sd+22*00:52#"
     assert Talk().send(near + b":CM#") == b"11 M31 EX GAL MAG 3.5 SZ178.0'#"
     assert Talk(model="lx200").send(near + b":CM#") == b"11Coordinates     matched.        #"
@@ -176,7 +176,7 @@ def test_a_sync_says_by_its_text_whether_it_was_done() -> None:
 
 
 @each("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-def test_the_bar_stands_from_the_answer_of_the_goto_until_it_is_over(model: str) -> None:
+def test_lx200_distance_bar_lasts_from_the_goto_reply_to_its_end(model: str) -> None:
     talk = Talk(model=model)
     assert talk.send(b":D#" + TARGET + b":MS#:D#") == b"#110\x7f#"
     talk.mount.slewing = False

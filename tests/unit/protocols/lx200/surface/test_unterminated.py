@@ -64,7 +64,7 @@ def aimed(**settings: Any) -> Talk:
         b":Sr07:\x0600:00#", b":SMa:Sd+1\x06:MS#", b":Sr07:00:00:GR#",
     ],
 )  # fmt: skip
-def test_a_setter_without_its_end_is_refused_once_and_clears_the_target(lost: bytes, way: str) -> None:
+def test_unterminated_setter_is_refused_once_and_clears_the_target(lost: bytes, way: str) -> None:
     talk = aimed()
     assert say(talk, lost, way) == b"0"
     assert talk.mount.asked == []
@@ -74,7 +74,7 @@ def test_a_setter_without_its_end_is_refused_once_and_clears_the_target(lost: by
 
 
 @each("way", WAYS)
-def test_what_a_setter_without_its_end_would_not_have_set_stays(way: str) -> None:
+def test_unterminated_setter_leaves_the_stored_values_alone(way: str) -> None:
     talk = aimed()
     assert say(talk, b":SMfoo:Mn#", way) == b"0"
     assert done(talk) == []
@@ -83,7 +83,7 @@ def test_what_a_setter_without_its_end_would_not_have_set_stays(way: str) -> Non
 
 
 @each("way", WAYS)
-def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) -> None:
+def test_commands_behind_an_unterminated_setter_are_answered_but_move_nothing(way: str) -> None:
     talk = aimed()
     sent = b":SMfoo:Mn#:GR#:MS#:Me#:hP#:Sz180*00#:Sa+45*00#:MA#:Mgn0500#:F+#:Gc#"
     assert say(talk, sent, way) == b"012:34:56#1A command before this one was damaged.#11124#"
@@ -97,7 +97,7 @@ def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) ->
 
 @each("way", WAYS)
 @each("stop", stops())
-def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
+def test_stop_inside_or_behind_an_unterminated_setter_is_carried_out(stop: bytes, way: str) -> None:
     for sent in (
         b":Sr07:00:00" + stop,
         b":SMfoo:Mn" + stop,
@@ -114,7 +114,7 @@ def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
 
 
 @each("cut", range(1, 15))
-def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
+def test_stop_is_carried_out_wherever_the_line_pauses(cut: int) -> None:
     sent = b":Sr07:00:MS:Q#"
     talk = aimed()
     say(talk, sent[:cut])
@@ -128,7 +128,7 @@ def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
     st.lists(st.sampled_from([b":", b"S", b"Sr", b"SM", b"Q", b"#", b"\x06", b"$", b"M", b"07", b"x" * 40, b"\r"])),
     st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1),
 )
-def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pauses: list[float]) -> None:
+def test_stop_is_passed_on_whatever_precedes_it(before: list[bytes], pauses: list[float]) -> None:
     framer, now, frames = Lx200Framer(), 0.0, list[bytes]()
     for number, piece in enumerate([*before, b":", b"Q", b"#"]):
         now += pauses[number % len(pauses)]
@@ -137,7 +137,7 @@ def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pause
     assert framer.feed(b":Qe#", now)[-1] == b":Qe#"
 
 
-def test_every_stop_is_known_to_the_framing() -> None:
+def test_lx200_framing_knows_every_stop_command() -> None:
     lx200 = load("lx200")
     ends = {
         command.request.encode({})
@@ -159,7 +159,7 @@ SETTERS = [
 
 @pytest.mark.parametrize("model", ["autostar", "lx200"])
 @each("name, example", SETTERS)
-def test_no_command_with_an_argument_lets_a_motion_through(name: str, example: bytes, model: str) -> None:
+def test_unterminated_command_with_an_argument_lets_no_motion_through(name: str, example: bytes, model: str) -> None:
     refusals = [reply.wire for reply, _ in load("lx200").commands[name].replies if reply.fault]
     assert refusals in (["2"] if name == "Ls" else ["0"], [])
     refusal = "".join(map(str, refusals)).encode()
@@ -173,27 +173,27 @@ def test_no_command_with_an_argument_lets_a_motion_through(name: str, example: b
         assert say(talk, b":GR#", way) == b"12:34:56#"
 
 
-def test_there_are_as_many_as_the_tables_have() -> None:
+def test_framing_lists_as_many_setters_as_the_tables() -> None:
     with_argument = {name for name, command in load("lx200").commands.items() if command.request.fields}
     assert {name for name, _ in SETTERS} == with_argument
 
 
 @each("way", WAYS)
-def test_a_setter_of_other_makers_is_refused_without_a_word(way: str) -> None:
+def test_unterminated_setter_of_another_maker_is_refused_silently(way: str) -> None:
     talk = aimed()
     assert say(talk, b":SX99,1:Mn#:Me#:GR#", way) == b"12:34:56#"
     assert done(talk) == []
 
 
 @each("way", WAYS)
-def test_a_setter_without_end_that_is_too_long_is_refused(way: str) -> None:
+def test_overlong_unterminated_setter_is_refused(way: str) -> None:
     for long in (b":SM" + b"a" * 70 + b":Mn#:Me#", b":Sr" + b":1" * 500 + b":MS#:Me#", b":SM" + b"a" * 62 + b"#:Me#"):
         talk = aimed()
         assert say(talk, long, way) == b"0" and done(talk) == []
 
 
 @each("endless", [b":Sr1", b":LM1:W2:Rx", b":S\xff", b"\x06", b":Sr1\x06"])
-def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
+def test_endless_lx200_command_takes_no_memory(endless: bytes) -> None:
     framer = Lx200Framer()
     assert framer.feed(b":Sr1:Sd1" + endless * 4_000, 0.0) == []
     assert len(framer._frame) <= LONGEST and len(framer._text) <= LONGEST
@@ -225,13 +225,13 @@ def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
         (b":RM#:Mn#:Qn#", b"", 2),
     ],
 )
-def test_other_commands_are_split_as_ever(sent: bytes, reply: bytes, moved: int, way: str) -> None:
+def test_commands_without_an_argument_are_split_as_usual(sent: bytes, reply: bytes, moved: int, way: str) -> None:
     talk = aimed()
     assert say(talk, sent, way) == reply
     assert len(done(talk)) == moved
 
 
-def test_a_half_setter_of_long_ago_is_dropped_without_a_word() -> None:
+def test_old_half_of_a_setter_is_dropped_silently() -> None:
     """Its sender has given up, and would take a late 0 for the answer to what it asks next."""
     for late in (b":GR#", b"\x06"):
         talk = aimed()
@@ -245,14 +245,14 @@ def test_a_half_setter_of_long_ago_is_dropped_without_a_word() -> None:
     assert talk.send(b":GR#:MS#") == b"12:34:56#1No target set.#"
 
 
-def test_only_a_pause_before_the_next_command_makes_it_long_ago() -> None:
+def test_half_a_setter_becomes_old_only_by_a_pause_before_the_next_command() -> None:
     talk = aimed()
     say(talk, b":Sr07:0")
     talk.now += QUIET
     assert say(talk, b"0:00:MS#:Me#") == b"0" and done(talk) == []
 
 
-def test_what_was_swallowed_is_not_completed_after_a_pause() -> None:
+def test_swallowed_command_is_not_completed_after_a_pause() -> None:
     for cut in (b":SMfoo:M", b":SMfoo:"):
         talk = aimed()
         say(talk, cut)
@@ -260,19 +260,19 @@ def test_what_was_swallowed_is_not_completed_after_a_pause() -> None:
         assert say(talk, b"n#") == b"" and done(talk) == []
 
 
-def test_a_setter_may_come_in_pieces() -> None:
+def test_lx200_setter_may_arrive_in_pieces() -> None:
     talk = aimed()
     assert say(talk, TARGET + b":MS#", "byte by byte", pause=2.0) == b"110"
 
 
-def test_a_command_typed_by_hand_is_on_its_own() -> None:
+def test_slowly_typed_lx200_commands_are_framed_one_by_one() -> None:
     talk = aimed()
     assert say(talk, b":Sr07:00:00:MS#", "byte by byte", pause=0.3) == b"1No target set.#"
     assert say(talk, b":SMfoo:Mn#", "byte by byte", pause=0.3) == b""
     assert [type(operation) for operation in done(talk)] == [op.Move]
 
 
-def test_the_frames_say_what_they_are() -> None:
+def test_lx200_frames_report_how_they_ended() -> None:
     frames = Lx200Framer().feed(b":GR#:SMfoo:Sr07:00\x06:MS#:Mn#\x06:Q#", 0.0)
     assert frames == [b":GR#", b":SMfoo:Sr07:00:MS#", b":Mn#", b"\x06", b":Q#"]
     assert [type(frame) for frame in frames] == [bytes, Unterminated, Suspect, bytes, Suspect]
