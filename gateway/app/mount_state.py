@@ -1,8 +1,7 @@
 """``MountState``: what one mount does and what is known of it at one moment, without asking the mount.
 
 Only this module makes it, from the cached readings. The status line, ``status`` and ``watch``, the page, MQTT and the
-metrics all use it, so they cannot contradict each other. It contains values; the sentences are made when they are
-shown, because most callers need none.
+metrics all use it, so they cannot contradict each other. It contains values; most callers need no sentences.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """One client connection: recognises the client, notices when its bytes are old, and cleans up at its end.
 
-On network ports anyone may connect. A web browser or port scanner is recognised by its first bytes and disconnected
-before anything it sent is processed.
+On network ports anyone may connect. A browser or port scanner is recognised and disconnected before it is answered.
 
 A connection is behind if it has more unread bytes than one read takes. Such bytes may be old: they begin no motion if a
 stop came after the connection fell behind, and after a second behind, they begin none at all. The connection has caught

@@ -6,8 +6,7 @@ with an unknown method is recognised by its form.
 
 Bytes that may still become a greeting are held back, and so are incomplete commands. A complete, well-formed command
 never waits, even if a greeting may follow (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
-well-formed command that does more than read, so no command of a stranger is carried out. Once the client is known, none
-of this applies.
+well-formed command that does more than read, so that none is carried out. Once the client is known, none applies.
 """
 
 from __future__ import annotations

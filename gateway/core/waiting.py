@@ -45,8 +45,7 @@ def _resume(waiter: asyncio.Future[bool]) -> None:
 
 
 async def result_of(work: asyncio.Future[_T]) -> _T:
-    """Wait for shared work and return its result. Cancelling a caller does not cancel the work. Raises what the work
-    raises, or CancelledError.
+    """Wait for shared work and return its result, or raise what it raises. Cancelling a caller leaves the work alone.
 
     ``asyncio.shield`` does the same, but from Python 3.14 on it reports a later exception of such work to the event
     loop, which prints it to a user who can do nothing about it. Here only the callers that still wait get it.

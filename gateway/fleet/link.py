@@ -2,8 +2,7 @@
 
 Messages are taken from the outbox in groups of a few; the next group is sent when the broker has acknowledged the last
 message of the group before. No other message needs an acknowledgement, because a broker takes messages in order; after
-a reconnect all states are sent again. A slow broker gets the newest states; a broker that floods the gateway is
-disconnected for a while.
+a reconnect all states are sent again. A slow broker gets the newest states; one that floods is left for a while.
 """
 
 from __future__ import annotations

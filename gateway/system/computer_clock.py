@@ -1,8 +1,7 @@
 """Whether this computer's clock may have lost the time: a board without a clock battery that no time server has set.
 
 Linux tells whether its clock is synchronised (adjtimex); a board is recognised by its device tree. Other computers, and
-virtual machines and containers, keep the time while they are off, or get it from their host, so their clocks are not
-doubted.
+virtual machines and containers, keep the time while off or get it from their host: their clocks are not doubted.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
 occupy or replace a name in them. There may be two: a folder of the session (``XDG_RUNTIME_DIR``), and a folder in the
 temporary folder, which every process of the user finds. Files are written to all of them, and searched in all of them.
-A folder of another user is never used, and the reason is reported; if no folder is usable, one in the state folder is
-used.
+A folder of another user is never used, which is reported; if none is usable, one in the state folder is used.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the line has
 given up the earlier ones. Reads and stops are repeated if their connection was closed meanwhile. Stops are also
 repeated for some seconds while an order that they have overtaken is unanswered, and once after its answer, because it
-may be carried out late. Connections are kept open, unless the server serves one at a time; a server that cannot be
-reached is a lost line.
+may be carried out late. Connections stay open, unless the server serves one at a time; one out of reach is a lost line.
 """
 
 from __future__ import annotations

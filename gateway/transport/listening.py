@@ -24,8 +24,7 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: i
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
     ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port;
-    if the port is in use, the next free one of ``others`` ports after it is used. The address ``[::]`` means every
-    address of this computer, IPv4 and IPv6.
+    if the port is in use, the next free one of ``others`` ports after it. ``[::]`` is every address, IPv4 and IPv6.
     """
     host, port = split_address(where)
     try:

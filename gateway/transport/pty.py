@@ -3,8 +3,7 @@
 Programs open and close it at will. Each opening is a connection of its own: it begins with the first byte, and ends
 when the last program has closed its end. A pseudo-terminal reports that by a hang-up, but only while the gateway itself
 does not hold that end open. (The hang-up is reported continuously, therefore Linux's edge-triggered epoll is used. On
-other systems the gateway holds the end open, and everything is one connection.) Unread replies, settings and exclusive
-use of one program never reach the next.
+other systems the gateway holds the end open: one connection.) Unread replies, settings and locks end with it.
 """
 
 from __future__ import annotations

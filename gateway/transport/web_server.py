@@ -2,8 +2,7 @@
 
 It is loaded when its first byte arrives, because loading takes a quarter of a second, which would delay every start. A
 connection whose request is not complete ``REQUEST_TIMEOUT`` seconds after its first byte, or that sends none, ends;
-so does a connection that is idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` shares out the places; a client without a
-place gets a refusal.
+so does a connection idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` shares out the places, and refuses the others.
 """
 
 from __future__ import annotations

@@ -124,8 +124,7 @@ class Mount:
         """Wait until the goto, park or home of this program has ended, and return the position.
 
         If this program has none under way, wait until no program has one. Raises Stopped with the reason if the motion
-        ended before its goal (also if that was before the call), TimeoutError if it has not ended within ``seconds``,
-        and NoAnswer if the mount stops answering.
+        ended before its goal (also before the call), TimeoutError after ``seconds``, NoAnswer of a silent mount.
         """
         now = asyncio.get_running_loop().time
         heard, gone = now(), ""

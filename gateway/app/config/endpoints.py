@@ -2,8 +2,7 @@
 
 A name such as ``6se``, ``CPC 1100`` or ``lx90`` stands for protocol and model; the names are data, ``called.toml`` of
 each protocol. ``celestron`` stands for a protocol without a model. An endpoint is
-``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker is ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site is ``LAT,LON``
-in degrees.
+``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site ``LAT,LON``.
 """
 
 from __future__ import annotations
@@ -211,8 +210,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
     """Return the probable correction of an address of a surface (``listening``) or a mount; empty if it may be right.
 
-    It recognises an address without its scheme, an address with the scheme of the other side, and a serial port without
-    its folder.
+    It recognises an address without its scheme or with that of the other side, and a port without its folder.
     """
     scheme, slashes, rest = where.partition("://")
     if slashes:

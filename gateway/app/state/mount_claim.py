@@ -30,8 +30,7 @@ class MountTaken(UserError):
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    If there is no folder for locks, ``warn`` gets a message, and the mount is served without a lock. Raises MountTaken
-    if another gateway has this mount.
+    Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken by another gateway.
     """
     name = address(mount.where)
     try:

@@ -1,7 +1,6 @@
 """The common part of commands that ask a running gateway: choosing the gateway, sending the request, exit codes.
 
-The exit code is 0 if the request was carried out, 1 if the gateway refused it or no gateway runs, and 2 for a mistake
-in what was typed.
+The exit code is 0 if the request was carried out, 1 if it was refused or no gateway runs, 2 for a typing mistake.
 """
 
 from __future__ import annotations

@@ -57,8 +57,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
     """Base of all operations. An operation that ``survives_abort`` is no motion: a stop leaves it alone.
 
     ``called`` is its name for people, if that is not the words of the class name. Raises Invalid for a number that is
-    missing, not finite, or beyond a pole (``polar`` fields), so that nobody can order a motion to an impossible
-    position.
+    missing, not finite, or beyond a pole (``polar`` fields): nobody can order a motion to an impossible place.
     """
 
     polar: ClassVar[tuple[str, ...]] = POLAR_FIELDS
@@ -225,8 +224,7 @@ class Status(Struct, frozen=True):
 
 class Activity(Struct, frozen=True):
     """The motion of a mount by orders of this gateway: a goto, an axis by hand, a guide pulse; whether it is parked,
-    and whether it was sent home last and has not been moved since. ``short`` is the reason why the last goto ended
-    before its goal.
+    and whether it was sent home last and not moved since. ``short`` is why the last goto ended before its goal.
 
     A pending order counts, so that no client sees the mount at rest between an order and its motion. ``ends``: a motion
     has ended, and the position does not show the mount at rest yet. ``unknown``: the mount has reported no position for
@@ -245,8 +243,7 @@ class Activity(Struct, frozen=True):
 
 class Abilities(Struct, frozen=True):
     """The abilities of a mount: the names of the operations that it ``can`` carry out; the ``speeds`` of its axes as
-    ranges (from, to) in degrees a second; the guide rate of either axis as a fraction of sidereal; whether it is a
-    German mount, None if unknown.
+    ranges (from, to) in degrees a second; guide rates as fractions of sidereal; if German, None if unknown.
     """
 
     can: frozenset[str] = frozenset()

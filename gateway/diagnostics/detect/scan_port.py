@@ -2,8 +2,7 @@
 
 9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
 another rate. An unknown device is queried in an order in which no query can do harm (``questions``). The first query
-waits for silence: a command that another program left incomplete must time out before more bytes could complete it, and
-a device that sends by itself is no mount.
+waits for silence: half a command of another program must time out first, and what sends by itself is no mount.
 """
 
 from __future__ import annotations

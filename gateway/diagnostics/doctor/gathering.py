@@ -1,8 +1,7 @@
 """Collect the facts about this computer; nothing is changed, sent to a port or downloaded.
 
 Some facts are only available on Linux, from ``/proc``, ``/run/udev`` and ``/etc/group``. What cannot be read is left
-out: other users' processes, or udev data on a system without udev. The folders are arguments, so that a test can
-describe a computer of its own.
+out: other users' processes, or udev data on a system without udev. A test describes its own computer by the folders.
 """
 
 from __future__ import annotations

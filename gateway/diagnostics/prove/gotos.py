@@ -1,5 +1,4 @@
-"""The gotos: to a place where the small motions have room, if the mount is not at such a place; then 5° and back, and
-one that is cancelled.
+"""The gotos: to a place with room for small motions, if need be; then 5° and back, and one that is cancelled.
 
 Before each goto, the gateway's rules are asked. By day, goals here are at least 40° from the Sun.
 """

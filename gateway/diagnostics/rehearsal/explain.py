@@ -154,8 +154,7 @@ def play_one(
 ) -> tuple[Play, str, str]:
     """Play a frame on a new stage, whose model fits the mount if none is named.
 
-    Return the play, the outcome, and the outcome by the tables. The two are equal, unless the play is refused or
-    changes nothing.
+    Return the play, its outcome, and that by the tables: the same, unless it is refused or changes nothing.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
     match = protocol.find(frame)

@@ -1,7 +1,6 @@
 """Read a recording once and collect what the report shows.
 
-Bytes are decoded as ``decode`` does it. The protocol says which commands report a position or a site, and which are
-gotos.
+Bytes are decoded as ``decode`` does it. The protocol tells the commands for a position, a site and a goto.
 """
 
 from __future__ import annotations

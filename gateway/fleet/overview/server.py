@@ -1,8 +1,7 @@
 """The web server of the overview: the page, its data, and STOP.
 
 A request is served only if it names this computer as its host, comes from the page itself, and has the token that only
-the served page holds; the console has the same rules. A stop counts as sent when the broker has passed it on: this
-server subscribes to it, too.
+the served page holds, as in the console. A stop counts as sent when the broker has passed it on, also to this server.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """What the mount link must know of a protocol to exchange commands: the forms of requests and replies.
 
-If the gateway speaks a protocol only to programs, ``PlainReplies`` decodes its replies by the tables alone, for the log
-and for ``decode``.
+``PlainReplies`` decodes a protocol that only programs speak by the tables alone, for the log and for ``decode``.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ class Expected(NamedTuple):
     silent        the command has no reply
     leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
     beginnings    replies that are also the beginning of a longer reply: nothing must follow them for ``ALONE`` seconds
-    gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the reply to the newest
-                  request
+    gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the newest reply
     """
 
     answer_kind: str | None

@@ -80,8 +80,7 @@ def decoded(values: Values) -> Values:
 def relayed(steps: Handling, instead: Callable[[SurfaceStep], bool]) -> Handling:
     """Pass on the requests of a handler and the answers to them, unless ``instead`` steps in.
 
-    ``instead`` receives each request first. If it returns True, the request is dropped and answered with None; if it
-    raises a Fault, that Fault is the answer.
+    ``instead`` receives each request first. It returns True to drop it, answered by None; or raises the answer.
     """
     answer: object = None
     fault: Fault | None = None

@@ -7,8 +7,7 @@ that begins no command drops all after it until 0.1 s of quiet. A partial comman
 Bytes that arrive within another three seconds may be the end of that command, which must move nothing, or a new
 command. They wait until the line has been quiet for 0.1 s; then the length decides. Bytes that are exactly the missing
 ones, and are valid there, are the end and ignored; any other whole command is carried out. Commands that end a motion
-are carried out at once in either case, and so is a question that arrives whole (``K``, by which programs check whether
-the line is in step).
+are carried out at once in either case, and so is a question that arrives whole (``K``, which checks the line).
 """
 
 from __future__ import annotations

@@ -134,8 +134,7 @@ class CommandSet:
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
     def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
-        """Return the traits that rows may require of a model: its name, dialect and mount type, what it ``has``, its
-        true keys.
+        """Return the traits that rows may require of a model: name, dialect, mount type, what it ``has``, true keys.
 
         ``facts`` are those of its row, unless they differ on a surface. A fork is ``alt-az``, or ``equatorial`` on a
         wedge; a German mount is always ``equatorial``.

@@ -1,5 +1,4 @@
-"""What the driver knows of a telescope behind an Alpaca server: its abilities, as the server reports them, and its
-motions.
+"""What the driver knows of a telescope behind an Alpaca server: what it can do, as reported, and its motions.
 
 Nothing is assumed: the driver refuses, with a message, what the server lacks or reports as impossible.
 """

@@ -1,8 +1,7 @@
 """The simulated Meade: a classic LX200 below or of 16 inches, an Autostar, an LX200GPS.
 
 It handles bytes at the time that the given clock shows, and never sleeps. Its commands are those that the manual gives
-the model, its replies those that real telescopes were seen to send, with their quirks. Where no source says what a real
-one does, these assumptions hold:
+the model, its replies those that real telescopes were seen to send, with their quirks. Without a source, it assumes:
 
 - Commands that take a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) are
   answered late if the caller passes ``later``, and nothing else is answered meanwhile; otherwise at once.

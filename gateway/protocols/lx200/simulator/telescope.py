@@ -36,8 +36,7 @@ class MeadeTelescope(Simulated):
 
     ``site`` is latitude and longitude, degrees, north and east positive; ``utc_offset`` is local time minus UTC, hours.
     ``clock`` returns Unix seconds and is the only source of time. The motors accelerate like real ones; without
-    ``ramps`` they change speed at once, for tests that compute with constant rates. Raises UserError if the model does
-    not exist.
+    ``ramps`` they change speed at once, for tests with constant rates. Raises UserError for an unknown model.
     """
 
     def __init__(

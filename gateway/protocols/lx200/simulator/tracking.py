@@ -1,7 +1,6 @@
 """Tracking rates, alignment modes, park, home and sleep of a simulated Meade, and its accessories.
 
-The accessories are focuser, smart drive, backlash, fan, derotator, reticle and GPS power. No command reads their state;
-tests find it in ``parts``.
+The accessories are focuser, smart drive, backlash, fan, derotator, reticle and GPS power: only in ``parts``.
 """
 
 from __future__ import annotations

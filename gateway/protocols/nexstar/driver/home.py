@@ -2,8 +2,7 @@
 
 A hand control has no park position: the gateway slews to a configured position by ``b`` and turns tracking off on
 arrival. ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand
-control resumes tracking when it wakes, but some do so late, so the gateway turns tracking on a little later, unless a
-client has changed tracking meanwhile.
+control resumes tracking when it wakes, some late, so it is turned on a little later unless a client has changed it.
 """
 
 from __future__ import annotations

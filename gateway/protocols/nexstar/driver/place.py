@@ -1,8 +1,7 @@
 """Site and clock of the hand control.
 
 UTC is preserved: a hand control counts its time zone in whole hours, so any other offset is rounded and the local time
-is shifted to match. Versions before 2.3 have neither site nor clock commands; the GPS unit, the clock of a CGE, and the
-settings replace them.
+is shifted to match. Before 2.3 the GPS unit, the clock of a CGE, and the settings replace site and clock commands.
 """
 
 from __future__ import annotations

@@ -246,8 +246,7 @@ def _away(mount: NexStar, place: str) -> Steps:
 
 
 def arrived(mount: NexStar, operation: Arrived) -> Steps:
-    """After a goto, park, note home, or restore a special drive rate, unless the mount moves again already, or somebody
-    has ended the goto on its way.
+    """After a goto, park, note home, or restore a drive rate, unless it moves again or somebody has ended the goto.
 
     Tracking at the park position would carry the tube away: turning it off is repeated without an answer.
     """

@@ -4,8 +4,7 @@ A hand control always replies ``#`` to a goto: a refusal shows only as no motion
 equatorial mount the azimuth and altitude commands read and move the motor axes, in the coordinates of the presented
 model: on an alt-az fork azimuth and altitude, on a German mount the hour angle. A fork on its wedge counts from north,
 where its azimuth axis points at the elevated pole: 180 on the meridian in the north, 0 in the south; it never turns
-over the pole. If a German mount is presented as a fork that the user named, azimuth and altitude are those of the sky,
-as rotator software expects.
+over the pole. A German mount presented as a fork that the user named has azimuth and altitude of the sky, for rotators.
 """
 
 from __future__ import annotations
