@@ -57,7 +57,7 @@ def _literals(tree: ast.AST) -> Iterator[str]:
             yield node.name
 
 
-def test_nothing_else_names_a_protocol() -> None:
+def test_only_the_registry_names_protocols() -> None:
     wrong, seen = [], set()
     for path in sorted(ROOT.rglob("*.py")):
         place = path.relative_to(ROOT).as_posix()
@@ -84,7 +84,7 @@ def linked(folder: Path, there: Path, but: tuple[str, ...] = ()) -> None:
             (there / path.name).symlink_to(path)
 
 
-def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_path: Path) -> None:
+def test_adding_a_protocol_takes_two_folders_and_one_registry_entry(tmp_path: Path) -> None:
     """Decode, sim, explain, tables, run and detect's words go by the list, and its surface pushes."""
     protocols = tmp_path / "gateway" / "protocols"
     linked(ROOT, tmp_path / "gateway", but=("protocols", "core"))
@@ -114,7 +114,7 @@ def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_pat
     assert own == {"registry.py", "toy"}, "all else is what there was"
 
 
-def test_what_the_list_says() -> None:
+def test_registry_lists_the_protocols_with_their_roles() -> None:
     assert pairs()[:2] == [("lx200", "nexstar"), ("nexstar", "lx200")]
     assert pairs()[2:6] == [(face, mount) for face in ("stellarium", "alpaca") for mount in ("lx200", "nexstar")]
     assert pairs()[6:] == [(face, "alpaca") for face in ("lx200", "nexstar", "stellarium")]
@@ -133,6 +133,6 @@ def test_what_the_list_says() -> None:
 
 
 @each("device", ["lx200:autostar/new", "nexstar:cpc/new", "nexstar:cpc/0.5", "nexstar:starsense/9"])
-def test_a_version_that_there_never_was_is_refused(device: str) -> None:
+def test_nonexistent_version_is_refused(device: str) -> None:
     with pytest.raises(UserError, match="version"):
         parse_device(device)

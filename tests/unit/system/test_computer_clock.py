@@ -22,7 +22,7 @@ TREE, FIRMWARE = "proc/device-tree/model", "sys/firmware/devicetree/base/model"
     ("files", "without"),
     [((), False), ((TREE,), True), ((FIRMWARE,), True), ((TREE, "dev/rtc0"), False), (("dev/rtc",), False)],
 )
-def test_a_board_is_known_by_its_device_tree(files: tuple[str, ...], without: bool, tmp_path: Path) -> None:
+def test_board_is_recognised_by_its_device_tree(files: tuple[str, ...], without: bool, tmp_path: Path) -> None:
     tmp_path /= f"{len(files)}{without}{files}".replace("/", "-")
     for name in files:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -31,7 +31,9 @@ def test_a_board_is_known_by_its_device_tree(files: tuple[str, ...], without: bo
     assert board_without_clock(tmp_path) is without
 
 
-def test_a_container_that_may_not_look_is_no_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_container_without_access_to_the_device_tree_is_no_board(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Whoever may read everything (root) is refused here by a stand-in, as the system refuses others."""
 
     def refused(path: object, **_: object) -> None:
@@ -42,7 +44,9 @@ def test_a_container_that_may_not_look_is_no_board(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell")
-def test_only_a_board_whose_kernel_says_so_is_doubted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said = [False, True]
     monkeypatch.setattr(computer_clock, "synchronised", lambda: said.pop(0))
     assert not Kernel(tmp_path)()
@@ -55,7 +59,7 @@ def test_only_a_board_whose_kernel_says_so_is_doubted(tmp_path: Path, monkeypatc
     assert not board()
 
 
-def test_the_kernel_is_really_asked() -> None:
+def test_clock_state_is_read_from_the_kernel() -> None:
     assert synchronised() in (True, False)
 
 
@@ -69,11 +73,13 @@ def test_the_kernel_is_really_asked() -> None:
         ("doubtful", RELEASE_TIME + 1.0, False, True),
     ],
 )
-def test_the_owner_decides_then_the_date_and_the_kernel(choice: str, now: float, kernel: bool, doubtful: bool) -> None:
+def test_owner_setting_overrides_date_and_kernel_for_the_clock(
+    choice: str, now: float, kernel: bool, doubtful: bool
+) -> None:
     assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts(now) is doubtful
 
 
-async def test_the_key_reaches_the_mount() -> None:
+async def test_computer_clock_setting_reaches_the_mount() -> None:
     for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
         async with Bridge("cge", config={"computer_clock": choice}) as bridge:
             assert bridge.site_clock.doubts(bridge.host()) is doubtful

@@ -21,7 +21,9 @@ def led_to(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino}")
 
 
-def test_the_log_has_levels_in_the_journal_and_times_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_lines_have_levels_in_the_journal_and_times_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "stream"
     with path.open("w") as stream:
         led_to(path, monkeypatch)
@@ -37,9 +39,7 @@ def test_the_log_has_levels_in_the_journal_and_times_elsewhere(tmp_path: Path, m
     assert timed_note == f"22:00:00.500 {note[3:]}"
 
 
-def test_a_message_names_the_program_only_where_the_journal_does_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_messages_name_the_program_only_outside_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "stream"
     with path.open("w") as stream:
         assert streams.message("no such port", streams.WARNING, stream) == "mount-gateway: no such port"

@@ -41,7 +41,7 @@ def _mine(base: Path) -> Path:
 
 
 @POSIX
-def test_they_are_made_and_closed_to_all_others(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_folders_are_private(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert folders() == ([_mine(base)], [])
     assert _mine(base).stat().st_mode & 0o777 == 0o700
     session = base / "session"
@@ -58,7 +58,7 @@ def test_they_are_made_and_closed_to_all_others(base: Path, monkeypatch: pytest.
     pytest.param(lambda path: (path.mkdir(0o700), os.chown(path, 1, 1)), "belongs to the user daemon, not to you",
                  marks=ROOT),
 ])  # fmt: skip
-def test_what_is_not_ones_own_is_not_used_and_said(
+def test_lock_folder_of_another_user_is_not_used_and_reported(
     base: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[Path], Any], reason: str
 ) -> None:
     make(_mine(base))
@@ -76,7 +76,7 @@ def test_what_is_not_ones_own_is_not_used_and_said(
 
 
 @ROOT
-def test_a_session_of_somebody_else_is_left_alone(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_session_folder_of_another_user_is_ignored(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``sudo -E`` brings one along."""
     session = base / "session"
     session.mkdir()
@@ -99,7 +99,7 @@ sys.stdin.read()
 """
 
 
-def test_it_names_who_has_it_and_ends_with_the_process(tmp_path: Path) -> None:
+def test_lock_names_its_holder_and_ends_with_the_process(tmp_path: Path) -> None:
     path = tmp_path / "x.lock"
     path.write_text("an older one, longer than any number\n")
     holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
@@ -118,7 +118,7 @@ def test_it_names_who_has_it_and_ends_with_the_process(tmp_path: Path) -> None:
 
 
 @POSIX
-def test_a_lock_is_a_file_and_no_link(tmp_path: Path) -> None:
+def test_lock_is_a_file_and_never_follows_a_link(tmp_path: Path) -> None:
     target = tmp_path / "target"
     (tmp_path / "a.lock").symlink_to(target)
     os.mkfifo(tmp_path / "b.lock")
@@ -130,7 +130,7 @@ def test_a_lock_is_a_file_and_no_link(tmp_path: Path) -> None:
     assert not target.exists()
 
 
-def test_a_claim_is_one_whatever_folders_are_found(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_is_exclusive_across_session_and_system_folders(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As of a system service, which has no session, and of the user himself."""
     service = Claim("x")
     (base / "session").mkdir()
@@ -156,7 +156,7 @@ def test_a_claim_is_one_whatever_folders_are_found(base: Path, monkeypatch: pyte
     ("socket://host:x", None), ("socket://[", None), ("/dev/ttyUSB0", None), ("COM3", None), ("sim", None),
     ("hwgrep://0403:6001", None),
 ])  # fmt: skip
-def test_an_address_is_one_however_it_is_written(where: str, name: str | None) -> None:
+def test_lock_of_an_address_ignores_its_spelling(where: str, name: str | None) -> None:
     assert address(where) == name
 
 
@@ -164,7 +164,7 @@ def test_an_address_is_one_however_it_is_written(where: str, name: str | None) -
 
 
 @POSIX
-def test_a_link_has_no_name_that_another_user_could_take_beforehand(base: Path) -> None:
+def test_link_of_the_virtual_port_has_no_name_predictable_for_another_user(base: Path) -> None:
     path = base / "lx200"
     for taken in (path.with_name(f"lx200.{os.getpid()}"), *base.glob("mount-gateway-*.lock")):
         taken.mkdir()
@@ -178,7 +178,7 @@ def test_a_link_has_no_name_that_another_user_could_take_beforehand(base: Path) 
 
 
 @ROOT
-def test_a_link_of_another_user_that_leads_somewhere_is_left_alone(base: Path) -> None:
+def test_live_link_of_another_user_is_left_alone(base: Path) -> None:
     master, slave = os.openpty()
     path = base / "lx200"
     path.symlink_to(os.ttyname(slave))

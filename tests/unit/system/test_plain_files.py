@@ -50,25 +50,25 @@ def folder(tmp_path: Path) -> Path:
     (does, name) for does in (read_tables, is_recording, record, read_state, truth, write)
     for name in ("pipe", "zero", "folder")
 ])  # fmt: skip
-def test_it_is_refused_in_a_sentence(folder: Path, does: Callable[[Path], object], name: str) -> None:
+def test_pipe_device_or_folder_instead_of_a_file_is_refused_in_a_sentence(
+    folder: Path, does: Callable[[Path], object], name: str
+) -> None:
     with pytest.raises(
         (UserError, OSError), match="folder|directory" if name == "folder" else "a plain file is needed"
     ):
         does(folder / name)
 
 
-def test_a_pipe_beside_a_state_file_does_not_keep_it_waiting(folder: Path) -> None:
+def test_pipe_beside_a_state_file_does_not_block(folder: Path) -> None:
     with pytest.raises(OSError, match="a plain file is needed"):
         replace(folder / "pipe")
 
 
-def test_a_marker_that_is_none_counts_as_an_unknown_mount_that_moves(folder: Path) -> None:
+def test_invalid_motion_marker_counts_as_an_unknown_moving_mount(folder: Path) -> None:
     assert [read_marker(folder / name) for name in ("pipe", "zero", "folder")] == [MarkerContent("", 9600)] * 3
 
 
-def test_on_a_full_disk_nothing_is_left_of_what_could_not_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_on_a_full_disk_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(number: int) -> None:
         raise OSError(28, "No space left on device")
 

@@ -19,11 +19,11 @@ print(ask_for_short_slices(), os.nice(0) == before, os.sched_getscheduler(0) == 
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="not Linux")
-def test_niceness_and_policy_stay() -> None:
+def test_short_time_slices_keep_niceness_and_policy() -> None:
     said = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
     assert said in ("True True True\n", "False True True\n")
 
 
-def test_an_unknown_machine_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_time_slices_are_not_requested_on_an_unknown_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(short_slices.platform, "machine", lambda: "z80")
     assert not short_slices.ask_for_short_slices()

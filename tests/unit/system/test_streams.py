@@ -41,7 +41,9 @@ def shell(redirected: str, *words: str) -> subprocess.Popen[str]:
     ],
 )
 @pytest.mark.parametrize("command", ["run", "sim"])
-def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, told: str, tmp_path: Path) -> None:
+def test_server_with_broken_output_goes_on_and_ends_normally(
+    command: str, redirected: str, told: str, tmp_path: Path
+) -> None:
     port = tmp_path / "port"
     words = (
         ["sim", "lx200:autostar", "--at", f"pty:{port}"]
@@ -83,7 +85,7 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
 @pytest.mark.parametrize("redirected", [">/dev/full", ">&-"])
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["config", "--example"], ["explain", "lx200", "nexstar", ":Q#"]])
-def test_who_was_only_to_tell_something_says_why_it_did_not(
+def test_command_with_broken_output_reports_why_it_failed(
     words: list[str], unbuffered: str, redirected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
@@ -94,7 +96,7 @@ def test_who_was_only_to_tell_something_says_why_it_did_not(
     assert said.count("\n") == 1
 
 
-def test_a_reader_that_has_had_enough_is_no_fault() -> None:
+def test_closed_pipe_of_a_reader_is_no_error() -> None:
     running = shell("", "config", "--example")
     assert running.stdout is not None
     running.stdout.close()

@@ -19,7 +19,7 @@ from gateway.system.web_log import web_log
         (b"GET /broken HTTP/1.1\r\nHost: here\r\n\r\n", b" 500 ", True),
     ],
 )
-def test_only_failures_of_its_own_are_told(
+def test_web_log_reports_only_failures_of_the_server(
     request_: bytes, status: bytes, told: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def broken(request: web.Request) -> web.Response:

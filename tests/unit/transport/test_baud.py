@@ -73,7 +73,7 @@ async def test_baud_rate_changes_after_the_answer_and_stays_if_the_program_follo
     cable.close()
 
 
-def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
+def test_second_baud_rate_change_falls_back_to_the_first_rate() -> None:
     async def program() -> None:
         rates = [9600]
 
@@ -97,7 +97,7 @@ def test_two_changes_of_baud_rate_fall_back_to_the_first() -> None:
     run(program())
 
 
-async def test_change_of_baud_rate_is_acknowledged_without_a_serial_port() -> None:
+async def test_baud_rate_change_is_acknowledged_without_a_serial_port() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         assert await client.ask(b":SB1#") == b"1"

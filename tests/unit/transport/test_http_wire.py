@@ -79,7 +79,7 @@ async def server(answer: Answer) -> AsyncIterator[tuple[HttpWire, asyncio.Queue[
         listening.close()
 
 
-async def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_a_line() -> None:
+async def test_http_line_becomes_a_request_and_its_answer_a_line() -> None:
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
         await value(writer, "12.5" if request.startswith(b"GET") else "null")
 
@@ -94,7 +94,7 @@ async def test_a_line_is_a_request_with_its_names_and_numbers_and_the_answer_is_
 
 
 @pytest.mark.parametrize("newer", [b"put tracking Tracking=true\n", b"put moveaxis Axis=0 Rate=1.5\n"])
-async def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_overtaken(newer: bytes) -> None:
+async def test_http_stop_is_sent_again_after_the_answer_to_an_overtaken_order(newer: bytes) -> None:
     """Unless a newer motion has begun, which it would end."""
     release = asyncio.Event()
 
@@ -118,7 +118,7 @@ async def test_a_stop_is_sent_again_after_the_answer_to_an_order_that_it_has_ove
         assert lines.empty() and not lost
 
 
-async def test_a_stop_on_a_connection_that_the_server_has_closed_is_repeated() -> None:
+async def test_http_stop_on_a_closed_connection_is_repeated() -> None:
     closing = False
 
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
@@ -156,7 +156,7 @@ class OneAtATime(BaseHTTPRequestHandler):
 
 
 @pytest.mark.parametrize("kind", [HTTPServer, ThreadingHTTPServer])
-def test_a_server_that_serves_one_connection_at_a_time_is_not_locked_by_an_idle_one(kind: type[HTTPServer]) -> None:
+def test_idle_connection_does_not_block_a_server_that_serves_one_at_a_time(kind: type[HTTPServer]) -> None:
     alone = kind is HTTPServer
 
     async def program(url: str, asked: list[str]) -> None:
@@ -192,7 +192,7 @@ def test_a_server_that_serves_one_connection_at_a_time_is_not_locked_by_an_idle_
         thread.join(PATIENCE)
 
 
-async def test_a_server_that_cannot_be_reached_says_why() -> None:
+async def test_unreachable_alpaca_server_is_reported_with_the_reason() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         url = f"http://127.0.0.1:{taken.getsockname()[1]}"
     wire = HttpWire(url, TelescopeHttp(url))
@@ -216,11 +216,11 @@ async def test_a_server_that_cannot_be_reached_says_why() -> None:
         (200, b'{"ErrorNumber": null}', b"null\n"),
     ],
 )
-def test_an_answer_is_one_line(status: int, body: bytes, line: bytes) -> None:
+def test_http_answer_becomes_one_line(status: int, body: bytes, line: bytes) -> None:
     assert TelescopeHttp("http://127.0.0.1:1").reply(status, body) == line
 
 
-def test_a_gateway_refuses_to_drive_itself() -> None:
+def test_gateway_refuses_to_drive_itself() -> None:
     told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own_token(os.getpid())]}})
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     telescope.opened(telescope.first[0], 404, b"")
@@ -228,7 +228,7 @@ def test_a_gateway_refuses_to_drive_itself() -> None:
         telescope.opened(telescope.first[0], 200, told.encode())
 
 
-def test_a_server_without_this_telescope_is_not_opened() -> None:
+def test_alpaca_server_without_the_configured_telescope_is_not_opened() -> None:
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     for status, body in ((404, b"no"), (200, b"<html>")):
         with pytest.raises(OSError, match=r"no telescope 7 \(HTTP status"):
@@ -236,7 +236,7 @@ def test_a_server_without_this_telescope_is_not_opened() -> None:
     telescope.opened(telescope.first[1], 200, b'{"Value": true}')
 
 
-async def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept_one_is_told_once() -> None:
+async def test_http_read_survives_closed_connections_and_an_order_is_sent_once() -> None:
     closing = 0
 
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
@@ -258,7 +258,7 @@ async def test_a_read_outlives_several_closed_connections_and_an_order_on_a_kept
         assert len(asked) == 5
 
 
-async def test_the_watcher_is_told_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_watchdog_gets_the_address_at_which_the_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     watcher = Watcher()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -17,7 +17,7 @@ from tests.support.simulated_meade import Clock
 BYTE = 10.0 / 9600.0
 
 
-async def test_bytes_arrive_one_after_the_other() -> None:
+async def test_paced_bytes_arrive_one_after_the_other() -> None:
     loop = asyncio.get_running_loop()
     began, heard = loop.time(), []
     pace = SerialPace(9600, lambda data: heard.append((data, loop.time() - began)))
@@ -31,7 +31,7 @@ async def test_bytes_arrive_one_after_the_other() -> None:
     assert [at for _, at in heard] == pytest.approx([BYTE, 2 * BYTE, 3 * BYTE, 12.5 * BYTE])
 
 
-async def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
+async def test_paced_bytes_that_arrive_too_fast_are_lost_and_closing_drops_the_rest() -> None:
     heard: list[bytes] = []
     pace = SerialPace(9600, heard.append)
     pace.send(b"x" * (2 * MAX_WAITING_BYTES))
@@ -46,7 +46,7 @@ async def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_re
 @pytest.mark.parametrize(
     ("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE), (None, 0.0, 0.0)]
 )
-async def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: float, seconds: float) -> None:
+async def test_paced_exchange_takes_the_time_of_its_bytes(baud: int | None, latency: float, seconds: float) -> None:
     """``e`` is one byte, its answer eighteen."""
     loop = asyncio.get_running_loop()
     heard = b""

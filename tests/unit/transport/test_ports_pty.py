@@ -74,7 +74,7 @@ def opened(path: Path) -> int:
 
 @LINUX
 @pytest.mark.parametrize("fast", [False, True])
-def test_every_opening_is_a_connection(tmp_path: Path, fast: bool) -> None:
+def test_every_opening_of_a_virtual_port_is_a_new_connection(tmp_path: Path, fast: bool) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -96,7 +96,7 @@ def test_every_opening_is_a_connection(tmp_path: Path, fast: bool) -> None:
 
 
 @LINUX
-def test_a_program_inherits_nothing(tmp_path: Path) -> None:
+def test_program_inherits_nothing_from_the_previous_one_on_a_virtual_port(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -140,7 +140,7 @@ for _ in range(2):
 
 
 @LINUX
-def test_exclusive_use_ends_with_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exclusive_use_of_a_virtual_port_ends_with_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The gateway must not get round it as root, so it is refused the opening as another user would be."""
     folder = Path(tempfile.mkdtemp(dir="/tmp"))
     folder.chmod(0o755)
@@ -170,7 +170,7 @@ def test_exclusive_use_ends_with_the_program(tmp_path: Path, monkeypatch: pytest
     {"baudrate": 115200}, {"baudrate": 31250}, {"rtscts": True, "dsrdtr": True}, {"xonxoff": False, "exclusive": True},
     {"bytesize": 7, "parity": "E", "stopbits": 2},
 ])  # fmt: skip
-def test_whatever_a_program_sets_is_taken(tmp_path: Path, settings: dict[str, Any]) -> None:
+def test_virtual_port_accepts_whatever_a_program_sets(tmp_path: Path, settings: dict[str, Any]) -> None:
     path = tmp_path / "lx200"
 
     def ask() -> bytes:
@@ -185,7 +185,7 @@ def test_whatever_a_program_sets_is_taken(tmp_path: Path, settings: dict[str, An
     on_a_port(path, program)
 
 
-def test_modem_lines_are_refused_as_by_any_terminal_and_nothing_breaks(tmp_path: Path) -> None:
+def test_modem_lines_of_a_virtual_port_are_refused_as_on_any_terminal(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -200,7 +200,7 @@ def test_modem_lines_are_refused_as_by_any_terminal_and_nothing_breaks(tmp_path:
     on_a_port(path, program)
 
 
-def test_it_has_the_mode_and_group_of_a_serial_port(tmp_path: Path) -> None:
+def test_virtual_port_has_the_mode_and_group_of_a_serial_port(tmp_path: Path) -> None:
     async def program(port: PtyPort, book: list[str]) -> None:
         seen = os.stat(port.path)
         assert stat.S_IMODE(seen.st_mode) == 0o660
@@ -211,7 +211,7 @@ def test_it_has_the_mode_and_group_of_a_serial_port(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["no directory", "a file", "a directory", "a link to"])
-def test_a_name_that_cannot_be_had_is_said_and_left_alone(
+def test_link_name_that_cannot_be_taken_is_reported_and_left_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     locks = tmp_path / "locks"
@@ -239,7 +239,7 @@ def test_a_name_that_cannot_be_had_is_said_and_left_alone(
     assert list(locks.iterdir()) == []
 
 
-def test_a_crash_leaves_a_link_that_is_replaced_and_two_cannot_have_one(tmp_path: Path) -> None:
+def test_link_of_a_crashed_gateway_is_replaced_but_a_live_one_is_not(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
     path.symlink_to("/dev/pts/99999")
 
@@ -251,7 +251,7 @@ def test_a_crash_leaves_a_link_that_is_replaced_and_two_cannot_have_one(tmp_path
     on_a_port(path, program)
 
 
-def test_a_program_that_writes_without_end_leaves_others_their_turn(tmp_path: Path) -> None:
+def test_endless_writer_on_a_virtual_port_leaves_others_their_turn(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -269,7 +269,7 @@ def test_a_program_that_writes_without_end_leaves_others_their_turn(tmp_path: Pa
     assert book[0] == "arrives"
 
 
-def test_windows_has_none_and_imports_all() -> None:
+def test_transport_modules_import_on_windows_without_virtual_ports() -> None:
     """No module of ports and wires needs what only Unix has before it is used."""
     code = (
         "import sys\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
@@ -287,7 +287,7 @@ def test_windows_has_none_and_imports_all() -> None:
 
 @pytest.mark.real_time
 @pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
-async def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) -> None:
+async def test_next_program_reads_no_answers_to_the_previous_ones_flood(tmp_path: Path) -> None:
     """What the flood has left on either side of the terminal is gone: answers nobody read, and those still to come."""
     book: list[str] = []
     port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))

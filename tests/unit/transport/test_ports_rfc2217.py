@@ -95,7 +95,7 @@ def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.real_time
 @PYSERIAL
 @pytest.mark.usefixtures("_brisk")
-async def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
+async def test_pyserial_over_rfc2217_sets_any_parameters_and_receives_every_byte() -> None:
     port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
     try:
         assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
@@ -110,7 +110,7 @@ async def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() ->
 @pytest.mark.real_time
 @PYSERIAL
 @pytest.mark.usefixtures("_brisk")
-async def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
+async def test_rfc2217_port_serves_telnet_and_plain_programs_with_binary_data() -> None:
     """A binary 0xFF in both directions: the time zone of ``H`` an hour west of Greenwich, read back by ``h``."""
     clock = b"H\x0c\x00\x00\x03\x14\x1a\xff\x00"
 
@@ -135,7 +135,7 @@ async def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
         plain[1].close()
 
 
-def test_no_telnet_before_the_client_begins_it() -> None:
+def test_rfc2217_port_sends_no_telnet_before_its_client_does() -> None:
     telnet = Telnet()
     assert telnet.sent == b""
     telnet.guest.feed(b":GR#")
@@ -158,7 +158,7 @@ def test_no_telnet_before_the_client_begins_it() -> None:
     b"\xff\xfa\x2c\x0a\xff\xf0", b"\xff\xfa\x2c\x0b\xff\xf0", b"\xff\xfa\x2c\x0c\xff\xf0", b"\xff\xfa\x2c\x63\xff\xf0",
     b"\xff\xfd\x63", b"\xff\xf6", b"\xff\xfa\x18\x00vt100\xff\xf0",  # other options, are you there, another terminal
 ])  # fmt: skip
-def test_what_no_rfc_knows_is_passed_over(nonsense: bytes) -> None:
+def test_rfc2217_port_ignores_unknown_telnet_options(nonsense: bytes) -> None:
     telnet = Telnet()
     telnet.guest.feed(HELLO + nonsense + b":GR#")
     assert telnet.echo.heard == b":GR#"
@@ -166,7 +166,7 @@ def test_what_no_rfc_knows_is_passed_over(nonsense: bytes) -> None:
     assert telnet.sent.endswith(b"\xff\xfa\x2c\x65\x00\x00\x25\x80\xff\xf0")  # 9600 baud, as ever
 
 
-def test_a_subnegotiation_without_end_is_not_kept() -> None:
+def test_endless_telnet_subnegotiation_is_not_stored() -> None:
     telnet = Telnet()
     telnet.guest.feed(HELLO + b"\xff\xfa" + b"x" * 1000 + b":GR#")
     assert telnet.echo.heard.endswith(b":GR#")
@@ -174,7 +174,7 @@ def test_a_subnegotiation_without_end_is_not_kept() -> None:
 
 @settings(max_examples=as_a_rule(20, whole=50))
 @given(st.lists(st.binary(max_size=12), max_size=12))
-def test_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
+def test_rfc2217_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
     """Escaped as a client must, cut anywhere; and with anything at all nothing is raised."""
     telnet, whole = Telnet(), b"".join(pieces)
     for piece in [HELLO, *pieces]:

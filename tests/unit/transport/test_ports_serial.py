@@ -37,7 +37,7 @@ async def read(descriptor: int, count: int) -> bytes:
     return heard
 
 
-async def test_a_pair_of_ports_by_name() -> None:
+async def test_surface_on_one_half_of_a_port_pair_serves_the_other() -> None:
     """The gateway opens one half, the program has the other; it may fall silent and come back."""
     program_side, gateway_side = os.openpty()
     tty.setraw(gateway_side)
@@ -53,7 +53,7 @@ async def test_a_pair_of_ports_by_name() -> None:
     os.close(gateway_side)
 
 
-async def test_the_rate_is_the_surface_s_own() -> None:
+async def test_surface_on_a_serial_port_uses_its_configured_baud_rate() -> None:
     program_side, gateway_side = os.openpty()
     name = os.ttyname(gateway_side)
     gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{name}", baud=38400)])
@@ -64,7 +64,7 @@ async def test_the_rate_is_the_surface_s_own() -> None:
     os.close(gateway_side)
 
 
-async def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_lost_outgoing_socket_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that listens, and has the gateway come to it."""
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setblocking(False)
@@ -86,7 +86,7 @@ async def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyP
                                     heard += await loop.sock_recv(link, 100)
 
 
-async def test_a_loop_hears_itself() -> None:
+async def test_loopback_port_receives_what_it_sends() -> None:
     guests: list[Echo] = []
 
     def arrive(connected: Connected) -> Echo:
@@ -104,18 +104,18 @@ async def test_a_loop_hears_itself() -> None:
 
 
 @each("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
-async def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
+async def test_port_names_are_recognised_as_ports(where: str) -> None:
     with pytest.raises(UserError, match=r"^cannot open "):
         await open_port(where, lambda connected: Echo(connected.write))
 
 
 @pytest.mark.parametrize("where", ["ttyUSB0", "tcp:127.0.0.1:4030", "localhost:4030"])
-async def test_what_is_no_name_of_a_port_gets_the_forms_there_are(where: str) -> None:
+async def test_text_that_is_no_port_name_is_answered_with_the_valid_forms(where: str) -> None:
     with pytest.raises(UserError, match="write tcp://HOST:PORT"):
         await open_port(where, lambda connected: Echo(connected.write))
 
 
-async def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
+async def test_reply_over_a_socket_arrives_in_one_piece() -> None:
     """18 bytes that arrive together wake the loop once; a byte and the end of the connection lose nothing."""
     heard, lost = list[bytes](), list[str]()
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -144,7 +144,7 @@ async def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
         ("PermissionError(13, 'Access is denied.', None, 5)", "the port is in use by another program"),
     ],
 )
-async def test_what_windows_says_of_a_port_is_said_in_words(
+async def test_windows_port_errors_are_explained_in_words(
     told: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:

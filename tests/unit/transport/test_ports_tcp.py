@@ -50,7 +50,7 @@ IPV6 = pytest.mark.skipif(not has_ipv6(), reason="this computer has no IPv6")
 
 @IPV6
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-async def test_ipv6(scheme: str) -> None:
+async def test_tcp_surface_serves_ipv6(scheme: str) -> None:
     port = await echo_at(f"{scheme}://[::1]:0")
     assert port.where.startswith(f"{scheme}://[::1]:")
     assert await reaches("::1", port)
@@ -60,7 +60,7 @@ async def test_ipv6(scheme: str) -> None:
     await both.close()
 
 
-async def test_a_port_is_free_again_at_once() -> None:
+async def test_closed_tcp_port_is_free_again_at_once() -> None:
     """Connections that were closed from this side linger in the system; they must not hold the port."""
     port = await echo_at("tcp://127.0.0.1:0")
     client = socket.create_connection(("127.0.0.1", split_address(port.where)[1]))
@@ -77,7 +77,7 @@ async def test_a_port_is_free_again_at_once() -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the system does not show its timers")
-async def test_a_connection_is_asked_whether_it_lives() -> None:
+async def test_tcp_surface_enables_keepalive() -> None:
     port = await echo_at("tcp://127.0.0.1:0")
     reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.where)[1])
     writer.write(b"?")
@@ -96,13 +96,13 @@ async def test_a_connection_is_asked_whether_it_lives() -> None:
 
 
 @pytest.mark.parametrize("where", ["tcp://::1:4030", "rfc2217://127.0.0.1", "rfc2217://:70000", "tcp://[::1:4030"])
-def test_an_address_that_is_none_is_said(where: str) -> None:
+def test_invalid_tcp_address_is_reported(where: str) -> None:
     with pytest.raises(UserError, match=f"{where[:3]}.*HOST:PORT|0 .any free one. to 65535"):
         split_address(where)
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-def test_who_writes_is_told_what_waits_for_a_program_that_does_not_read(scheme: str) -> None:
+def test_tcp_writer_learns_how_much_a_slow_reader_has_pending(scheme: str) -> None:
     """What is pushed goes by it: nothing is added to what is not taken."""
 
     async def main() -> None:

@@ -96,7 +96,7 @@ async def serving() -> AsyncIterator[WebServer]:
 
 
 @each("sent", [b"", b"G", HALF, GET[:-1], POST, POST + b"1"])
-async def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> None:
+async def test_incomplete_http_request_ends_its_connection(sent: bytes) -> None:
     async with serving() as server:
         line = Line(server, sent=sent)
         await asyncio.sleep(REQUEST_TIMEOUT - 1.0)
@@ -106,14 +106,14 @@ async def test_a_request_that_is_not_whole_ends_its_connection(sent: bytes) -> N
 
 
 @each("sent", [GET, POST + b"9" * 99])
-async def test_it_does_not_help_to_send_it_byte_by_byte(sent: bytes) -> None:
+async def test_http_request_sent_byte_by_byte_is_ended_too(sent: bytes) -> None:
     async with serving() as server:
         line = Line(server)
         await line.trickles(sent)
         assert line.closed_after == REQUEST_TIMEOUT and line.heard == b""
 
 
-async def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
+async def test_slowly_answered_http_client_stays_and_an_idle_one_is_closed() -> None:
     async with serving() as server:
         line = Line(server)
         for number in range(1, 4):
@@ -138,7 +138,7 @@ async def test_who_is_answered_slowly_stays_and_who_is_idle_goes() -> None:
         assert idle.is_closing()
 
 
-async def test_a_client_that_leaves_in_the_middle_is_no_failure_to_tell(caplog: pytest.LogCaptureFixture) -> None:
+async def test_http_client_that_leaves_early_is_not_reported(caplog: pytest.LogCaptureFixture) -> None:
     async with serving() as server:
         Line(server, sent=GET)
         await asyncio.sleep(1.0)
@@ -167,11 +167,13 @@ async def test_a_client_that_leaves_in_the_middle_is_no_failure_to_tell(caplog: 
         ("/dev/ttyUSB0", 8, 8),
     ],
 )
-def test_an_address_may_have_three_quarters_and_this_computer_all(host: str, most: int, places: int) -> None:
+def test_one_address_gets_three_quarters_of_the_http_connections_and_this_computer_all(
+    host: str, most: int, places: int
+) -> None:
     assert share(host, most) == places
 
 
-def test_two_places_are_for_an_address_that_has_none() -> None:
+def test_two_http_connections_are_reserved_for_new_addresses() -> None:
     room = Room(8)
     assert [room.enter("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
     assert room.enter("10.0.0.2") and not room.enter("10.0.0.2")
@@ -183,7 +185,7 @@ def test_two_places_are_for_an_address_that_has_none() -> None:
 
 @each("sent", [b"", HALF, GET])
 @each("hosts", [1, 2, 7])
-async def test_an_attack_from_some_addresses_ends_and_a_stop_gets_in_meanwhile(sent: bytes, hosts: int) -> None:
+async def test_http_attack_from_some_addresses_does_not_block_a_stop(sent: bytes, hosts: int) -> None:
     """Half-sent, silent and whole ones, again and again; LX200 programs and a page at another address are answered."""
     async with serving() as server, Bridge() as bridge:
         program, loop = bridge.client(), asyncio.get_running_loop()
@@ -220,7 +222,7 @@ async def _answered(server: WebServer, host: str) -> bytes:
 # --- before it is loaded ----------------------------------------------------------------------------------------------
 
 
-async def test_the_first_byte_wants_the_application_and_nothing_is_lost_until_it_is_there() -> None:
+async def test_first_http_byte_loads_the_application_and_is_not_lost() -> None:
     site = Site()
     server = WebServer(site.load)
     line = Line(server)
@@ -238,7 +240,7 @@ async def test_the_first_byte_wants_the_application_and_nothing_is_lost_until_it
 
 
 @each(("why", "told"), [("none", b"404"), ("ends", b"404"), ("too much", b"503"), ("too late", b"503")])
-async def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
+async def test_surplus_http_client_is_told_to_come_later(why: str, told: bytes) -> None:
     server = WebServer(None if why == "none" else Site().load)
     line = Line(server, sent=GET)
     if why == "too much":
@@ -251,7 +253,7 @@ async def test_who_cannot_be_served_is_told(why: str, told: bytes) -> None:
 
 
 @pytest.mark.real_time
-async def test_the_next_free_port_is_taken_and_none_is_an_error() -> None:
+async def test_web_server_takes_the_next_free_port_and_reports_none_as_an_error() -> None:
     server = WebServer()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"

@@ -43,7 +43,7 @@ def spelled(data: bytes, at: float, apart: float = 0.05) -> list[tuple[float, by
 
 
 @each("case", CUT)
-def test_the_end_is_ignored_whole_and_byte_by_byte(case: tuple[bytes, bytes]) -> None:
+def test_late_end_of_an_interrupted_nexstar_command_is_ignored(case: tuple[bytes, bytes]) -> None:
     half, end = case
     for gap in (1.0, 1.1, 1.3, 3.2, 3.9):
         assert after(half, (gap, end)) == []
@@ -55,12 +55,12 @@ def test_the_end_is_ignored_whole_and_byte_by_byte(case: tuple[bytes, bytes]) ->
     assert framer.feed(half, 0.0) + framer.feed(end, 0.95) == [half + end]
 
 
-def test_later_it_is_a_command() -> None:
+def test_bytes_long_after_an_interrupted_nexstar_command_are_a_new_command() -> None:
     assert after(b"K", (4.1, b"x")) == [b"x"]
     assert after(b"r34A", (4.1, b"B0500,12CE")) == [b"B0500,12CE"]
 
 
-def test_another_length_is_a_new_command() -> None:
+def test_bytes_of_another_length_after_an_interruption_are_a_new_command() -> None:
     for half in (b"r34A", b"W", b"P\x02", b"T", b"K"):
         for command in (b"r35555555,20000000", b"P\x02\x11$\x09\0\0\0", b"V", b"T\x02", b"E"):
             missing = {b"r": 18, b"W": 9, b"P": 8, b"T": 2, b"K": 2}[half[:1]] - len(half)
@@ -72,18 +72,18 @@ def test_another_length_is_a_new_command() -> None:
     assert after(b"K", (1.5, RELEASE + b"e")) == [RELEASE, b"e"]
 
 
-def test_a_part_of_the_end_is_ignored_too() -> None:
+def test_part_of_the_late_end_is_ignored_too() -> None:
     assert after(b"r34A", (1.5, b"B05"), (1.8, b"00,12CE0500")) == []
 
 
-def test_an_illegal_byte_is_a_new_command_at_once() -> None:
+def test_byte_illegal_in_the_late_end_begins_a_new_command() -> None:
     framer = NexStarFramer()
     framer.feed(b"r3555", 0.0)
     assert framer.feed(b"Kz", 2.0) == [b"Kz"]
 
 
 @each("release", RELEASES)
-def test_a_release_is_always_carried_out_and_at_once(release: bytes) -> None:
+def test_release_after_an_interruption_is_always_carried_out_at_once(release: bytes) -> None:
     start = release[:4] + b"\x05\0\0\0"
     for length in range(1, 8):
         for gap in (1.1, 2.0):
@@ -97,7 +97,7 @@ def test_a_release_is_always_carried_out_and_at_once(release: bytes) -> None:
         assert after(half, (1.2, release)) == [release]
 
 
-def test_a_cancel_is_always_carried_out() -> None:
+def test_cancel_after_an_interruption_is_always_carried_out() -> None:
     for half in (b"K", b"T", b"P\x02", b"W", b"r34A", b"r34AB0500,12CE05"):
         framer = NexStarFramer()
         framer.feed(half, 0.0)
@@ -107,14 +107,14 @@ def test_a_cancel_is_always_carried_out() -> None:
     assert after(b"r34A", (1.2, b"B0500,12CE0500M")) == [b"M"]
 
 
-def test_what_is_neither_moves_nothing() -> None:
+def test_ambiguous_bytes_after_an_interruption_move_nothing() -> None:
     assert after(b"r34A", (1.2, b"B0500,12CE0500" + b"0B0500,12CE")) == []
     assert after(b"K", (1.2, b"x0"), (1.5, b"E")) == [b"E"]
 
 
 @some
 @given(st.binary(min_size=1, max_size=8), st.lists(st.tuples(st.floats(0, 5), st.binary(max_size=20)), max_size=12))
-def test_random_bytes_pile_up_nowhere(half: bytes, arrivals: list[tuple[float, bytes]]) -> None:
+def test_interrupted_nexstar_commands_pile_up_no_bytes(half: bytes, arrivals: list[tuple[float, bytes]]) -> None:
     framer, now = NexStarFramer(), 0.0
     framer.feed(half, now)
     for wait, data in arrivals:

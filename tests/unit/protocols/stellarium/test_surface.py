@@ -54,7 +54,7 @@ def stage(
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
-async def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
+async def test_stellarium_gets_positions_twice_a_second_and_its_goto_runs(mount: str, driven: str) -> None:
     async with stage(mount, driven) as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -77,7 +77,7 @@ async def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, 
         client.close()
 
 
-async def test_a_refused_goto_shows_in_the_status_until_one_is_accepted() -> None:
+async def test_stellarium_status_shows_a_refused_goto_until_one_is_accepted() -> None:
     async with stage() as own:
         client, other = own.client(), own.client("192.0.2.7")
         client.tell(goto(*BELOW))
@@ -91,7 +91,7 @@ async def test_a_refused_goto_shows_in_the_status_until_one_is_accepted() -> Non
 
 
 @pytest.mark.parametrize("dec", [0x40000001, -0x40000001])
-async def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
+async def test_stellarium_goto_beyond_a_pole_is_refused(dec: int) -> None:
     async with stage() as own:
         client = own.client()
         client.tell(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
@@ -99,7 +99,7 @@ async def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-async def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
+async def test_look_only_stellarium_gets_positions_and_moves_nothing() -> None:
     async with stage(access=AccessRules(read_only=True)) as own:
         client = own.client()
         client.tell(goto(*CRAB))
@@ -107,7 +107,7 @@ async def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-async def test_the_dead_man_leaves_a_goto_alone() -> None:
+async def test_dead_man_leaves_a_stellarium_goto_alone() -> None:
     """A program of this protocol says nothing after its goto."""
     async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
         client, other = own.client(), own.client("192.0.2.7")
@@ -119,7 +119,7 @@ async def test_the_dead_man_leaves_a_goto_alone() -> None:
         assert own.sim.slewing
 
 
-async def test_coordinates_are_of_j2000() -> None:
+async def test_stellarium_coordinates_are_j2000() -> None:
     """The mount counts of date, 0.36 degrees further in right ascension at this place by then."""
     async with stage() as own:
         exact_sky.load(own.controller.astrometry.sky)
@@ -132,7 +132,7 @@ async def test_coordinates_are_of_j2000() -> None:
         client.close()
 
 
-def test_its_first_bytes_are_a_strangers_everywhere_else() -> None:
+def test_stellarium_bytes_count_as_a_strangers_on_other_surfaces() -> None:
     for name, spec in PROTOCOLS.items():
         beginning = StrangerFilter(spec.opening, name)
         pieces = beginning.feed(Piece(goto(*CRAB), 0.0, 0))

@@ -33,7 +33,7 @@ def answering(protocol: CommandSet, word: str) -> set[str]:
     return {name for name, command in protocol.commands.items() if command.answer == word}
 
 
-def test_what_answers_do_from_one_time_to_the_next() -> None:
+def test_command_tables_say_how_each_answer_changes_over_time() -> None:
     assert answering(LX200, "position") >= {"GR", "GD", "GZ", "GA"}
     assert answering(LX200, "clock") >= {"GL", "Ga", "GS"}
     assert answering(LX200, "stream") >= {"gps"}
@@ -45,7 +45,7 @@ def test_what_answers_do_from_one_time_to_the_next() -> None:
         assert questions == {name for name in protocol.commands if protocol.commands[name].answer}
 
 
-def test_what_is_believed_as_it_comes() -> None:
+def test_command_tables_say_which_answers_need_no_verification() -> None:
     lx200, nexstar = Lx200ReplyRules().expected, NexStarReplyRules().expected
     kinds = [
         one.answer_kind
@@ -56,7 +56,7 @@ def test_what_is_believed_as_it_comes() -> None:
     assert [one.answer_kind for one in (*believed, nexstar(Send("K")), nexstar(Send("M")))] == [None] * 5
 
 
-def test_what_ends_motions() -> None:
+def test_command_tables_say_which_commands_end_motions() -> None:
     axes = ("Qe", "Qn", "Qs", "Qw")
     urgent = {"Q": "stop", "I": "restart", **dict.fromkeys(axes, "axis"), "FQ": "part"}
     assert having(LX200, "urgent").items() >= urgent.items()
@@ -72,7 +72,7 @@ def test_what_ends_motions() -> None:
     assert LX200.commands["Q"].mark == b":Q"
 
 
-def test_what_a_stop_must_not_do_without() -> None:
+def test_stop_sequence_contains_every_indispensable_command() -> None:
     assert [way.ends for way in LX200.driver["AbortMotion"]] == [["Q"]]
     assert [way.ends for way in NEXSTAR.driver["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
 
@@ -86,13 +86,13 @@ def mistakes(folder: Path) -> list[str]:
     return found
 
 
-def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:
+def test_table_without_an_end_for_its_motion_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
     (tmp_path / "driver.toml").write_text('[[AbortMotion]]\ncall = "pointing.abort"\nuses = ["Q"]\n', "utf-8")
     assert any("it needs ends" in mistake for mistake in mistakes(tmp_path))
 
 
-def test_what_takes_long_and_what_is_heard_when() -> None:
+def test_command_tables_say_what_takes_long_and_what_a_busy_mount_hears() -> None:
     assert having(LX200, "long").items() >= {"SC": 14.0, "gT": 600.0}.items()
     assert having(LX200, "while_seeking").keys() >= {"hS", "hF", "Q", "h?"}
     asleep = {name for name, command in LX200.commands.items() if command.while_asleep is False}
@@ -115,7 +115,7 @@ def test_what_takes_long_and_what_is_heard_when() -> None:
         ('urgent = "part"\nurgent_at = { rate = 0 }', "the request has no field rate"),
     ],
 )
-def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says: str) -> None:
+def test_missing_or_wrong_command_fact_is_named(tmp_path: Path, row: str, says: str) -> None:
     (tmp_path / "commands.toml").write_text(f'[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n{row}\n', "utf-8")
     assert any("[ZZ]" in mistake and re.search(says, mistake) for mistake in mistakes(tmp_path))
 
@@ -127,7 +127,7 @@ def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says
         ('Q = { say = {}, outcome = "kept" }', "needs ask, which names the operation"),
     ],
 )
-def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: str) -> None:
+def test_impossible_surface_row_is_named(tmp_path: Path, row: str, says: str) -> None:
     (tmp_path / "commands.toml").write_text(
         '[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n[Q]\nrequest = ":Q#"\nhelp = "stop"\nurgent = "stop"\n', "utf-8"
     )
@@ -135,7 +135,7 @@ def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: s
     assert any(re.search(says, mistake) for mistake in mistakes(tmp_path))
 
 
-def test_one_more_command_changes_one_line_of_the_table_of_each_mount(
+def test_further_command_changes_one_line_of_each_printed_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two files by hand: what it looks like, and what is done with it."""

@@ -33,7 +33,7 @@ TABLES = script("docs/tools/tables.py")
 
 
 @each("protocol", PROTOCOLS)
-def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
+def test_every_request_matches_only_its_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
             frame = picture.encode({name: value(command, name, field) for name, field in picture.fields.items()})
@@ -72,7 +72,7 @@ def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]
 
 
 @pytest.mark.parametrize("spec", SPECS.values(), ids=SPECS)
-def test_no_function_that_a_row_might_call_is_left_over(spec: ProtocolSpec) -> None:
+def test_every_function_available_to_tables_is_used(spec: ProtocolSpec) -> None:
     protocols = Path(gateway.__file__).parent / "protocols"
     files = [path for folder in ("base", spec.name) for path in (protocols / folder).rglob("*.py")]
     words = Counter(word for path in files for word in re.findall(r"\w+", path.read_text("utf-8")))
@@ -128,7 +128,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("file", "row", "says"), MISTAKES)
-def test_a_mistake_in_a_table_is_told_with_its_file_and_row(
+def test_mistake_in_a_table_is_reported_with_file_and_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, row: str, says: str
 ) -> None:
     """By the check of the printed tables: it makes every part of every protocol."""
@@ -152,18 +152,18 @@ def test_a_mistake_in_a_table_is_told_with_its_file_and_row(
     assert [line for line in check().splitlines() if re.search(says, line) and f"lx200/{file}" in line]
 
 
-def test_a_kind_of_mount_that_does_not_exist_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unknown_kind_of_mount_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     row = replace(load("lx200").surface["Mg"], outcome={"germann": "refused", "else": "translated"})
     monkeypatch.setitem(load("lx200").surface, "Mg", row)
     assert "mappings/lx200/surface.toml: [Mg]: outcome: no mount is 'germann'" in TABLES.problems()
 
 
-def test_the_printed_tables_are_up_to_date() -> None:
+def test_printed_tables_are_up_to_date() -> None:
     assert list(TABLES.problems()) == []
 
 
 @pytest.mark.parametrize("page", ["TARGET", "KEYS", "PROVE"])
-def test_an_old_page_is_told(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outdated_printed_table_is_reported(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = tmp_path / "old.md"
     old.write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
     monkeypatch.setattr(TABLES, "ROOT", Path("/"))
@@ -172,17 +172,17 @@ def test_an_old_page_is_told(page: str, tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @each(("client", "mount"), pairs())
-def test_no_row_is_missing(client: str, mount: str) -> None:
+def test_no_surface_row_is_missing(client: str, mount: str) -> None:
     assert TABLES.missing(client, mount) == []
 
 
-def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_surface_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
     monkeypatch.setattr(load("lx200"), "surface", kept)
     assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in TABLES.problems()
 
 
-def test_an_explanation_is_of_the_model_that_was_named() -> None:
+def test_explain_uses_the_named_model() -> None:
     told = explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#").text
     assert "outcome on a cpc/4.21 mount: kept (" in told and "\n  before the alignment: translated\n" in told
     assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#").text
@@ -194,7 +194,7 @@ def test_an_explanation_is_of_the_model_that_was_named() -> None:
         explain("lx200", "nexstar:cgx9", ":CM#")
 
 
-def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_surface_row_missing_on_one_old_version_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
     monkeypatch.setattr(load("nexstar"), "driver", kept)
     assert TABLES.missing("lx200", "nexstar") == ["CL", "CM"]
@@ -220,7 +220,7 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
     ],
 )
 @each(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
-def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
+def test_printed_outcomes_on_the_oldest_hand_controls_match_reality(
     model: str, version: str, said: bytes, outcome: str
 ) -> None:
     """What is kept there sends nothing but questions; what is translated moves the mount."""

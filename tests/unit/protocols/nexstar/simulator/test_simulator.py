@@ -60,7 +60,7 @@ def daylight(bench: Bench) -> Bench:
 # --- transcripts of real clients, the hand control's side --------------------------------------------------
 
 
-def test_german_hand_control_carries_out_a_goto_a_stop_and_a_park_of_indi() -> None:
+def test_simulated_german_hand_control_obeys_goto_stop_and_park_of_indi() -> None:
     bench = Bench("cge")
     assert bench(b"t") == b"\x02#"
     assert bench("50 01 10 47 00 00 00 01") == b"\x80#"
@@ -87,7 +87,7 @@ def test_german_hand_control_carries_out_a_goto_a_stop_and_a_park_of_indi() -> N
     assert re.fullmatch(rb"0000..00,1C71C700#", bench.after(9)(b"z"))  # it tracked until T 0
 
 
-def test_guide_pulses_need_newer_motors() -> None:
+def test_simulated_guide_pulses_need_newer_motors() -> None:
     old, new = Bench("cge"), Bench("cgem", site=(45.0, 10.0))
     assert old("50 03 10 26 32 1E 00 00") == b"\0#"
     assert old("50 01 10 27 00 00 00 01") == b"\0\0#"
@@ -130,7 +130,7 @@ def forms() -> list[list[str]]:
 
 
 @each("form", forms())
-def test_hand_control_replies_as_the_manual_writes(form: list[str]) -> None:
+def test_simulated_hand_control_replies_as_the_manual_writes(form: list[str]) -> None:
     _, request, _, reply = form
     answer = manual_state()(typed(request)).decode("latin-1")
     if reply.startswith("re:"):
@@ -147,7 +147,7 @@ def number(version: str) -> tuple[int, ...]:
 
 
 @each("version", VERSIONS)
-def test_old_hand_control_lacks_commands_that_came_later(version: str) -> None:
+def test_simulated_old_hand_control_lacks_later_commands(version: str) -> None:
     for name, request, since, _ in forms():
         bench = Bench("cge", version)
         if number(version) >= number(since):
@@ -158,7 +158,7 @@ def test_old_hand_control_lacks_commands_that_came_later(version: str) -> None:
             assert bench(typed(request) + b"Kz") == b"z#"
 
 
-def test_commands_beyond_the_manual_begin_with_their_version() -> None:
+def test_simulated_commands_beyond_the_manual_begin_with_their_version() -> None:
     for letter, since in ((b"v", "2.2"), (b"l", "4.12"), (b"p", "4.15"), (b"x", "4.21"), (b"u", "5.29")):
         for version in (*VERSIONS, "4.12", "4.15", "5.31"):
             assert bool(Bench("cgem", version)(letter)) == (number(version) >= number(since))
@@ -171,12 +171,12 @@ def test_commands_beyond_the_manual_begin_with_their_version() -> None:
 # --- models ------------------------------------------------------------------------------------------------
 
 
-def test_every_command_of_the_manual_has_a_handler() -> None:
+def test_every_command_of_the_celestron_manual_has_a_simulator_handler() -> None:
     known = load("nexstar").commands
     assert {name for name, command in known.items() if not command.beyond} <= set(HANDLERS) <= set(known)
 
 
-def test_a_command_without_a_handler_is_unknown_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_simulated_hand_control_ignores_a_command_without_a_handler(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench("cpc", "4.21")
     assert bench(b"P\x01\xb0\x37\0\0\0\x01") == b"\x01#"
     monkeypatch.delitem(HANDLERS, "gps_linked")
@@ -185,7 +185,7 @@ def test_a_command_without_a_handler_is_unknown_to_it(monkeypatch: pytest.Monkey
 
 
 @each("model", list(load("nexstar").models))
-def test_hand_control_has_the_devices_of_its_model(model: str) -> None:
+def test_simulated_hand_control_has_the_devices_of_its_model(model: str) -> None:
     bench, row = Bench(model, "4.21"), load("nexstar").models[model]
     assert bench(b"m") == bytes((row["id"],)) + b"#"
     assert (bench("50 01 B0 37 00 00 00 01") == b"\0\0#") == ("gps" not in row["has"])
@@ -204,7 +204,7 @@ def test_hand_control_has_the_devices_of_its_model(model: str) -> None:
     assert bench(b"t") == (b"\x02#" if row["mount"] == "german" else b"\x01#")
 
 
-def test_gt_counts_its_versions_from_a_hundred() -> None:
+def test_simulated_gt_counts_its_versions_from_a_hundred() -> None:
     old, new = Bench("gt", "101.0"), Bench("gt", "104.0")
     assert old(b"V") == b"\x65\x00#" and new(b"V") == b"\x68\x00#"
     assert old(b"e") == b"" and old(b"E") != b""
@@ -212,7 +212,7 @@ def test_gt_counts_its_versions_from_a_hundred() -> None:
     assert new(b"t") == b"\x01#"
 
 
-def test_starsense_adds_its_version_to_the_tracking_mode() -> None:
+def test_simulated_starsense_adds_its_version_to_the_tracking_mode() -> None:
     bench = Bench("6-8se", "starsense-1.20")
     assert bench(b"Vv") == b"\x01\x14#\x13#"
     assert bench(b"J") == b"\x01#"
@@ -222,7 +222,7 @@ def test_starsense_adds_its_version_to_the_tracking_mode() -> None:
 
 
 @each(("model", "version"), [("cge", "3.01"), ("cge", "3.04"), ("advanced-gt", "3.02")])
-def test_early_german_versions_shift_the_tracking_modes(model: str, version: str) -> None:
+def test_simulated_early_german_versions_shift_the_tracking_modes(model: str, version: str) -> None:
     bench = Bench(model, version)
     assert bench(b"t") == b"\x01#"
     bench(b"T\x02")
@@ -234,7 +234,7 @@ def test_early_german_versions_shift_the_tracking_modes(model: str, version: str
     assert Bench("cge", "4.10")(b"t") == b"\x02#"
 
 
-def test_unknown_model_or_version_is_refused() -> None:
+def test_unknown_nexstar_model_or_version_is_refused() -> None:
     for model, version in (("lx200", "4.21"), ("cge", "four"), ("cge", "4"), ("cge", "moonsense-1.20")):
         with pytest.raises(UserError):
             Bench(model, version)
@@ -243,7 +243,7 @@ def test_unknown_model_or_version_is_refused() -> None:
 # --- behaviour ---------------------------------------------------------------------------------------------
 
 
-def test_unaligned_hand_control_ignores_sky_gotos_and_takes_axis_gotos() -> None:
+def test_simulated_unaligned_hand_control_ignores_sky_gotos_but_takes_axis_gotos() -> None:
     bench = Bench(aligned=False)
     assert bench(b"J") == b"\x00#" and bench(b"t") == b"\x00#"
     assert bench(b"z") == b"00000000,00000000#"
@@ -257,7 +257,7 @@ def test_unaligned_hand_control_ignores_sky_gotos_and_takes_axis_gotos() -> None
     assert re.fullmatch(rb"[0-9A-F]{8},[0-9A-F]{8}#", bench(b"e"))
 
 
-def test_fork_ignores_gotos_beyond_its_limits_silently() -> None:
+def test_simulated_fork_silently_ignores_gotos_beyond_its_limits() -> None:
     bench = Bench(site=(45.0, 10.0))
     before = bench(b"z")
     ra = round((sidereal_time(bench.now, 10.0) + 180) / 360 * 2**32) % 2**32
@@ -269,7 +269,7 @@ def test_fork_ignores_gotos_beyond_its_limits_silently() -> None:
 
 
 @each(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
-def test_german_motors_turn_west_and_north_by_side_of_pier(latitude: float, west: str, mode: int) -> None:
+def test_simulated_german_motors_turn_west_and_north_by_pier_side(latitude: float, west: str, mode: int) -> None:
     bench = Bench("cge", site=(latitude, 10.0), ramps=False)
     assert bench(b"t") == bytes((mode,)) + b"#"
     for hour_angle, side in ((30.0, "E"), (-30.0, "W")):
@@ -292,14 +292,14 @@ def test_german_motors_turn_west_and_north_by_side_of_pier(latitude: float, west
         bench(bytes((0x54, mode)))
 
 
-def test_the_side_of_the_pier_in_the_south_from_5_28_on() -> None:
+def test_simulated_pier_side_letters_swap_in_the_south_from_5_28_on() -> None:
     bench = Bench("cgem", "5.31", site=(-34.0, 10.0))
     ra = (sidereal_time(bench.now, 10.0) - 30) % 360
     bench(b"r%08X,F0000000" % round(ra / 360 * 2**32))
     assert bench.settle()(b"p") == b"E#"
 
 
-def test_a_fork_moves_by_hand_as_azimuth_and_altitude() -> None:
+def test_simulated_fork_moves_by_hand_in_azimuth_and_altitude() -> None:
     bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 02 10 24 07 00 00 00")
@@ -312,7 +312,7 @@ def test_a_fork_moves_by_hand_as_azimuth_and_altitude() -> None:
     assert int(alt, 16) * 360 / 65536 == pytest.approx(43, abs=0.01)
 
 
-def test_tracking_codes_track_and_are_no_rates() -> None:
+def test_simulated_tracking_codes_track_instead_of_slewing() -> None:
     for code, arcseconds in (("FF", 15.041), ("FE", 15.0), ("FD", 14.685)):
         bench = Bench("cge", site=(45.0, 10.0))
         bench(b"T\x00B2000,2000")
@@ -326,7 +326,7 @@ def test_tracking_codes_track_and_are_no_rates() -> None:
         assert not bench.sim.tracking
 
 
-def test_variable_rates_turn_the_axes_at_that_rate() -> None:
+def test_simulated_variable_rates_turn_the_axes_at_that_rate() -> None:
     bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 03 10 06 02 58 00 00")  # 150 arcseconds a second
@@ -335,7 +335,7 @@ def test_variable_rates_turn_the_axes_at_that_rate() -> None:
     assert ((first - 180) * 360, (second - 45) * 360) == pytest.approx((150, -150))
 
 
-def test_suspended_tracking_comes_back() -> None:
+def test_simulated_suspended_tracking_comes_back() -> None:
     """By ``T``, after a goto, after 20 s of silence; in alt-az after 30 s in any case."""
     bench = Bench("cge")
     bench("50 02 10 24 09 00 00 00")
@@ -355,7 +355,7 @@ def test_suspended_tracking_comes_back() -> None:
     assert [fork.after(10)(b"L") and fork.sim.tracking for _ in range(3)] == [False, False, True]
 
 
-def test_the_clock_runs_on_from_what_it_was_set_to() -> None:
+def test_simulated_clock_runs_on_from_the_time_that_was_set() -> None:
     bench = Bench("cpc", aligned=False)
     bench(b"H\x17\x3b\x3b\x0c\x1f\x18\x05\x00")
     assert bench.after(2)(b"h") == b"\x00\x00\x01\x01\x01\x19\x05\x00#"
@@ -364,7 +364,7 @@ def test_the_clock_runs_on_from_what_it_was_set_to() -> None:
     assert int(bench(b"l")[:8], 16) * 360 / 2**32 == pytest.approx(west, abs=1e-4)
 
 
-def test_the_rtc_is_set_by_parts() -> None:
+def test_simulated_rtc_is_set_in_parts() -> None:
     bench = Bench("cge")
     bench("50 03 B2 84 07 EA 00 00")
     bench("50 03 B2 83 01 0F 00 00")
@@ -376,7 +376,7 @@ def test_the_rtc_is_set_by_parts() -> None:
     assert bench("50 01 B2 03 00 00 00 02") == b"\x01\x0f#"
 
 
-def test_a_tracking_code_does_not_run_away_with_a_fork() -> None:
+def test_simulated_fork_does_not_run_away_after_a_tracking_code() -> None:
     bench = Bench(site=(45.0, 10.0))
     before = bench.sim.mechanics.axes(bench.now)
     bench("50 03 10 06 FF FF 00 00")
@@ -406,7 +406,7 @@ _BYTES = st.one_of(
     st.booleans(),
     st.lists(st.tuples(_BYTES, st.floats(0, 1e5)), max_size=30),
 )
-def test_no_bytes_upset_the_hand_control(
+def test_no_bytes_break_the_simulated_hand_control(
     model: str, latitude: float, aligned: bool, story: list[tuple[bytes, float]]
 ) -> None:
     bench = Bench(model, site=(latitude, 10.0), aligned=aligned, focuser=True)
@@ -420,7 +420,7 @@ def test_no_bytes_upset_the_hand_control(
     assert len(bench(b"ez")) == 36
 
 
-def test_hibernating_hand_control_answers_nothing_until_it_wakes() -> None:
+def test_simulated_hibernating_hand_control_is_silent_until_it_wakes() -> None:
     bench = Bench()
     assert bench(b"x") == b"#"
     assert bench(b"eztJLMmwhTPRPRPRP") == b""
@@ -431,7 +431,7 @@ def test_hibernating_hand_control_answers_nothing_until_it_wakes() -> None:
     assert bench.sim.tracking and bench(b"t") == b"\x01#"
 
 
-def test_axis_commands_move_and_set_one_axis() -> None:
+def test_simulated_axis_commands_move_and_set_one_axis() -> None:
     bench = Bench("cge", site=(45.0, 10.0))
     bench(b"T\x00")
     assert bench("50 01 11 01 00 00 00 03") == b"\x40\x00\x00#"
@@ -451,7 +451,7 @@ def test_axis_commands_move_and_set_one_axis() -> None:
     assert bench.settle()(b"Z") == b"4000,3000#"
 
 
-def test_motor_settings_are_kept_within_their_ranges() -> None:
+def test_simulated_motor_settings_stay_within_their_ranges() -> None:
     bench = Bench("cgem")
     assert bench("50 02 10 46 40 00 00 00") == b"#"
     assert bench("50 01 10 47 00 00 00 01") == b"\x40#"
@@ -465,7 +465,7 @@ def test_motor_settings_are_kept_within_their_ranges() -> None:
     assert bench("50 01 10 FE 00 00 00 01") == b"\x06#"
 
 
-def test_axes_find_their_home_switches() -> None:
+def test_simulated_axes_find_their_home_switches() -> None:
     bench = Bench("cgx", "5.31")
     bench(b"T\x00b10000000,10000000")
     bench.settle()
@@ -477,7 +477,7 @@ def test_axes_find_their_home_switches() -> None:
     assert bench(b"z") == b"40000000,40000000#"
 
 
-def test_a_focuser_when_there_is_one() -> None:
+def test_simulated_focuser_answers_only_where_one_is_connected() -> None:
     bench = Bench(focuser=True)
     assert len(bench("50 01 12 FE 00 00 00 02")) == 3
     assert bench("50 01 12 01 00 00 00 03") == b"\x00\x61\xa8#"

@@ -47,7 +47,7 @@ def local(utc: str, hours: float) -> bytes:
 
 @each("offset", OFFSETS)
 @each("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"])
-def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
+def test_nexstar_surface_reports_utc_exactly_in_every_zone(offset: float, utc: str) -> None:
     talk = talk_to(version="5.31")
     talk.mount.clock = op.Moment(unix(utc), offset)
     assert told(talk.send(b"h")) == unix(utc)
@@ -59,7 +59,7 @@ def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
 @each("offset", OFFSETS)
 @pytest.mark.parametrize("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35"])
 @pytest.mark.parametrize("dst", [0, 1])
-def test_set_time_is_utc_in_every_zone_and_told_as_it_was_set(offset: float, utc: str, dst: int) -> None:
+def test_nexstar_surface_sets_utc_exactly_in_every_zone_and_reads_it_back(offset: float, utc: str, dst: int) -> None:
     quarters = talk_to(version="5.31")
     command = b"I" + local(utc, offset) + bytes((round((offset - dst) * 4) % 256, dst))
     assert quarters.send(command) == b"#"
@@ -74,7 +74,7 @@ def test_set_time_is_utc_in_every_zone_and_told_as_it_was_set(offset: float, utc
         assert whole.send(b"h") == command[1:] + b"#"
 
 
-def test_zone_and_daylight_saving_are_told_until_the_mount_has_others() -> None:
+def test_nexstar_zone_and_daylight_saving_are_reported_until_the_mount_changes_them() -> None:
     talk = talk_to()
     talk.send(b"H\x0f\x1a\0\4\6\5\xfb\1")
     talk.wait(3600)
@@ -84,7 +84,7 @@ def test_zone_and_daylight_saving_are_told_until_the_mount_has_others() -> None:
     assert told(talk.send(b"h")) == unix("2005-04-06 20:26:00")
 
 
-def test_the_manuals_example() -> None:
+def test_nexstar_clock_example_of_the_manual_is_read_correctly() -> None:
     """Time/Location Commands: 3:26:00 PM, April 6 2005, zone -5, daylight saving."""
     talk = talk_to()
     assert talk.send(b"H\x0f\x1a\0\4\6\5\xfb\1") == b"#"
@@ -93,7 +93,7 @@ def test_the_manuals_example() -> None:
 
 @some
 @given(st.binary(min_size=8, max_size=8))
-def test_no_eight_bytes_upset_the_clock(data: bytes) -> None:
+def test_no_eight_bytes_break_the_nexstar_clock(data: bytes) -> None:
     for command, version in ((b"H", "4.21"), (b"I", "5.31")):
         talk = talk_to(version=version)
         assert talk.send(command + data) == b"#"
@@ -103,7 +103,7 @@ def test_no_eight_bytes_upset_the_clock(data: bytes) -> None:
         assert talk.send(command.lower() + b"Kz").endswith(b"#z#")
 
 
-def test_setting_site_and_time_leaves_an_aligned_mount_aligned() -> None:
+def test_setting_nexstar_site_and_time_keeps_the_alignment() -> None:
     assert talk_to().send(b"JW\x21\x32\x29\0\x76\x14\x11\1H\x0f\x1a\0\4\6\5\xfb\1J") == b"\1###\1#"
 
 
@@ -114,7 +114,7 @@ PLACES = [(degrees, minute, second) for degrees in (0, 1, 35, 89) for minute in 
 
 @pytest.mark.parametrize("south", [0, 1])
 @pytest.mark.parametrize("west", [0, 1])
-def test_site_is_read_back_as_it_was_set(south: int, west: int) -> None:
+def test_nexstar_site_is_read_back_as_set(south: int, west: int) -> None:
     talk = talk_to()
     for latitude in PLACES:
         for degrees in (0, 35, 100, 179):
@@ -129,7 +129,7 @@ def test_site_is_read_back_as_it_was_set(south: int, west: int) -> None:
 
 @some
 @given(st.binary(min_size=8, max_size=8))
-def test_no_eight_bytes_upset_the_site(data: bytes) -> None:
+def test_no_eight_bytes_break_the_nexstar_site(data: bytes) -> None:
     talk = talk_to()
     assert talk.send(b"W" + data) == b"#"
     assert abs(talk.mount.site.latitude) <= 90
@@ -144,7 +144,7 @@ def read(device: int, command: int, count: int) -> bytes:
     return bytes((80, 1, device, command, 0, 0, 0, count))
 
 
-def test_a_gps_unit_that_the_mount_has_not_is_not_linked() -> None:
+def test_missing_gps_unit_is_reported_as_not_linked() -> None:
     """The site and the clock are told all the same, as a unit does before its first fix."""
     talk = talk_to("cpc")
     assert talk.send(read(176, 55, 1) + read(176, 54, 1)) == b"\0#\0#"
@@ -152,7 +152,7 @@ def test_a_gps_unit_that_the_mount_has_not_is_not_linked() -> None:
 
 
 @each("model", MODELS)
-def test_real_time_clock(model: str) -> None:
+def test_nexstar_real_time_clock_is_set_and_read_in_parts(model: str) -> None:
     talk = talk_to(model)
     talk.mount.clock = op.Moment(unix("2026-03-31 23:30:35"), -8.0)
     setting = b"P\3\xb2\x83\x02\x1c\0\0" + b"P\3\xb2\x84\x07\xec\0\0" + b"P\4\xb2\xb3\x0f\x1a\x23\0"
@@ -174,7 +174,7 @@ def test_real_time_clock(model: str) -> None:
         b"P\3\xb2\x84\0\x1a\0\0", b"P\3\xb2\x84\xff\xff\0\0", b"P\4\xb2\xb3\x18\0\0\0", b"P\4\xb2\xb3\0\x3c\0\0",
     ],
 )  # fmt: skip
-def test_an_impossible_part_of_the_clock_changes_nothing(setting: bytes) -> None:
+def test_impossible_part_of_the_nexstar_clock_changes_nothing(setting: bytes) -> None:
     talk = talk_to("cge")
     assert talk.send(setting) == b"\0#", "the form for no: no byte was asked for, and one comes"
     assert talk.mount.of(op.SetClock) == []

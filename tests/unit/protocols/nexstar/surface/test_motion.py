@@ -30,7 +30,9 @@ KEYS = [0.002089, 0.004178, 0.016712, 0.033425, 0.066849, 0.267397, 1.0, 3.0, 5.
 @each("model", ["6-8se", "cge"])
 @each("latitude", [45.0, -45.0])
 @each(("device", "command", "axis", "sense"), [(16, 36, 1, 1), (16, 37, 1, -1), (17, 36, 2, 1), (17, 37, 2, -1)])
-def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: int, axis: int, sense: int) -> None:
+def test_nexstar_motor_directions_reach_the_mount_unchanged(
+    model: str, latitude: float, device: int, command: int, axis: int, sense: int
+) -> None:
     """Whatever hemisphere and side of the pier: programs make their own north of it, each in its way."""
     mount = Mount()
     mount.site, mount.pier = op.Place(latitude, 10.0), "W"
@@ -46,14 +48,14 @@ def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: 
         assert mount.asked == [op.StopAxis(axis)]
 
 
-def test_a_key_that_there_is_not_moves_nothing() -> None:
+def test_unknown_nexstar_key_rate_moves_nothing() -> None:
     for key in (10, 35, 255):
         talk = talk_to()
         assert talk.send(bytes((80, 2, 16, 36, key, 0, 0, 0))) == b"\0#", "the form for no"
         assert talk.mount.asked == []
 
 
-def test_hand_motion_is_no_goto() -> None:
+def test_nexstar_motion_by_hand_reports_no_goto() -> None:
     assert talk_to().send(b"P\x02\x10\x24\x09\0\0\0L") == b"#0#"
 
 
@@ -63,7 +65,7 @@ def test_hand_motion_is_no_goto() -> None:
 @each(("device", "axis"), [(16, 1), (17, 2)])
 @each(("command", "sense"), [(6, 1), (7, -1)])
 @each(("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75), (0xFFFC, 16383.0)])
-def test_rate_of_16_bits_is_in_quarter_arcseconds(
+def test_nexstar_rate_of_16_bits_counts_quarter_arcseconds(
     device: int, axis: int, command: int, sense: int, code: int, arcseconds: float
 ) -> None:
     (move,) = asked(bytes((80, 3, device, command, code >> 8, code & 255, 0, 0)))
@@ -78,7 +80,7 @@ def test_rate_of_16_bits_is_in_quarter_arcseconds(
     ("code", "arcseconds"),
     [(1, 1 / 1024), (0x025800, 150.0), (0x232323, 2248.7841796875), (0xFFFFFF, 16383.9990234375)],
 )
-def test_rate_of_24_bits_is_in_parts_of_an_arcsecond(
+def test_nexstar_rate_of_24_bits_counts_fractions_of_an_arcsecond(
     device: int, axis: int, command: int, sense: int, code: int, arcseconds: float
 ) -> None:
     (move,) = asked(bytes((80, 4, device, command)) + code.to_bytes(3, "big") + b"\0")
@@ -88,7 +90,7 @@ def test_rate_of_24_bits_is_in_parts_of_an_arcsecond(
 
 
 @each("command", [6, 7])
-def test_variable_rate_0_halts_that_axis(command: int) -> None:
+def test_nexstar_variable_rate_0_halts_its_axis(command: int) -> None:
     assert asked(bytes((80, 3, 16, command, 0, 0, 0, 0))) == [op.StopAxis(1)]
     assert asked(bytes((80, 3, 17, command, 0, 0, 0, 0))) == [op.StopAxis(2)]
     assert asked(bytes((80, 4, 16, command, 0, 0, 0, 0))) == [op.StopAxis(1)]
@@ -97,7 +99,7 @@ def test_variable_rate_0_halts_that_axis(command: int) -> None:
 
 @each("command", [6, 7])
 @each(("code", "name"), [(0xFF, "sidereal"), (0xFE, "solar"), (0xFD, "lunar")])
-def test_three_codes_are_tracking_rates_and_never_a_slew(command: int, code: int, name: str) -> None:
+def test_three_nexstar_rate_codes_set_tracking_and_never_slew(command: int, code: int, name: str) -> None:
     assert asked(bytes((80, 3, 16, command, 255, code, 0, 0))) == [op.TrackRate(name=name)]
 
 
@@ -112,7 +114,9 @@ ACTIVE = {axis: bytes((80, 1, 15 + axis, 39, 0, 0, 0, 1)) for axis in (1, 2)}
     [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)],
 )
 @each("ticks", [1, 30, 35, 255])
-def test_pulse_lasts_as_long_as_it_was_asked_for(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
+def test_nexstar_guide_pulse_lasts_as_long_as_requested(
+    axis: int, rate: int, sense: int, part: float, ticks: int
+) -> None:
     talk = talk_to()
     assert talk.send(ACTIVE[axis]) == b"\0#"
     assert talk.send(bytes((80, 3, 15 + axis, 38, rate, ticks, 0, 0))) == b"#"
@@ -125,13 +129,13 @@ def test_pulse_lasts_as_long_as_it_was_asked_for(axis: int, rate: int, sense: in
     assert talk.send(ACTIVE[axis]) == b"\0#"
 
 
-def test_a_pulse_of_nothing_is_none() -> None:
+def test_nexstar_guide_pulse_of_zero_length_does_nothing() -> None:
     talk = talk_to()
     assert talk.send(b"P\x03\x10&\0\x1e\0\0" + b"P\x03\x10&\x32\0\0\0" + ACTIVE[1]) == b"##\0#"
     assert talk.mount.asked == []
 
 
-def test_a_pulse_is_the_motors_not_the_clients() -> None:
+def test_nexstar_guide_pulse_state_is_shared_by_all_clients() -> None:
     talk = talk_to()
     talk.send(b"P\x03\x10&\x32\xff\0\0")
     talk.reconnect()
@@ -139,7 +143,7 @@ def test_a_pulse_is_the_motors_not_the_clients() -> None:
     assert talk.send(ACTIVE[1]) == b"\1#"
 
 
-def test_guide_rate_and_backlash_tell_what_was_set() -> None:
+def test_nexstar_guide_rate_and_backlash_read_back_as_set() -> None:
     talk = talk_to()
     assert talk.send(b"P\1\x10G\0\0\0\1" + b"P\1\x11G\0\0\0\1") == b"\x80#\x80#"
     assert talk.send(b"P\2\x10F\x40\0\0\0" + b"P\1\x10G\0\0\0\1" + b"P\1\x11G\0\0\0\1") == b"#\x40#\x80#"
@@ -158,7 +162,7 @@ def test_guide_rate_and_backlash_tell_what_was_set() -> None:
     ("tracking", "code"),
     [(op.Tracking.OFF, 0), (op.Tracking.ALTAZ, 1), (op.Tracking.EQ_NORTH, 2), (op.Tracking.EQ_SOUTH, 3)],
 )
-def test_mode_is_a_number_and_told_as_it_was_set(tracking: op.Tracking, code: int) -> None:
+def test_nexstar_tracking_mode_reads_back_as_set(tracking: op.Tracking, code: int) -> None:
     talk = talk_to()
     assert talk.send(b"T" + bytes((code,)) + b"t") == b"#" + bytes((code,)) + b"#"
     assert talk.mount.of(op.SetTracking) == [op.SetTracking(on=code > 0, mode=tracking)]
@@ -166,7 +170,7 @@ def test_mode_is_a_number_and_told_as_it_was_set(tracking: op.Tracking, code: in
 
 @each("version", ["3.01", "3.02", "3.04"])
 @each("model", ["cge", "advanced-gt"])
-def test_modes_are_shifted_on_some_german_versions(model: str, version: str) -> None:
+def test_nexstar_tracking_modes_are_shifted_on_some_german_versions(model: str, version: str) -> None:
     """NexStar protocol, tracking modes of the CGE and Advanced GT 3.01-3.04: EQ north 1, EQ south 2."""
     talk = talk_to(model, version=version)
     assert talk.send(b"t\x54\1") == b"\1##"
@@ -177,11 +181,11 @@ def test_modes_are_shifted_on_some_german_versions(model: str, version: str) -> 
 
 
 @each(("model", "version"), [("cge", "2.3"), ("cge", "4.10"), ("6-8se", "3.02"), ("cgem", "4.21")])
-def test_modes_are_not_shifted_on_other_versions(model: str, version: str) -> None:
+def test_nexstar_tracking_modes_are_not_shifted_on_other_versions(model: str, version: str) -> None:
     assert talk_to(model, version=version).send(b"t\x54\3t") == b"\2##\3#"
 
 
-def test_a_mount_that_cannot_stop_tracking_goes_on_telling_that_it_tracks() -> None:
+def test_nexstar_mount_that_cannot_stop_tracking_still_reports_tracking() -> None:
     talk = talk_to()
     talk.mount.faults[op.SetTracking] = Unsupported()
     assert talk.send(b"T\0t") == b"#\2#"
@@ -194,7 +198,7 @@ def test_a_mount_that_cannot_stop_tracking_goes_on_telling_that_it_tracks() -> N
 # --- gotos and axes -------------------------------------------------------------------------------------------------
 
 
-def test_azimuth_and_altitude_on_a_fork_axes_on_a_german_mount() -> None:
+def test_nexstar_z_means_azimuth_on_a_fork_and_axes_on_a_german_mount() -> None:
     mount = Mount()
     mount.horizontal, mount.axes = op.Horizontal(180.0, 40.0), op.Horizontal(270.0, 100.0)
     assert talk_to("6-8se", mount).send(b"Zz") == b"8000,1C72#80000000,1C71C700#"
@@ -206,7 +210,7 @@ def test_azimuth_and_altitude_on_a_fork_axes_on_a_german_mount() -> None:
     assert mount.of(op.GotoAxes) == [op.GotoAxes(270.0, 45.0)] * 2
 
 
-def test_a_declination_past_the_pole_is_folded() -> None:
+def test_nexstar_declination_past_the_pole_is_folded() -> None:
     talk = talk_to()
     assert talk.send(b"R0000,4800" + b"r80000000,B8000000") == b"##"
     assert talk.mount.of(op.Goto) == [op.Goto(180.0, 78.75), op.Goto(0.0, -78.75)]
@@ -216,7 +220,7 @@ def test_a_declination_past_the_pole_is_folded() -> None:
 
 
 @each("low", [b"00", b"FF", b"7f", b"\0\0", b"##", b"zz", b",,", b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
-def test_the_low_byte_may_be_anything(low: bytes) -> None:
+def test_low_byte_of_a_nexstar_position_is_ignored(low: bytes) -> None:
     talk = talk_to()
     assert talk.send(b"r355555" + low + b",200000" + low) == b"#"
     (goto,) = talk.mount.of(op.Goto)
@@ -224,7 +228,7 @@ def test_the_low_byte_may_be_anything(low: bytes) -> None:
     assert goto.dec == pytest.approx(45.0, abs=360 / 2**24)
 
 
-def test_goto_of_one_motor_leaves_the_other_where_it_goes() -> None:
+def test_nexstar_goto_of_one_motor_leaves_the_other_on_its_course() -> None:
     talk = talk_to()
     talk.mount.horizontal = op.Horizontal(180.0, -45.0)
     assert talk.send(b"P\1\x10\1\0\0\0\3" + b"P\1\x11\1\0\0\0\3") == b"\x80\0\0#\xe0\0\0#"
@@ -245,26 +249,26 @@ def test_goto_of_one_motor_leaves_the_other_where_it_goes() -> None:
     assert german.mount.of(op.GotoAxes) == [op.GotoAxes(90.0, -22.5)]
 
 
-def test_a_goto_of_the_sky_ends_what_the_motors_were_sent_to() -> None:
+def test_nexstar_sky_goto_forgets_earlier_gotos_of_the_motors() -> None:
     talk = talk_to()
     talk.send(b"P\4\x10\2\x40\0\0\0" + b"r35555500,20000000" + b"P\4\x11\2\x20\0\0\0")
     assert talk.mount.of(op.GotoHorizontal)[-1] == op.GotoHorizontal(180.0, 45.0)
 
 
 @each(("model", "pier", "letter"), [("cge", "E", b"E#"), ("cge", "W", b"W#"), ("6-8se", "W", b"E#")])
-def test_pier_side_is_told_of_german_mounts(model: str, pier: str, letter: bytes) -> None:
+def test_nexstar_pier_side_is_reported_for_german_mounts(model: str, pier: str, letter: bytes) -> None:
     talk = talk_to(model)
     talk.mount.pier = pier
     assert talk.send(b"p") == letter
 
 
-def test_pier_side_of_a_mount_that_cannot_tell_it() -> None:
+def test_nexstar_pier_side_query_is_answered_though_the_mount_cannot_tell() -> None:
     talk = talk_to("cge")
     talk.mount.faults[op.PierSide] = Unsupported()
     assert talk.send(b"p") == b"E#", "programs ask it with every position"
 
 
-def test_hibernation_and_periodic_error_are_passed_on() -> None:
+def test_nexstar_hibernation_and_pec_commands_are_passed_on() -> None:
     assert asked(b"x", b"y") == [op.Hibernate(), op.Wake()]
     assert asked(b"P\2\x10\x0d\1\0\0\0", b"P\2\x10\x0d\0\0\0\0", model="cge") == [
         op.PeriodicError(1, True),

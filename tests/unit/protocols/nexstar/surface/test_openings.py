@@ -69,7 +69,7 @@ def _after(opening: bytes, behind: bytes) -> list[bytes]:
     return NexStarFramer().feed(opening + behind, 100.0)
 
 
-def test_every_opening_of_one_and_two_bytes() -> None:
+def test_no_opening_of_one_or_two_bytes_moves_the_mount_unless_it_is_a_command() -> None:
     """65,792 openings, each with a goto right behind it, and each with a question after a quiet.
 
     As a rule only every eighth byte behind what begins no command, which is taken for no more than noise.
@@ -115,7 +115,7 @@ def _cut(data: bytes) -> list[bytes]:
 
 
 @each("way", WAYS)
-def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) -> None:
+def test_stranger_bytes_are_dropped_until_the_line_is_quiet(way: str) -> None:
     framer, at = NexStarFramer(), 0.0
     for piece in WAYS[way](b"\xffR34AB,12CExEKz"):
         assert framer.feed(piece, at) == []
@@ -126,7 +126,7 @@ def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) ->
 
 
 @each("way", WAYS)
-def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
+def test_known_extra_bytes_of_programs_are_dropped_alone(way: str) -> None:
     sent = b"?E#e\r\n\0 Kyy1#xt\x02LB7FFF,FFFFF1C7ZP\x02\x10\x24\x00\x00\x00\x00\x00e"
     framer, frames, at = NexStarFramer(), list[bytes](), 0.0
     for piece in WAYS[way](sent):
@@ -138,7 +138,7 @@ def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
     assert NexStarFramer().feed(b"y1", 0.0) == [b"y"] and NexStarFramer().feed(b"1E", 0.0) == []
 
 
-def test_a_digit_behind_a_wake_is_dropped_once() -> None:
+def test_digit_behind_a_nexstar_wake_is_dropped_once() -> None:
     assert NexStarFramer().feed(b"y11E", 0.0) == [b"y"]
     assert NexStarFramer().feed(b"y1E", 0.0) == [b"y", b"E"]
     assert NexStarFramer().feed(b"yE1E", 0.0) == [b"y", b"E"]
@@ -148,7 +148,7 @@ def test_a_digit_behind_a_wake_is_dropped_once() -> None:
 
 
 @each("way", WAYS)
-def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
+def test_lx200_query_of_a_common_driver_becomes_no_nexstar_goto(way: str) -> None:
     talk = Talk(protocol="nexstar", model="6-8se")
     assert say(talk, b"g34AB0500,12CE0500#", way) == b""
     assert talk.mount.asked == []
@@ -156,7 +156,7 @@ def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
 
 
 @each("model, version", CASES)
-def test_every_first_byte_on_every_version(model: str, version: str) -> None:
+def test_first_byte_unknown_to_a_version_is_never_passed_on(model: str, version: str) -> None:
     """Only what the version knows is handed on, whatever the rest of it says."""
     for byte in range(256):
         talk = Talk(protocol="nexstar", model=model, version=version)
@@ -167,7 +167,7 @@ def test_every_first_byte_on_every_version(model: str, version: str) -> None:
         assert known or done(talk) == [], byte
 
 
-def test_the_clock_of_an_old_mount_is_not_set() -> None:
+def test_clock_of_an_old_nexstar_mount_is_not_set() -> None:
     """The manual has those commands since 3.01; before, the device does not answer."""
     frame = b"P\x03\xb2\x83\x04\x06\x00\x00"
     old, new = (Talk(protocol="nexstar", model="cge", version=version) for version in ("2.3", "3.01"))
@@ -175,7 +175,7 @@ def test_the_clock_of_an_old_mount_is_not_set() -> None:
     assert new.send(frame) == b"#" and len(done(new)) == 1
 
 
-def test_the_log_says_why_there_is_no_answer() -> None:
+def test_log_says_why_a_nexstar_command_gets_no_answer() -> None:
     talk = Talk(protocol="nexstar", model="cpc", version="4.03")
     why = talk.binding.surface.silence(talk.session, b"s34AB0500,12CE0500")
     assert "4.03" in why and "no such command" in why
@@ -184,7 +184,7 @@ def test_the_log_says_why_there_is_no_answer() -> None:
 # --- the simulated hand control -------------------------------------------------------------------------------------
 
 
-def test_a_simulated_hand_control_waits_for_quiet_too() -> None:
+def test_simulated_hand_control_drops_bytes_until_quiet_too() -> None:
     now = [1768514400.0]
     sim = SimulatedHandControl("6-8se", "4.21", clock=lambda: now[0])
     assert sim.feed(b"\xffR34AB,12CEKz") == b"" and not sim.slewing
@@ -192,7 +192,7 @@ def test_a_simulated_hand_control_waits_for_quiet_too() -> None:
     assert sim.feed(b"?Kz") == b"z#"
 
 
-def test_the_typed_lengths_are_those_of_the_table() -> None:
+def test_typed_command_lengths_match_the_nexstar_table() -> None:
     for command in load("nexstar").commands.values():
         letter = chr(command.request.prefix[0])
         assert command.request.width == LENGTHS[letter]

@@ -24,7 +24,7 @@ def talk_to(model: str = "6-8se", mount: Mount | None = None, version: str | Non
 @some
 @given(st.lists(st.one_of(st.binary(max_size=20), st.sampled_from(LETTERS), st.just(b"P\2\x10\x24")), max_size=30))
 @pytest.mark.parametrize(("model", "version"), [("6-8se", "4.21"), ("cge", "3.02"), ("cgx", "5.31")])
-def test_no_bytes_upset_the_surface(model: str, version: str, pieces: list[bytes]) -> None:
+def test_no_bytes_break_the_nexstar_surface(model: str, version: str, pieces: list[bytes]) -> None:
     talk = talk_to(model, version=version)
     talk.send(b"".join(pieces))
     talk.wait(5)  # the end of an incomplete command is no longer expected either
@@ -33,7 +33,7 @@ def test_no_bytes_upset_the_surface(model: str, version: str, pieces: list[bytes
 
 @some
 @given(st.floats(0, 360, exclude_max=True), st.floats(-90, 90))
-def test_positions_are_capital_letters_and_within_half_a_tick(ra: float, dec: float) -> None:
+def test_nexstar_positions_are_capital_hex_and_exact_to_half_a_tick(ra: float, dec: float) -> None:
     talk = talk_to()
     talk.mount.position, talk.mount.horizontal = op.Equatorial(ra, dec), op.Horizontal(ra, dec)
     precise, short = rb"([0-9A-F]{6}00),([0-9A-F]{6}00)#", rb"([0-9A-F]{4}),([0-9A-F]{4})#"
@@ -47,7 +47,7 @@ def test_positions_are_capital_letters_and_within_half_a_tick(ra: float, dec: fl
 
 @some
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**30), st.booleans())
-def test_requests_in_either_case_are_one_place(ra: int, dec: int, small: bool) -> None:
+def test_nexstar_coordinates_in_either_case_mean_the_same_place(ra: int, dec: int, small: bool) -> None:
     talk = talk_to()
     frame = b"%08X,%08X" % (ra, dec)
     assert talk.send(b"s" + (frame.lower() if small else frame)) == b"#"
@@ -57,7 +57,7 @@ def test_requests_in_either_case_are_one_place(ra: int, dec: int, small: bool) -
 
 
 @each(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
-def test_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes) -> None:
+def test_nexstar_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes) -> None:
     talk = talk_to()
     talk.mount.status = op.Status(op.Tracking.ALTAZ, aligned=aligned, equatorial=False)
     assert talk.send(b"JL") == reply + b"0#"
@@ -65,26 +65,26 @@ def test_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes)
     assert talk.send(b"L") == b"1#"
 
 
-def test_what_is_presented_by_itself_is_what_most_programs_know() -> None:
+def test_default_nexstar_version_is_one_that_most_programs_know() -> None:
     """At least 4.10 for syncs, 4.15 for the side of the pier, not 4.20, less than 5.28."""
     assert talk_to().send(b"Vm") == b"\x04\x15#\x0c#"
     assert talk_to("cge").send(b"Vm") == b"\x04\x15#\x05#"
 
 
-def test_every_echo_is_one_byte() -> None:
+def test_every_nexstar_echo_returns_one_byte() -> None:
     talk = talk_to()
     for byte in range(256):
         assert talk.send(bytes((75, byte))) == bytes((byte, 35))
 
 
-def test_a_position_is_not_converted() -> None:
+def test_nexstar_position_is_not_converted() -> None:
     """Of date, as a hand control's is: nothing is precessed on the way."""
     talk = talk_to()
     talk.send(b"r35555500,20000000")
     assert talk.mount.of(op.Goto) == [op.Goto(0x355555 / 2**24 * 360, 45.0)]
 
 
-def test_sidereal_time_is_a_turn_in_eight_digits() -> None:
+def test_nexstar_sidereal_time_is_a_turn_in_eight_digits() -> None:
     talk = talk_to()
     reply = talk.send(b"l")
     wanted = talk.mount.perform(op.SiderealTime())
@@ -92,12 +92,12 @@ def test_sidereal_time_is_a_turn_in_eight_digits() -> None:
     assert int(reply[:8], 16) / 2**32 * 360 == pytest.approx(wanted, abs=360 / 2**24)
 
 
-def test_every_command_has_a_row() -> None:
+def test_every_nexstar_command_has_a_surface_row() -> None:
     protocol = load("nexstar")
     assert set(protocol.commands) == set(protocol.surface)
 
 
 @each("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])
-def test_the_variant_is_told_whatever_the_version(version: str) -> None:
+def test_nexstar_variant_is_answered_in_every_version(version: str) -> None:
     """One program asks it of every hand control, and waits five seconds for it, twice."""
     assert talk_to(version=version).send(b"v") == b"\x11#"
