@@ -86,7 +86,7 @@ async def test_unavailable_speeds_do_not_fill_the_log(driven: str, model: str) -
         assert len(said) == 1
 
 
-def test_explain_names_a_mount_in_fitting_words() -> None:
+def test_explain_names_the_mount_and_omits_steps_that_it_does_not_need() -> None:
     assert "on an onstep mount" in explain("lx200", "lx200:onstep", ":GR#").text
     told = explain("lx200", "alpaca:german", ":MA#").text
     assert "tracking is turned off before" not in told

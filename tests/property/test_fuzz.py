@@ -106,7 +106,7 @@ def test_line_back_in_step_at_the_second_check_is_up() -> None:
     run(program())
 
 
-async def test_failed_stop_that_nobody_awaits_leaves_nothing_behind() -> None:
+async def test_failed_stop_that_nobody_awaits_raises_no_unhandled_exception() -> None:
     left: list[object] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
     async with Bridge() as bridge:

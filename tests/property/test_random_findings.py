@@ -36,7 +36,7 @@ def test_failed_stop_that_nobody_awaits_is_one_log_line() -> None:
 
 
 @each("arrow", [b":Mn#", b":Mw#"])
-async def test_small_gotos_are_refused_without_an_alignment(arrow: bytes) -> None:
+async def test_arrow_made_of_small_gotos_is_refused_without_an_alignment(arrow: bytes) -> None:
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
         bridge.client().tell(b":RS#" + arrow)

@@ -80,7 +80,7 @@ async def test_tracking_is_unchanged_after_a_goto_over_the_horizon(tracks: bool,
 
 
 @pytest.mark.parametrize("stop", [op.AbortMotion(), op.AbortSlew()])
-def test_a_stop_restores_tracking_that_a_server_reports_as_off_during_a_slew(stop: op.Operation[Any]) -> None:
+def test_stop_restores_tracking_that_a_server_reports_as_off_during_a_slew(stop: op.Operation[Any]) -> None:
     """Its AbortSlew turns tracking off, too."""
 
     async def program() -> None:

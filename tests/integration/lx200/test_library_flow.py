@@ -127,7 +127,7 @@ def test_identify_names_the_objects_where_the_telescope_points() -> None:
     through(program, surface="lx200")
 
 
-def test_an_object_below_the_horizon_is_refused() -> None:
+def test_object_below_the_horizon_is_refused() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         assert await client.ask(b":LC104#:MS#") == b"1Object Below Horizon.#"  # 47 Tucanae from 45 north
 

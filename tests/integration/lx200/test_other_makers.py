@@ -212,7 +212,7 @@ async def test_clock_refused_by_the_mount_is_reported() -> None:
 
 @pytest.mark.parametrize("south", [False, True])
 @pytest.mark.parametrize("model", MODELS)
-async def test_pier_side_is_the_reported_one(model: str, south: bool) -> None:
+async def test_pier_side_is_taken_from_the_mounts_report(model: str, south: bool) -> None:
     """In German hand controls' letters: W if the second axis reads beyond the pole."""
     async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
         for east in (-40.0, 40.0):
@@ -397,7 +397,7 @@ async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) ->
         assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
 
-async def test_onstep_with_a_lost_name_is_not_told_to_set_its_home_here() -> None:
+async def test_onstep_with_a_lost_name_is_not_sent_the_command_that_sets_its_home() -> None:
     """It answers ``:h?#`` with a bare 0 and is taken for a 16 inch, whose search for home is ``:hF#``."""
     own = bridge("onstep")
     own._hands_on = True  # :h?# is no form of an OnStep's

@@ -95,7 +95,7 @@ def test_fastest_rate_is_sent_as_a_variable_rate_and_the_maximum_as_a_key() -> N
 
 
 @pytest.mark.parametrize("chosen", [b":RE04.0#:Sw2#", b":Sw2#:RE04.0#", b":Sw2#:RG#:RS#"])
-def test_fastest_rate_limits_a_separate_axis_rate_too(chosen: bytes) -> None:
+def test_fastest_rate_limits_a_separate_axis_rate(chosen: bytes) -> None:
     assert turns(MOUNTS[0], chosen + b":Ms#")[0] == pytest.approx(2.0, rel=0.05)
 
 

@@ -138,7 +138,9 @@ def test_short_pulses_of_the_motors_last_as_long_as_requested(ms: int) -> None:
 
 @pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
 @pytest.mark.parametrize(("rate", "degrees"), [(b":RG#", 7.52 / 3600.0), (b":RM#", 1.0), (b":RE02.0#", 2.0)])
-async def test_small_gotos_average_the_requested_rate(model: str, version: str, rate: bytes, degrees: float) -> None:
+async def test_arrow_made_of_small_gotos_averages_the_requested_rate(
+    model: str, version: str, rate: bytes, degrees: float
+) -> None:
     """Hand controls before 1.6 have no way to the motors, and tell and take steps of 20 arcseconds."""
     async with mount(model, version) as bridge:
         client = bridge.client()

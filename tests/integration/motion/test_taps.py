@@ -247,7 +247,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
 
 
 @pytest.mark.parametrize("presses", [b":Mn#:Qn#", b":Mn#:Mn#"])
-async def test_repeated_full_stop_goes_before_everything(presses: bytes) -> None:
+async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
         client.guest.client.releases.by_stop = True

@@ -245,7 +245,7 @@ async def test_motion_is_not_begun_when_its_reply_would_come_too_late(driven: st
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
-async def test_setting_is_made_though_its_reply_came_too_late(driven: str) -> None:
+async def test_setting_reaches_the_mount_though_its_reply_came_too_late(driven: str) -> None:
     _, client = await at_a_mount_that_comes_late(driven, b":GR#:Sr08:00:00#:St+41*30#:Sg010*00#", b":Gr#:Gt#")
     heard = [reply.data for reply in client.replies if reply.data != b"1"]
     assert heard[0] == b"08:00:00#" and heard[1].startswith(b"+41")

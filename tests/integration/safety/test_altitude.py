@@ -35,7 +35,7 @@ async def test_lx200_motion_by_hand_never_crosses_a_limit(latency: float, arrow:
 
 
 @pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
-async def test_limit_reached_before_the_rate_is_measured_is_kept(lowest: float, latency: float) -> None:
+async def test_mount_stops_at_a_limit_reached_before_its_rate_is_measured(lowest: float, latency: float) -> None:
     async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
         bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
         low, _ = await extremes(bridge, 8)

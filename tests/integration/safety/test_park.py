@@ -49,7 +49,7 @@ def test_fork_parks_at_the_lowest_allowed_altitude(lowest: float, altitude: floa
 
 
 @pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
-async def test_unparked_fork_tracks(mount: str, version: str) -> None:
+async def test_fork_tracks_after_it_is_unparked(mount: str, version: str) -> None:
     """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
     async with Bridge(mount, version) as bridge:
         client = bridge.client()
@@ -90,7 +90,7 @@ async def test_refused_park_can_be_read_back() -> None:
 
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
-def test_meade_parks_at_its_built_in_place_only_where_no_limit_is_crossed(mount: str) -> None:
+def test_meade_parks_at_its_default_position_only_where_no_limit_is_crossed(mount: str) -> None:
     """It parks at the horizon: with lowest = 10 the tube came to 0.00."""
     where, _, said = parked({"lowest": 10.0}, mount, "lx200")
     assert where > 10.0

@@ -152,7 +152,7 @@ async def test_emulated_value_and_its_record_survive_or_vanish_together(name: st
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("version", ["3.04", "2.3"])
-async def test_emulated_syncs_survive_a_restart_only_if_everything_agrees(
+async def test_emulated_syncs_survive_a_restart_only_if_the_mount_is_unchanged(
     event: str, version: str, tmp_path: Path
 ) -> None:
     bridge = Bridge("cge", version, state=tmp_path, config=OPEN)

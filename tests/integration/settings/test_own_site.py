@@ -104,7 +104,7 @@ async def test_site_1_is_still_the_mounts_site_after_a_restart(tmp_path: Path) -
         assert told(bridge) == []
 
 
-async def test_selecting_another_site_and_back_in_one_packet_keeps_the_mounts_site() -> None:
+async def test_mount_keeps_its_site_when_another_is_selected_and_deselected_in_one_packet() -> None:
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
         client = bridge.client()
         await second_site(client)

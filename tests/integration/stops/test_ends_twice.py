@@ -51,7 +51,7 @@ async def test_lost_end_of_a_motion_is_sent_again_within_a_moment(mount: str, mo
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.25, 0.29, 0.3])
 @pytest.mark.parametrize("newer", [GOTO, b":Mw#", b":Me#", b":Mn#"])
-async def test_motion_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
+async def test_motion_begun_after_a_stop_is_not_ended_by_its_repetition(mount: str, after: float, newer: bytes) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Me#")

@@ -75,7 +75,7 @@ async def test_mount_is_identified_despite_one_lost_answer() -> None:
     await bridge.controller.close()
 
 
-async def test_motion_behind_a_stop_in_one_packet_is_done() -> None:
+async def test_motion_behind_a_stop_in_one_packet_is_carried_out() -> None:
     async with Bridge(latency=0.1) as bridge:
         client = bridge.client()
         reply = await client.ask(b"#:Q#:Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
@@ -89,7 +89,7 @@ async def test_motion_behind_a_stop_in_one_packet_is_done() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
-async def test_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
+async def test_stop_of_a_goto_reaches_a_meade_at_any_moment(gap: float) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="6-8se", latency=0.1) as bridge:
         client = bridge.client()
         assert await client.ask(b"r60000000,20000000") == b"#"
@@ -114,7 +114,7 @@ async def test_goto_after_a_park_ends_in_tracking(tenths: int) -> None:
         assert bridge.sim.tracking
 
 
-async def test_land_mode_right_after_an_arrow_stays() -> None:
+async def test_land_mode_set_right_after_an_arrow_stays_set() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mn#")

@@ -108,7 +108,7 @@ def test_screen_stays_on_while_the_mount_moves(console: Console, visit: Callable
     page.until("it is asked for", lambda: page.page.evaluate("window.locks") == 1)
 
 
-def test_screen_stays_on_over_plain_http_too(console: Console, visit: Callable[..., Visit], browser: Browser) -> None:
+def test_screen_stays_on_over_plain_http(console: Console, visit: Callable[..., Visit], browser: Browser) -> None:
     """From another computer, whose browser has no means of its own then; here by this computer's name."""
     visit()  # whose end stops the mount
     name = f"{socket.gethostname().lower()}.local"

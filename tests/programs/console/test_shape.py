@@ -65,7 +65,7 @@ def test_phone_on_its_side_shows_the_sky_and_all_controls(visit: Callable[..., V
             assert hidden == [], view
 
 
-def test_messages_cover_nothing_and_a_tablet_shows_everything(visit: Callable[..., Visit]) -> None:
+def test_page_messages_cover_no_control_and_a_tablet_shows_every_panel(visit: Callable[..., Visit]) -> None:
     page = visit(told=DOUBTED)
     needed = "#does, #stop, #go, #sync, #search, .views a, [data-go], #rate, #orders button, #chart-up"
     covered = (

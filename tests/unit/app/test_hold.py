@@ -37,7 +37,7 @@ DONE: dict[op.Operation, bool] = {
 MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
 
 
-def test_every_motion_is_known_to_be_allowed_or_refused_on_a_held_mount() -> None:
+def test_every_operation_is_declared_allowed_or_refused_on_a_held_mount() -> None:
     assert {type(operation) for operation in DONE} == set(MOTIONS)
     held, free = Hold(), Hold()
     held.on = True

@@ -120,7 +120,9 @@ def test_docstring_examples_give_the_shown_results() -> None:
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_example_scripts_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_example_scripts_end_without_error_and_print_their_result(
+    example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     said = Running(str(example), by=None if POSSIBLE else [sys.executable, "-W", "error"]).finish()
     assert (said.returncode, said.stderr) == (0, "")

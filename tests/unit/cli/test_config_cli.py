@@ -53,7 +53,7 @@ def test_signal_ends_the_search_for_a_mute_mount() -> None:
     assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
 
 
-async def test_signal_cancels_pending_work() -> None:
+async def test_termination_signal_cancels_pending_work() -> None:
     done, work = asyncio.Event(), asyncio.ensure_future(asyncio.sleep(3600.0))
     asyncio.get_running_loop().call_later(0.01, done.set)
     assert await unless(done, work) is None

@@ -50,7 +50,7 @@ def heard(listener: socket.socket) -> list[str]:
     return datagrams
 
 
-def test_run_works_on_a_terminal_under_systemd(systemd: socket.socket) -> None:
+def test_run_on_a_terminal_notifies_systemd_and_shows_its_status_line(systemd: socket.socket) -> None:
     master, slave = os.openpty()
     arguments = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--no-console"]
     environment = {**os.environ, "TERM": "xterm", "PYTHONUTF8": "1", "NO_COLOR": "1"}

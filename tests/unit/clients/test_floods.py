@@ -143,7 +143,7 @@ def test_flood_leaves_another_clients_goto_alone() -> None:
     flooded(COSTLY[:344], begun)
 
 
-def test_pending_work_of_one_client_is_bounded() -> None:
+def test_number_of_pending_commands_of_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
         assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
         assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10

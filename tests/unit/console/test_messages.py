@@ -35,7 +35,9 @@ def read(do: str, **fields: Any) -> Any:
         ({"do": "let_go", "direction": "north", "press": 3}, messages.ReleaseArrow("north", 3)),
     ],
 )
-def test_page_message_becomes_a_request(sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_message_is_read_as_the_request_that_it_names(
+    sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(requests, "new_number", lambda: "n")
     assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
 

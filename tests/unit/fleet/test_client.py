@@ -30,7 +30,7 @@ WHOLE = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:4030
         ("mqtt://eve@pi", Broker("pi", 1883, False, "eve")),
     ],
 )
-def test_broker_address_is_parsed(text: str, broker: Broker) -> None:
+def test_broker_address_gives_scheme_host_port_and_user(text: str, broker: Broker) -> None:
     assert parse_broker(text) == broker
     assert parse_broker(str(broker)).port == broker.port
 

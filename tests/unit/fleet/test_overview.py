@@ -71,7 +71,7 @@ async def test_fleet_server_serves_only_its_page_and_files() -> None:
         assert "default-src 'none'" in policy and "unsafe" not in policy
 
 
-def test_fleet_server_shows_mounts() -> None:
+def test_fleet_server_sends_its_page_every_mount_on_the_broker() -> None:
     async def work() -> None:
         async with opened() as there:
             there.broker.say("club/pier/mount/state", b'{"online": true, "does": "tracking"}', True)

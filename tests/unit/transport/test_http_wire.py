@@ -216,7 +216,7 @@ async def test_unreachable_alpaca_server_is_reported_with_the_reason() -> None:
         (200, b'{"ErrorNumber": null}', b"null\n"),
     ],
 )
-def test_http_answer_becomes_one_line(status: int, body: bytes, line: bytes) -> None:
+def test_line_breaks_in_an_http_answer_do_not_split_the_line(status: int, body: bytes, line: bytes) -> None:
     assert TelescopeHttp("http://127.0.0.1:1").reply(status, body) == line
 
 

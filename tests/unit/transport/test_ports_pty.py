@@ -239,7 +239,7 @@ def test_link_name_that_cannot_be_taken_is_reported_and_left_alone(
     assert list(locks.iterdir()) == []
 
 
-def test_link_of_a_crashed_gateway_is_replaced_but_a_live_one_is_not(tmp_path: Path) -> None:
+def test_link_of_a_crashed_gateway_is_replaced_but_not_a_live_link(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
     path.symlink_to("/dev/pts/99999")
 

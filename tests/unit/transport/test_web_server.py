@@ -106,7 +106,7 @@ async def test_incomplete_http_request_ends_its_connection(sent: bytes) -> None:
 
 
 @each("sent", [GET, POST + b"9" * 99])
-async def test_http_request_sent_byte_by_byte_is_ended_too(sent: bytes) -> None:
+async def test_http_request_sent_byte_by_byte_is_closed_after_the_timeout(sent: bytes) -> None:
     async with serving() as server:
         line = Line(server)
         await line.trickles(sent)

@@ -237,7 +237,7 @@ async def test_held_arrow_stays_ended_after_a_stop() -> None:
         assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
 
-async def test_order_being_sent_does_not_count_as_waiting() -> None:
+async def test_order_being_sent_is_not_listed_as_not_yet_begun() -> None:
     async with Bridge(latency=0.5) as bridge:
         owner = Owner(bridge)
         wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
@@ -320,7 +320,7 @@ async def test_command_line_requests_work_on_a_meade() -> None:
         assert await owner.outcome("p") == "done it is parked"
 
 
-async def test_many_requests_leave_nothing_behind() -> None:
+async def test_memory_for_many_control_requests_is_bounded() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         for number in range(200):

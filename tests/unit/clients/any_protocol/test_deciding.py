@@ -84,7 +84,7 @@ def test_ambiguous_beginning_waits_for_more_bytes(sent: bytes) -> None:
 
 
 @each("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
-def test_bytes_of_no_protocol_count_as_the_first_protocols_with_a_reason(sent: bytes) -> None:
+def test_bytes_of_no_protocol_are_taken_for_lx200_with_a_logged_reason(sent: bytes) -> None:
     assert decide(sent) == ("lx200", "because no protocol has a command that begins like this")
 
 

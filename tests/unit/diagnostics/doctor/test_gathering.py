@@ -113,7 +113,9 @@ def test_doctor_reports_a_state_folder_that_takes_no_files(tmp_path: Path, monke
     assert gathering.unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"
 
 
-def test_doctor_gathers_facts_of_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_gathers_the_facts_of_this_computer_without_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     facts = gathering.gather(str(tmp_path))
     assert {"astropy", "pyserial"} < {package.name for package in facts.packages}
     code = main(["doctor", "--json", "--state", str(tmp_path)])

@@ -193,7 +193,7 @@ async def test_clients_get_failures_while_the_line_is_down() -> None:
         assert await client.ask(b":GR#", 1.0) == b""
 
 
-async def test_hand_control_switched_off_and_on_is_used_as_it_is() -> None:
+async def test_hand_control_restart_is_noticed_by_its_lost_alignment_and_tracking() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         assert await client.ask(b":GW#") == b"PT1"

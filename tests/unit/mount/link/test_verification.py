@@ -13,7 +13,7 @@ from gateway.mount.link.transaction import LateReplies
 from tests.support.in_process_gateway import Bridge
 
 
-async def test_order_that_is_never_verified_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_order_waiting_for_verification_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(late: LateReplies, ask: object, now: float) -> float:
         return now + 1e6
 

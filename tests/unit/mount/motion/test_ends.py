@@ -30,14 +30,14 @@ def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3
     return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), resolution) for at, place in places]
 
 
-def test_end_is_fulfilled_when_the_axes_rest_after_running_on() -> None:
+def test_stop_check_ends_when_the_axes_rest_after_running_on() -> None:
     going = looks((99.6, 10.0), (100.0, 11.6), (100.4, 12.9), (100.8, 13.4))
     assert next_step(FAST, going[:2], 100.1) is Step.LOOK, "the looks before the end say nothing"
     assert next_step(FAST, going[:3], 100.4) is Step.LOOK, "it runs on"
     assert next_step(FAST, going, 100.8) is Step.DONE
 
 
-def test_lost_end_is_sent_again_at_growing_intervals_and_then_reported() -> None:
+def test_lost_stop_is_sent_again_at_growing_intervals_and_then_reported() -> None:
     ending, now, sent, told = FAST, 100.0, [100.0], []
     samples: list[AxisSample] = []
     while now < 160.0:
@@ -55,13 +55,13 @@ def test_lost_end_is_sent_again_at_growing_intervals_and_then_reported() -> None
     assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN) :])
 
 
-def test_end_looks_only_at_the_axes_that_should_rest() -> None:
+def test_stop_check_looks_only_at_the_axes_that_should_rest() -> None:
     one = Ending(frozenset({1}), 4.0, (100.0,))
     assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=2), 103.0) is Step.DONE
     assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is Step.SEND
 
 
-def test_azimuth_passing_north_is_no_jump() -> None:
+def test_azimuth_passing_north_is_not_taken_for_a_jump() -> None:
     assert speed(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
 
 

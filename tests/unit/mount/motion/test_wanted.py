@@ -284,7 +284,7 @@ def test_halt_cancels_the_pending_orders_that_it_would_end(asked: list[op.Operat
     ]
 
 
-def test_motion_by_hand_is_one_value_of_two_axes() -> None:
+def test_motion_by_hand_of_both_axes_is_reported_as_one_motion() -> None:
     desk = Desk().ask(NORTH)
     desk.do()
     desk.ask(EAST)

@@ -45,7 +45,7 @@ def test_path_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pai
 
 @some
 @given(readings, st.tuples(angles, angles))
-def test_path_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
+def test_computed_path_begins_and_ends_at_the_given_positions(start: Pair, turn: Pair) -> None:
     length = max(map(abs, turn))
     end = start[0] + turn[0], start[1] + turn[1]
     assert separation(*axes_after(start, turn, 0.0), *start) < 1e-6
@@ -62,7 +62,7 @@ def test_path_begins_and_ends_at_its_places(start: Pair, turn: Pair) -> None:
         ((-90.0, 0.0), (45.0, 15.0), True),
     ],
 )
-def test_paths_from_the_origin_past_a_20_degree_circle_are_judged_right(turn: Pair, sun: Pair, free: bool) -> None:
+def test_path_past_a_20_degree_circle_is_clear_only_outside_the_circle(turn: Pair, sun: Pair, free: bool) -> None:
     assert is_clear((0.0, 0.0), turn, sun, 20.0) is free
 
 

@@ -57,7 +57,7 @@ def test_motion_out_of_a_forbidden_place_is_allowed() -> None:
     assert not allow(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
 
 
-def test_goto_is_judged_by_its_known_end() -> None:
+def test_running_goto_above_the_limit_is_not_stopped_for_its_speed() -> None:
     assert not allow(view(sinking(22.0, 4.0), Limits(lowest=19.99), Moving(True, {}))).reason
 
 
@@ -123,7 +123,7 @@ def test_motion_at_the_mounts_keys_is_judged_by_configured_limits_only(
     assert (limits.for_keys().lowest, limits.for_keys().highest) == (lowest, highest)
 
 
-def test_soonest_of_several_deadlines_counts() -> None:
+def test_soonest_of_several_stop_deadlines_applies() -> None:
     moved = seen(PositionSample(0.0, HERE, 60.0, 0.0, (80.0,)), PositionSample(1.0, HERE, 59.0, 0.0, (79.0,)))
     verdict = allow(view(moved, Limits(lowest=0.0)))
     assert (verdict.reason, verdict.limit) == ("", "the altitude limit")

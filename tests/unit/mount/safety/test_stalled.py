@@ -54,7 +54,7 @@ async def test_arrow_without_visible_motion_is_ended(mount: str, driven: str, mo
 )
 @pytest.mark.parametrize("motion", [b":RM#:Mn#:Me#", b":RS#:Ms#", b":RS#:Mw#", b":RC#:Me#"])
 @pytest.mark.parametrize("latency", [0.05, 0.5])
-async def test_arrow_with_visible_motion_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
+async def test_arrow_with_visible_motion_is_not_ended(mount: str, driven: str, motion: bytes, latency: float) -> None:
     config = {"lowest": -90.0, "sun": 0.0}
     async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
         client = bridge.client()

@@ -74,7 +74,7 @@ def test_impossible_position_in_the_device_state_is_requested_singly(place: tupl
 
 
 @pytest.mark.parametrize("state", [[], [{"Name": "RightAscension", "Value": 1.0}], Refused("busy")])
-def test_value_missing_from_the_device_state_is_requested_or_stays(state: Any) -> None:
+def test_value_missing_from_the_device_state_is_requested_or_stays_unchanged(state: Any) -> None:
     mount = driver(lists_state=True, tracks=True, parked=False)
     play(read_status(mount), devicestate=state, tracking=False, atpark=True)
     assert (mount.tracks, mount.parked) == (False, True)

@@ -78,7 +78,7 @@ def test_true_position_of_a_fork_over_the_zenith_is_on_the_other_side() -> None:
         (190.0, 140.0, 10.0, 40.0, 10.0),
     ],
 )
-def test_true_position_of_a_german_mount_beyond_its_meridian_is_right(
+def test_true_position_of_a_german_mount_beyond_its_meridian_is_on_the_other_side(
     first: float, second: float, hour_angle: float | None, dec: float, past: float
 ) -> None:
     """In the north axis 1 is the hour angle; past 90 degrees of axis 2 the tube is on the other side of the pier."""

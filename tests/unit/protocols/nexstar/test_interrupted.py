@@ -72,11 +72,11 @@ def test_bytes_of_another_length_after_an_interruption_are_a_new_command() -> No
     assert after(b"K", (1.5, RELEASE + b"e")) == [RELEASE, b"e"]
 
 
-def test_part_of_the_late_end_is_ignored_too() -> None:
+def test_part_of_the_late_end_of_an_interrupted_command_is_ignored() -> None:
     assert after(b"r34A", (1.5, b"B05"), (1.8, b"00,12CE0500")) == []
 
 
-def test_byte_illegal_in_the_late_end_begins_a_new_command() -> None:
+def test_byte_that_cannot_end_the_interrupted_command_begins_a_new_one() -> None:
     framer = NexStarFramer()
     framer.feed(b"r3555", 0.0)
     assert framer.feed(b"Kz", 2.0) == [b"Kz"]

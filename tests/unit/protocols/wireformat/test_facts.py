@@ -86,7 +86,7 @@ def mistakes(folder: Path) -> list[str]:
     return found
 
 
-def test_table_without_an_end_for_its_motion_is_rejected(tmp_path: Path) -> None:
+def test_command_table_whose_stop_lists_no_ends_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
     (tmp_path / "driver.toml").write_text('[[AbortMotion]]\ncall = "pointing.abort"\nuses = ["Q"]\n', "utf-8")
     assert any("it needs ends" in mistake for mistake in mistakes(tmp_path))

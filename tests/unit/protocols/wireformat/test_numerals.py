@@ -22,7 +22,7 @@ from tests.support.each import each
         ("quoted", b"a%20b%0Ac", "a b\nc"), ("json", b'{"a":[1,true]}', {"a": [1, True]}),
     ],
 )  # fmt: skip
-def test_number_truth_time_or_json_text_is_parsed(form: str, raw: bytes, value: object) -> None:
+def test_number_boolean_time_or_json_text_is_parsed(form: str, raw: bytes, value: object) -> None:
     assert codec(form).decode(raw) == value
 
 
@@ -37,7 +37,7 @@ def test_number_truth_time_or_json_text_is_parsed(form: str, raw: bytes, value: 
         ("moment", b"0001-01-01T00:00:00+23:59x"),
     ],
 )  # fmt: skip
-def test_invalid_number_truth_time_or_json_text_is_rejected(form: str, raw: bytes) -> None:
+def test_invalid_number_boolean_time_or_json_text_is_rejected(form: str, raw: bytes) -> None:
     with pytest.raises(ValueError):
         codec(form).decode(raw)
 
@@ -52,5 +52,5 @@ def test_invalid_number_truth_time_or_json_text_is_rejected(form: str, raw: byte
         ("json", {"a": None}, b'{"a":null}'),
     ],
 )  # fmt: skip
-def test_number_truth_or_time_is_written_in_its_notation(form: str, value: Any, raw: bytes) -> None:
+def test_number_boolean_time_or_json_is_written_as_text(form: str, value: Any, raw: bytes) -> None:
     assert codec(form).encode(value) == raw

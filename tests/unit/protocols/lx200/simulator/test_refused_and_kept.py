@@ -139,7 +139,7 @@ def test_simulated_meade_accepts_offsets_of_whole_and_half_hours() -> None:
 
 
 @each("model", MODELS)
-def test_simulated_meade_finds_objects(model: str) -> None:
+def test_simulated_meade_finds_library_objects_by_number(model: str) -> None:
     sim, _ = meade(model)
     if not sim.high:
         sim.feed(b":U#")

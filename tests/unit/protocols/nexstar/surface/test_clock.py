@@ -84,7 +84,7 @@ def test_nexstar_zone_and_daylight_saving_are_reported_until_the_mount_changes_t
     assert told(talk.send(b"h")) == unix("2005-04-06 20:26:00")
 
 
-def test_nexstar_clock_example_of_the_manual_is_read_correctly() -> None:
+def test_nexstar_clock_example_of_the_manual_gives_its_documented_time() -> None:
     """Time/Location Commands: 3:26:00 PM, April 6 2005, zone -5, daylight saving."""
     talk = talk_to()
     assert talk.send(b"H\x0f\x1a\0\4\6\5\xfb\1") == b"#"

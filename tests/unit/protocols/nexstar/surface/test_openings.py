@@ -184,7 +184,7 @@ def test_log_says_why_a_nexstar_command_gets_no_answer() -> None:
 # --- the simulated hand control -------------------------------------------------------------------------------------
 
 
-def test_simulated_hand_control_drops_bytes_until_quiet_too() -> None:
+def test_simulated_hand_control_drops_unknown_bytes_until_the_line_is_quiet() -> None:
     now = [1768514400.0]
     sim = SimulatedHandControl("6-8se", "4.21", clock=lambda: now[0])
     assert sim.feed(b"\xffR34AB,12CEKz") == b"" and not sim.slewing

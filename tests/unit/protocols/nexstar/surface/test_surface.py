@@ -77,7 +77,7 @@ def test_every_nexstar_echo_returns_one_byte() -> None:
         assert talk.send(bytes((75, byte))) == bytes((byte, 35))
 
 
-def test_nexstar_position_is_not_converted() -> None:
+def test_nexstar_position_is_reported_of_date_without_precession() -> None:
     """Of date, as a hand control's is: nothing is precessed on the way."""
     talk = talk_to()
     talk.send(b"r35555500,20000000")
