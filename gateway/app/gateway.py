@@ -166,7 +166,7 @@ class Gateway:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
         where = [self.store.directory, *folders()[0]]
-        self.control = Control(where, self.store.name, str(self.mount), self._carry_out, self.config.name or "")
+        self.control = Control(where, self.store.name, str(self.mount), self.carry_out, self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
@@ -175,8 +175,8 @@ class Gateway:
                 f"{error.strerror or error}; --state PATH names another folder"
             )
 
-    async def _carry_out(self, request: Request) -> Answer:
-        """Carry out a request of the control endpoint. A stop loads nothing from a disk that may be broken."""
+    async def carry_out(self, request: Request) -> Answer:
+        """Carry out a request of a person. A stop loads nothing from a disk that may be broken."""
         if isinstance(request, StopOrHold):
             assert self.store is not None
             return await halt(request, self.controller, self.store)

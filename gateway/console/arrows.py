@@ -70,7 +70,7 @@ class Arrows:
 
     async def _move(self, direction: Direction, held: HeldKey) -> Answer:
         request = PressRequest(direction, held.rate, number=held.request, who=self._who)
-        answer = await self._gateway.request_handler.take(request)
+        answer = await self._gateway.carry_out(request)
         if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
             del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
             self._let_go(held, lost=True)
@@ -78,7 +78,7 @@ class Arrows:
 
     def _let_go(self, held: HeldKey, lost: bool) -> None:
         request = ReleaseKeyRequest(lost, number=held.request, who=self._who)
-        self._controller.spawn(self._gateway.request_handler.take(request))
+        self._controller.spawn(self._gateway.carry_out(request))
 
     async def repeat(self) -> None:
         """Repeat the orders of all arrows that are held down, so that their motion does not time out."""

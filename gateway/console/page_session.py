@@ -211,7 +211,7 @@ class PageSession:
         mounts, wish = self._mounts, message.wish
         if isinstance(wish, StopRequest):
             chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
-            answers = await asyncio.gather(*(gateway.request_handler.take(wish) for gateway in chosen))
+            answers = await asyncio.gather(*(gateway.carry_out(wish) for gateway in chosen))
             reason = "; ".join(dict.fromkeys(answer.text for answer in answers))
             await self._answer(message.id, all(answer.done for answer in answers), reason)
             return
@@ -242,7 +242,7 @@ class PageSession:
             case messages.Beat():
                 pass  # ``take`` has done it
             case _:
-                await self._tell(message, await gateway.request_handler.take(wish))
+                await self._tell(message, await gateway.carry_out(wish))
 
     def _listen(self, on: bool) -> None:
         if on != (self._row is not None):

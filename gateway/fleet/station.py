@@ -105,14 +105,14 @@ class Orders:
         self._tasks.spawn(self._stopped())
 
     async def _stopped(self) -> None:
-        answer = await self._gateway.request_handler.take(StopRequest())
+        answer = await self._gateway.carry_out(StopRequest())
         self._report(answer.outcome, f"stop: {answer.text}")
 
     async def _carry_out(self, text: str, word: str, rest: str) -> None:
         self._busy = True
         try:
             request = GotoRequest(Named(rest), who=CLIENT) if word == GOTO else PLAIN_ORDERS[word](who=CLIENT)
-            answer = await self._gateway.request_handler.take(request)
+            answer = await self._gateway.carry_out(request)
         finally:
             self._busy = False
         self._report(answer.outcome, f"{text}: {answer.text}")

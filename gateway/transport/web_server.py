@@ -8,8 +8,10 @@ so does a connection idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` shares out t
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, Protocol, cast
 
 from msgspec import Struct
@@ -85,8 +87,6 @@ class WebServer:
             return
         app = await self._load()
         from aiohttp import web
-
-        from gateway.system.web_log import web_log
 
         app.middlewares.insert(0, web.middleware(_whole))
         runner = web.AppRunner(
@@ -221,6 +221,21 @@ async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
         raise ConnectionResetError("the client has left")
     with connection.answering():
         return await handler(request)
+
+
+@cache
+def web_log() -> logging.Logger:
+    """Return the server's log on the terminal: its own failures, with their traceback.
+
+    It leaves out requests that are not valid HTTP, and clients that leave before their request is whole.
+    """
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    log = logging.getLogger("gateway.web")
+    log.addFilter(
+        lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError | ConnectionError))
+    )
+    return log
 
 
 def answer_of(status: str, text: str) -> bytes:

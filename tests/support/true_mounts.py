@@ -84,7 +84,7 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
         async with Proven(named, change=begin, **settings) as proven:
             await asyncio.sleep(SLEWS)
             if not tracks:
-                await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=CLIENT))
+                await proven.gateway.carry_out(requests.TrackRequest(on=False, who=CLIENT))
                 await asyncio.sleep(5.0)
             before, person, notes = proven.sim.tracking, Onlooker(), list[str]()
             proven.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))

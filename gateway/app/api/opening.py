@@ -101,7 +101,7 @@ def inside(gateway: Gateway) -> Mount:
     """Return the mount of a gateway in this process."""
 
     async def send(wish: requests.Request, _: float) -> requests.Answer:
-        return await gateway.request_handler.take(wish)
+        return await gateway.carry_out(wish)
 
     return Mount(gateway.config.name or str(gateway.mount), send, "the program that embeds the gateway")
 

@@ -14,7 +14,6 @@ import msgspec
 from msgspec.structs import replace
 
 from gateway.app.control.operations import unpacked
-from gateway.app.control.orders import halt
 from gateway.app.discovery.served import Serving, served
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
@@ -122,10 +121,7 @@ class RequestHandler:
         return replace(state, served=ports, folder=folder, unopened=self._gateway.unopened)
 
     async def take(self, request: requests.Request) -> Answer:
-        """Carry out a request. First look up the position of a named object."""
-        if isinstance(request, requests.StopOrHold):
-            assert self._gateway.store is not None
-            return await halt(request, self._controller, self._gateway.store)
+        """Carry out any request but a stop or a hold. First look up the position of a named object."""
         named = "It"
         if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
             request.where, requests.Named

@@ -294,8 +294,10 @@ class TurnRunner:
     def _refusal(self, operation: op.Operation, arrived: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
         late = self._controller.now() - arrived
-        moves = begins_motion(operation) or isinstance(operation, op.Sync)  # never after its reply is too late
-        if late > MAX_START_DELAY and (isinstance(operation, HAND_MOTIONS) or (late > MOUNT_TIMEOUT and moves)):
+        if late > MAX_START_DELAY and (
+            isinstance(operation, HAND_MOTIONS)  # a motion or a sync is not done after its reply is too late
+            or (late > MOUNT_TIMEOUT and (begins_motion(operation) or isinstance(operation, op.Sync)))
+        ):
             self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
             return Busy(STARTED_TOO_LATE)
         refusal = self.rights.refusal(operation)

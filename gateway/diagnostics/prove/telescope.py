@@ -158,7 +158,7 @@ class CheckedMount:
     # --- requests -----------------------------------------------------------------------------------------------------
 
     async def ask(self, request: requests.Request) -> requests.Answer:
-        return await self.gateway.request_handler.take(request)
+        return await self.gateway.carry_out(request)
 
     async def look(self) -> TimedPosition:
         """Ask the mount for its position and status. Raises Ended."""

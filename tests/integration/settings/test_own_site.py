@@ -203,7 +203,7 @@ async def test_page_is_told_for_whom_its_site_applies(
         other = bridge.client()
         await other.ask(b":GR#", until=b"#")
         request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
-        answer = await bridge.gateway.request_handler.take(request)
+        answer = await bridge.gateway.carry_out(request)
         assert answer.done and answer.text.startswith(f"the site is set; it holds for {holds}")
         await asyncio.sleep(5)
         assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")

@@ -46,7 +46,7 @@ async def opened(way: str, folder: Path, **config: Any) -> AsyncIterator[tuple[M
     async with Bridge(state=folder, config=SETTINGS | config) as bridge:
 
         async def send(wish: requests.Request, _: float) -> requests.Answer:
-            answer = await bridge.gateway.request_handler.take(requests.decode(requests.encode(wish)))
+            answer = await bridge.gateway.carry_out(requests.decode(requests.encode(wish)))
             return msgspec.json.decode(msgspec.json.encode(answer), type=requests.Answer)
 
         mount = inside(bridge.gateway) if way == WAYS[0] else Mount("pier", send, "a program")
@@ -168,7 +168,7 @@ async def test_gateway_checks_values_sent_by_other_languages(
     name: str, fields: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     async with opened(WAYS[1], tmp_path) as (_, bridge):
-        answer = await bridge.gateway.request_handler.take(requests.OperationRequest(operation=name, fields=fields))
+        answer = await bridge.gateway.carry_out(requests.OperationRequest(operation=name, fields=fields))
         assert not answer.done and answer.fault == "Invalid" and words in answer.text
 
 
@@ -209,7 +209,7 @@ async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, t
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
         for _ in range(100):  # so many others come and go meanwhile
-            await bridge.gateway.request_handler.take(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
+            await bridge.gateway.carry_out(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
             await asyncio.sleep(0.2)
             await mount.position()
         assert (await mount.status()).look.by_hand

@@ -47,7 +47,7 @@ def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
         async def take(wish: object) -> requests.Answer:
             return answer if wish == requests.StopRequest(ME) else requests.Answer("failed", str(wish))
 
-        return SimpleNamespace(controller=None, request_handler=SimpleNamespace(take=take))
+        return SimpleNamespace(controller=None, carry_out=take)
 
     class Browser:
         def waiting(self) -> int:

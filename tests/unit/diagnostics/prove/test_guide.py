@@ -117,7 +117,7 @@ def _pull(proven: Proven, person: Onlooker) -> None:
 
 def _program(proven: Proven, person: Onlooker) -> None:
     """Another program presses an arrow, and lets it go."""
-    take, number = proven.gateway.request_handler.take, requests.new_number()
+    take, number = proven.gateway.carry_out, requests.new_number()
     press = requests.PressRequest(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
     proven.loop.create_task(take(press))
     proven.loop.call_later(3.0, lambda: proven.loop.create_task(take(requests.ReleaseKeyRequest(number=number))))
@@ -386,7 +386,7 @@ def test_prove_stores_measurements_made_before_ctrl_c(tmp_path: Path) -> None:
 def test_prove_leaves_tracking_on_that_another_program_switched_on() -> None:
     async def play() -> None:
         async with Proven() as proven:
-            take = proven.gateway.request_handler.take
+            take = proven.gateway.carry_out
             await take(requests.TrackRequest(on=False, who=CLIENT))
             person = Onlooker("ssyq")
             on = requests.TrackRequest(on=True, who="192.168.1.7")

@@ -140,7 +140,7 @@ def test_prove_soon_stops_testing_a_motor_that_does_not_turn(mount: str) -> None
 
     async def play() -> None:
         async with Proven(mount, change=lambda proven: _moves(proven, lambda *_: 0.0)) as proven:
-            await proven.gateway.request_handler.take(requests.TrackRequest(on=False, who=CLIENT))
+            await proven.gateway.carry_out(requests.TrackRequest(on=False, who=CLIENT))
             await asyncio.sleep(5.0)
             telescope = CheckedMount(proven.gateway)
             telescope.begin()

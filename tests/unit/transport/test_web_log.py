@@ -8,7 +8,7 @@ import logging
 import pytest
 from aiohttp import web
 
-from gateway.system.web_log import web_log
+from gateway.transport.web_server import web_log
 
 
 @pytest.mark.parametrize(
