@@ -88,7 +88,7 @@ def test_configuration_unfit_for_a_service_is_refused(
     assert says in capsys.readouterr().err
 
 
-def test_service_command_names_the_next_step_when_something_is_missing(
+def test_service_command_names_the_next_step_when_file_or_user_is_missing(
     path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert main(["service", str(path.parent / "other.toml")]) == 2

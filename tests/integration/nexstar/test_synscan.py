@@ -32,7 +32,7 @@ def test_synscan_driver_sends_the_documented_bytes() -> None:
 
 
 @each("number, called, model", rows("synscan_models.txt"))
-def test_synscan_driver_knows_its_models(number: str, called: str, model: str) -> None:
+def test_synscan_driver_takes_the_model_from_the_model_code(number: str, called: str, model: str) -> None:
     mount = NexStar(lambda: 0.0)
     mount.dialect = "synscan"
     assert mount.numbered(int(number)) == model

@@ -180,7 +180,7 @@ async def test_arrow_north_goes_north_on_both_pier_sides_in_every_version(
 
 
 @pytest.mark.parametrize(("arrow", "refused"), [(b":Ms#", True), (b":Mn#", False)])
-async def test_fork_moved_by_small_gotos_moves_in_declination(arrow: bytes, refused: bool) -> None:
+async def test_arrow_north_made_of_small_gotos_moves_a_fork_in_declination(arrow: bytes, refused: bool) -> None:
     """Hand controls before 1.6: between the pole and the zenith south is up, whatever the mount."""
     async with Bridge("nexstar-gps", "1.2", config={"highest": 75.0, "site": (45.0, 10.0)}) as bridge:
         client = bridge.client()

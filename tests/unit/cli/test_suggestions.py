@@ -216,7 +216,7 @@ def test_refusal_of_half_an_endpoint_shows_it_whole(half: str, says: str) -> Non
 # --- ports for detect ------------------------------------------------------------------------------------------------
 
 
-def test_port_is_named_as_run_expects_it() -> None:
+def test_detect_names_a_port_as_run_expects_it() -> None:
     named_as = {
         text: parse_port(text).url for text in ("null", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5", "tcp://pi:4030")
     }

@@ -35,7 +35,7 @@ def test_mount_event_has_a_kind(side: str, arrow: str, kind: str) -> None:
     assert there.told == [{"time": "1970-01-01T00:16:40.000Z", "kind": kind, "who": side, "words": "words"}]
 
 
-def test_conversation_rows_are_no_mount_events() -> None:
+def test_conversation_rows_are_not_published_as_mount_events() -> None:
     there = There()
     for arrow in ("<", ">", "raw", "r", "x"):
         there.log.put("mount", arrow, b"abc")

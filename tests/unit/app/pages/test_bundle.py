@@ -107,6 +107,6 @@ def test_page_modules_run_once_and_in_order() -> None:
 
 @pytest.mark.parametrize("body", ["export default 1;", "export let a = 1;", 'import a from "./main.js";',
                                   'import { a } from "./main.js";'])  # fmt: skip
-def test_page_bundle_rejects_an_import_of_another_style(body: str) -> None:
+def test_page_bundle_rejects_unsupported_import_and_export_forms(body: str) -> None:
     with pytest.raises(ValueError, match="main"):
         scripts({"main.js": f"{body}\n"}, "main.js", "")

@@ -78,7 +78,7 @@ def judged(text: str) -> list[str]:
 # --- what is gathered -----------------------------------------------------------------------------------------------
 
 
-def test_report_shows_places_answers_programs_and_refusals(seen: Night) -> None:
+def test_report_shows_positions_answers_programs_and_refusals(seen: Night) -> None:
     assert seen.site is not None and (seen.site.latitude, seen.site.longitude, seen.site.source) == (
         *SITE,
         "the settings",
