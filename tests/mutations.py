@@ -157,7 +157,10 @@ MUTATIONS = [
     ),
     # --- limits
     Mutation(
-        "no altitude is too low or too high", r"return sinking or rising", "return False", f"{SAFETY}/test_altitude.py"
+        "no altitude is too low or too high",
+        r"for rule in \(altitude, near_sun, meridian\):",
+        "for rule in (near_sun, meridian):",
+        f"{SAFETY}/test_altitude.py",
     ),
     Mutation(
         "the Sun is always far away", r"(def near_sun\(.*\n.*\n)", r"\g<1>    return ALLOWED\n", f"{SAFETY}/test_sun.py"
@@ -201,8 +204,8 @@ MUTATIONS = [
     ),
     Mutation(
         "an arrow and tracking are not judged by where the tube is if the syncs were wrong",
-        r"for shift in mount\.frame\(\)\.shifts:",
-        "for shift in ():",
+        r"for shift in frame\.shifts:\n        yield Source",
+        "for shift in ():\n        yield Source",
         "tests/integration/safety/test_after_syncs.py",
     ),
     Mutation(

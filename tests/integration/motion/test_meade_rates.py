@@ -165,6 +165,18 @@ async def test_meade_drive_rate_set_at_the_hand_control_returns_after_a_motion(
                 assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
 
+async def test_meade_drive_rate_set_at_the_hand_control_survives_a_key_and_a_stop() -> None:
+    async with meade("autostar") as bridge:
+        client = bridge.client()
+        bridge.sim.feed(b":TL#")
+        for stop in (key(16, 0), b"M"):
+            assert await client.ask(key(16, 5)) == b"#"
+            await asyncio.sleep(2.0)
+            assert await client.ask(stop) == b"#"
+            await asyncio.sleep(3.0)
+            assert bridge.sim.stored["hertz"] == 57.9
+
+
 async def test_unreadable_hand_control_rate_is_reported_once() -> None:
     async with meade("lx200gps") as bridge:
         for _ in range(2):

@@ -154,7 +154,7 @@ def test_received_half_of_a_site_is_not_taken_for_a_change_at_the_keys() -> None
     before = Place(1.0, 2.0)
     for told, ours in (
         (Place(3.0, 2.0), True),
-        (Place(1.0, -180.0 + 359.9), True),
+        (Place(1.0, 179.9 - 360.0), True),
         (Place(3.0, 179.9), True),
         (Place(1.0, 2.0), True),
         (Place(5.0, 2.0), False),

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.cable import Cable
 from tests.support.in_process_gateway import Bridge
@@ -271,3 +272,15 @@ async def test_meade_registers_are_sent_anew_after_a_lost_line(off_and_on: bool)
         client.tell(b":Rg15.0#")
         await polled(bridge, 3)
         assert bridge.sim.stored["Rg"] == pytest.approx(15.0, abs=0.1)
+
+
+async def test_lunar_rate_is_not_sent_to_a_fork_that_tracks_in_alt_az_again() -> None:
+    async with Bridge("cpc", config=OPEN) as bridge:
+        for order in (
+            op.SetTracking(on=True, mode=op.Tracking.EQ_NORTH), op.TrackRate(name="lunar"),
+            op.SetTracking(on=True, mode=op.Tracking.ALTAZ),
+        ):  # fmt: skip
+            await bridge.controller.perform(order)
+            await asyncio.sleep(5.0)
+        assert bridge.sim.feed(b"t") == b"\1#"
+        assert abs(await drift(bridge)) < 0.1

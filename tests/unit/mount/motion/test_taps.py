@@ -53,7 +53,7 @@ def test_end_of_a_tap_leaves_the_next_held_arrow_alone() -> None:
 
 
 def test_begun_motion_ends_at_once_unless_it_was_short() -> None:
-    for seconds, until in ((0.2, 0.5), (0.3, 0.6), (2.0, None)):
+    for seconds, until in ((0.2, 0.5), (0.3, 0.6), (0.5, 0.675), (2.0, None)):
         changed = after(Wanted(motion=moves(EAST, 0.4)), release(2, seconds + 0.2 if until is None else seconds))
         if until is None:
             assert [one.operation for one in changed.pending] == [STOP] and not changed.taps

@@ -163,6 +163,24 @@ def test_lx200_offset_alone_changes_no_clock() -> None:
     assert told(talk) == unix("2026-03-21 04:15:40")
 
 
+def test_lx200_offset_set_a_minute_after_the_time_changes_no_clock() -> None:
+    talk = Talk()
+    for seconds, changes in ((59.0, 2), (61.0, 3)):
+        talk.send(b":SG+06#:SL21:30:00#:SC07/04/26#")
+        talk.wait(seconds)
+        talk.send(b":SG+05#")
+        talk.wait(10)
+        assert len(instants(talk.mount)) == changes
+    assert told(talk) == unix("2026-07-05 03:30:00") + 71.0
+
+
+def test_lx200_clock_set_anew_behind_a_new_offset_is_sent_at_once() -> None:
+    talk = Talk()
+    talk.send(b":SG+06#:SL21:30:00#:SC07/04/26#")
+    talk.send(b":SG+05#:SL21:31:00#:SC07/04/26#")
+    assert instants(talk.mount) == [unix("2026-07-05 03:30:00"), unix("2026-07-05 02:31:00")]
+
+
 @each("question", [b":GL#", b":GC#", b":GG#", b":Ga#", b":GS#"])
 def test_lx200_time_query_first_applies_the_pieces_already_set(question: bytes) -> None:
     talk = Talk()
