@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
+from gateway.core import operations as op
 from gateway.protocols.mechanics.truth import truth_of
+from tests.support.cable import lose_commands
 from tests.support.in_process_gateway import Bridge
 
 SIDEREAL = 15.041067
@@ -175,6 +177,14 @@ async def test_meade_drive_rate_set_at_the_hand_control_survives_a_key_and_a_sto
             assert await client.ask(stop) == b"#"
             await asyncio.sleep(3.0)
             assert bridge.sim.stored["hertz"] == 57.9
+
+
+async def test_lunar_rate_lost_on_the_line_is_sent_again() -> None:
+    async with meade("autostar") as bridge:
+        lost = lose_commands(bridge, (b":TL#",))
+        await bridge.controller.perform(op.TrackRate(name="lunar"))
+        assert lost == [b":TL#"]
+        assert bridge.sim.stored["hertz"] == 57.9
 
 
 async def test_unreadable_hand_control_rate_is_reported_once() -> None:

@@ -171,6 +171,22 @@ async def test_mount_does_not_move_by_itself_after_a_power_cycle(mount: str, mot
         assert not owner.begun()
 
 
+@pytest.mark.parametrize("mount", ["cge", "cpc"])
+async def test_mount_power_cycled_during_an_arrow_does_not_track_after_its_release(mount: str) -> None:
+    async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        client, owner = bridge.client(), Owner(bridge, "nexstar")
+        client.tell(b":RC#:Mn#")
+        await asyncio.sleep(2.0)
+        await owner.power_cycle(0.0)
+        for _ in range(10):
+            client.tell(b":GW#:GR#:GD#")
+            await asyncio.sleep(0.5)
+        client.tell(b":Qn#")
+        await asyncio.sleep(6.0)
+        assert not owner.begun()
+        assert not truth_of(bridge.sim).tracking
+
+
 @pytest.mark.parametrize(("mount", "motion"), CASES)
 async def test_mount_starts_no_motion_when_the_cable_is_reconnected(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, _):

@@ -69,6 +69,13 @@ async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple
     return line, wire
 
 
+async def test_request_made_before_the_port_is_open_is_answered() -> None:
+    line = MountLink(Wire(hand_control), NexStarReplyRules(), WireLog(lambda: 0.0))
+    line.start()
+    assert await line.exchange(Send("J"))
+    await line.close()
+
+
 async def test_line_does_one_exchange_at_a_time_and_stops_first() -> None:
     line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
     reads = [asyncio.ensure_future(line.exchange(Send("J"), READ)) for _ in range(3)]

@@ -70,3 +70,22 @@ def test_tracking_switched_at_the_hand_control_is_noticed() -> None:
             return shown(bridge)
 
     assert run(program()) == "not tracking"
+
+
+def test_status_that_no_program_polls_is_not_read_during_a_goto() -> None:
+    """The line is for positions then."""
+
+    async def program() -> list[bytes]:
+        async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            await asyncio.sleep(10.0)
+            ra, _ = bridge.sim.truth()
+            await bridge.controller.perform(op.Goto((ra + 90.0) % 360.0, 0.0))
+            await asyncio.sleep(3.0)
+            before = len(bridge.sent())
+            while bridge.sim.slewing:
+                await asyncio.sleep(0.1)
+            return bridge.sent()[before:]
+
+    sent = run(program())
+    assert sum(one in (b"e", b"E") for one in sent) > 20
+    assert not {b"J", b"t"} & set(sent)

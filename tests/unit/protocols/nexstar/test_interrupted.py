@@ -74,6 +74,7 @@ def test_bytes_of_another_length_after_an_interruption_are_a_new_command() -> No
 
 def test_part_of_the_late_end_of_an_interrupted_command_is_ignored() -> None:
     assert after(b"r34A", (1.5, b"B05"), (1.8, b"00,12CE0500")) == []
+    assert after(b"r34A", (1.5, b"B0500,12C"), (1.8, b"E0500")) == []
 
 
 def test_byte_that_cannot_end_the_interrupted_command_begins_a_new_one() -> None:
