@@ -13,8 +13,9 @@ import pytest
 from tests.support.process import PATIENCE, Running, run_to_end
 
 GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+LAST = GET[:-2] + b"Connection: close\r\n\r\n"
 #: Longer than what is read of a connection at a time.
-LONG = GET[:-2] + b"X-Long: " + b"x" * 2000 + b"\r\n\r\n"
+LONG = LAST[:-2] + b"X-Long: " + b"x" * 2000 + b"\r\n\r\n"
 GOTO = struct.pack("<HHQIi", 20, 0, 0, round(83.633 / 360 * 2**32), round(22.0145 / 360 * 2**32))
 
 
@@ -121,7 +122,7 @@ def test_look_only_port_shows_a_look_only_console(
     running: list[Running], tmp_path: Path, more: tuple[str, ...], words: bytes
 ) -> None:
     page = Program(start(running, tmp_path, *more))
-    page.link.sendall(GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
+    page.link.sendall(LAST)
     assert words in page.rest()
 
 
