@@ -22,7 +22,6 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS as SPECS
-from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -162,18 +161,12 @@ def test_printed_tables_are_up_to_date() -> None:
     assert list(TABLES.problems()) == []
 
 
-@pytest.mark.parametrize("page", ["TARGET", "KEYS", "PROVE"])
-def test_outdated_printed_table_is_reported(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    old = tmp_path / "old.md"
-    old.write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
-    monkeypatch.setattr(TABLES, "ROOT", Path("/"))
-    monkeypatch.setattr(TABLES, page, old)
-    assert any("old.md is old" in problem for problem in TABLES.problems())
-
-
-@each(("client", "mount"), pairs())
-def test_no_surface_row_is_missing(client: str, mount: str) -> None:
-    assert TABLES.missing(client, mount) == []
+def test_outdated_printed_tables_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(TABLES, "ROOT", tmp_path)
+    for page in ("TARGET", "KEYS", "PROVE"):
+        monkeypatch.setattr(TABLES, page, old := tmp_path / page)
+        old.write_text(TABLES.BEGIN + "old" + TABLES.END, "utf-8")
+    assert [problem.partition(" is old")[0] for problem in TABLES.problems()] == ["TARGET", "KEYS", "PROVE"]
 
 
 def test_missing_surface_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
