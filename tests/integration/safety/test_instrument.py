@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.instrument.attacks import assault, attacks
+from tests.support.instrument.attacks import Attack, assault, attacks
 from tests.support.instrument.evening import evening
 from tests.support.instrument.worlds import KINDS
 from tests.support.sampling import as_a_rule
@@ -30,7 +30,7 @@ def test_gateway_refuses_no_more_harmless_gotos_than_listed(played: tuple[str, b
     assert sum(one.lost and one.harmless and one.up for one in told) <= EVENINGS[played]
 
 
-def test_no_attack_moves_the_tube_past_a_limit() -> None:
-    for number, attack in enumerate(attacks()):
-        found = run(assault(attack, attack.kinds[(number * 5) % len(attack.kinds)], number))
-        assert not found.through, str(found)
+@pytest.mark.parametrize(("number", "attack"), [*enumerate(attacks())], ids=lambda value: getattr(value, "name", ""))
+async def test_no_attack_moves_the_tube_past_a_limit(number: int, attack: Attack) -> None:
+    found = await assault(attack, attack.kinds[(number * 5) % len(attack.kinds)], number)
+    assert not found.through, str(found)
