@@ -1,4 +1,7 @@
-"""A gateway that was not run in time ends a guide pulse late: the log tells it, and the next pulse makes up for it."""
+"""A gateway that was not run in time ends a guide pulse late: the log tells it, and the next pulse is as long as asked.
+
+A program that guides measures the star after each pulse, and so corrects the excess itself.
+"""
 
 from __future__ import annotations
 
@@ -36,16 +39,14 @@ async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_en
 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
-async def test_late_end_of_a_guide_pulse_is_logged_and_subtracted_from_the_next(letter: str) -> None:
+async def test_late_end_of_a_guide_pulse_is_logged_and_the_next_pulse_is_not_shortened(letter: str) -> None:
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
         await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
         await asyncio.sleep(60.0)
         assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
-        late = await pulse(bridge, letter, 1000, at_end=0.6)
-        assert 1.3 < late < 1.8
+        assert 1.3 < await pulse(bridge, letter, 1000, at_end=0.6) < 1.8
         told = [entry.note for entry in bridge.entries if "guide pulse" in entry.note]
         assert len(told) == 1 and "this computer did not run the gateway" in told[0]
-        assert late + await pulse(bridge, letter, 1000) == pytest.approx(2.0, abs=0.1)
         assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
 
 
